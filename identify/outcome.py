@@ -1,0 +1,88 @@
+"""What a fit gives back: the status, the document of result.json, and the curves behind the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """How a fit ended; the value is the word in result.json."""
+
+    CONVERGED = "converged"
+    SOLVER_FAILED = "solver_failed"
+    WRONG_EVENT_COUNT = "wrong_event_count"
+    MODEL_MISFIT = "model_misfit"
+    BETTER_START_FOUND = "better_start_found"
+    NO_CYCLES = "no_cycles"
+    AT_BOUND = "at_bound"
+
+
+@dataclass(frozen=True)
+class SlipDetail:
+    """One typical slip on a fine grid, as the fitted model reconstructs it (fig. 3 of the paper).
+
+    All shape (m,), SI: time from the start of the record, force the load cell sees, elongation of
+    the spring, sliding speed, gamma (NaN where the model has none), friction coefficient.
+    `samples` are the indices of the log's samples in this window.
+    """
+
+    cycle: int
+    time: Array
+    force: Array
+    elongation: Array
+    sliding_speed: Array
+    gamma: Array
+    coefficient: Array
+    samples: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class LogCurves:
+    """What the report draws of one log. Arrays of shape (n,), SI, at the samples of the record.
+
+    `friction_force` is the measured one with the fit's sign applied; `fitted_force` is NaN where
+    nothing was fitted (outside the fitted window, masked samples, or no fit at all); `used` marks
+    the samples that count; `cycles` has one row per fitted or detected cycle:
+    onset time [s], arrest time [s], onset force [N], arrest force [N], chi^2 z-score (NaN if not fitted).
+    """
+
+    name: str
+    time: Array
+    normal_force: Array
+    friction_force: Array
+    fitted_force: Array
+    used: NDArray[np.bool_]
+    noise: float
+    drive_speed: float
+    cycles: Array
+    slip: SlipDetail | None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A finished identification.
+
+    result: the document of result.json (names, units and verdicts as the interface promises);
+    logs: the curves, one per log, in the order of result["logs"].
+    """
+
+    result: Mapping[str, Any]
+    logs: tuple[LogCurves, ...]
+
+    @property
+    def status(self) -> Status:
+        """How the fit ended."""
+        return Status(self.result["status"])
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fit passed its gate."""
+        return self.status is Status.CONVERGED
