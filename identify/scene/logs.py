@@ -1,0 +1,58 @@
+"""One [[logs]] table: where the log is, and what differs from log to log."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from identify.errors import SceneError
+from identify.scene.rig import speed_or_quantity
+from identify.scene.tables import Table, span
+from identify.scene.values import LogEntry
+
+LOG = tuple(field.name for field in fields(LogEntry))  # the keys are the fields
+
+
+def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -> LogEntry:
+    """One log of the scene.
+
+    Args:
+        number: its place among the logs, from 1.
+        folder: what its relative path is relative to.
+        ratio: h/k where [rig] states the damping as a ratio.
+
+    Raises:
+        SceneError: an unknown key, no path, or a value no log can have.
+    """
+    where = f"[[logs]] number {number}"
+    table = Table.of(value, where, LOG, '[[logs]] path = "slow.csv"')
+    path = table.text("path")
+    if path is None:
+        raise SceneError(f'{where} has no path; give path = "slow.csv", relative to the scene file')
+    exclude = table.data.get("exclude", [])
+    if not isinstance(exclude, (list, tuple)):
+        raise SceneError(f'{table.place("exclude")} is {exclude!r}; expected pairs of times [["5 s", "6 s"]]')
+    tare = table.data.get("tare")
+    speed = table.data.get("drive_speed")
+    stiffness, damping = table.quantity("stiffness", "N/m"), table.quantity("damping", "N/m")
+    if ratio is not None and stiffness is not None and damping is None:
+        damping = ratio * stiffness
+    return LogEntry(
+        path=folder / Path(path).expanduser(),
+        drive_speed=None if speed is None else speed_or_quantity(speed, "m/s", table.place("drive_speed")),
+        step=table.whole("step"),
+        columns=table.words("columns"),
+        units=table.words("units"),
+        normal_force=table.quantity("normal_force", "N"),
+        stiffness=stiffness,
+        mass=table.quantity("mass", "kg"),
+        damping=damping,
+        noise=table.quantity("noise", "N"),
+        window=table.span("window"),
+        exclude=tuple(span(pair, table.place("exclude")) for pair in exclude),
+        skip_cycles=table.whole("skip_cycles") or 0,
+        tare=table.span("tare") if isinstance(tare, (list, tuple)) else table.quantity("tare", "N"),
+        flip_sign=table.truth("flip_sign"),
+        labels=table.words("labels") or {},
+    )

@@ -1,0 +1,132 @@
+"""Reading one TOML table: quantities with units, known keys, and complaints that name the place."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from data_io.units import UnitError, parse_quantity
+from identify.errors import SceneError
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that looks most like this one."""
+    return max(known, key=lambda name: difflib.SequenceMatcher(None, word.lower(), name.lower()).ratio())
+
+
+def quantity(value: Any, unit: str, where: str) -> float:
+    """A number in SI from "text with a unit" or a bare SI number.
+
+    Args:
+        unit: the SI unit of the result ("" for a pure number).
+        where: names the place in a complaint, such as "[rig] mass".
+
+    Raises:
+        SceneError: neither a number nor text, an unknown unit, or a number that is not finite.
+    """
+    shape = f'"1.5 {unit}"' if unit else "0.5"
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise SceneError(f"{where} is {value!r}; expected a quantity such as {shape}, or a bare SI number")
+    try:
+        number = float(parse_quantity(value, unit)) if isinstance(value, str) else float(value)
+    except UnitError as error:
+        raise SceneError(f"{where}: {error}") from None
+    if not math.isfinite(number):
+        raise SceneError(f"{where} is {value!r}; expected a finite number: correct it")
+    return number
+
+
+def share(value: Any, where: str) -> float | None:
+    """ "2 %" as 0.02; None for anything that is no percentage.
+
+    Raises:
+        SceneError: a percentage without a number.
+    """
+    if not isinstance(value, str) or not value.strip().endswith("%"):
+        return None
+    return quantity(value.strip()[:-1].strip(), "", where) / 100.0
+
+
+@dataclass(frozen=True)
+class Table:
+    """A TOML table and where it stands ("[rig]"); every reader answers None for an absent key."""
+
+    data: Mapping[str, Any]
+    where: str
+
+    @staticmethod
+    def of(value: Any, where: str, known: Iterable[str] | None, example: str) -> Table:
+        """The value as a table with none but the known keys (None: any).
+
+        Raises:
+            SceneError: not a table, or an unknown key; the nearest known one is named.
+        """
+        if not isinstance(value, Mapping):
+            raise SceneError(f"{where} is {value!r}; expected a table such as {example}")
+        names = list(known) if known is not None else list(value)
+        for key in value:
+            if key not in names:
+                raise SceneError(
+                    f"{where} has a key {key!r} that is not known; did you mean {nearest(str(key), names)!r}? "
+                    f"Known are {', '.join(names)}"
+                )
+        return Table(value, where)
+
+    def place(self, key: str) -> str:
+        """How a complaint calls this key."""
+        return f"{self.where} {key}"
+
+    def quantity(self, key: str, unit: str) -> float | None:
+        """A quantity in SI."""
+        return quantity(self.data[key], unit, self.place(key)) if key in self.data else None
+
+    def whole(self, key: str) -> int | None:
+        """A whole number."""
+        value = self.data.get(key)
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
+            raise SceneError(f"{self.place(key)} is {value!r}; expected a whole number: correct it")
+        return value
+
+    def truth(self, key: str) -> bool | None:
+        """true or false."""
+        value = self.data.get(key)
+        if value is not None and not isinstance(value, bool):
+            raise SceneError(f"{self.place(key)} is {value!r}; expected true or false: correct it")
+        return value
+
+    def text(self, key: str) -> str | None:
+        """A non-empty text."""
+        value = self.data.get(key)
+        if value is not None and (not isinstance(value, str) or not value.strip()):
+            raise SceneError(f"{self.place(key)} is {value!r}; expected a text in quotes: correct it")
+        return value
+
+    def words(self, key: str) -> dict[str, str] | None:
+        """A table of texts; numbers become text."""
+        value = self.data.get(key)
+        if value is None:
+            return None
+        example = '{ time = "T", friction_force = "Fx" }'
+        table = Table.of(value, self.place(key), None, example)
+        for name, word in table.data.items():
+            if isinstance(word, (Mapping, list)):
+                raise SceneError(f"{table.place(name)} is {word!r}; expected a text in quotes: correct it")
+        return {name: str(word) for name, word in table.data.items()}
+
+    def span(self, key: str) -> tuple[float, float] | None:
+        """A pair [start, stop] of times [s]."""
+        return span(self.data[key], self.place(key)) if key in self.data else None
+
+
+def span(value: Any, where: str) -> tuple[float, float]:
+    """A pair [start, stop] of times [s].
+
+    Raises:
+        SceneError: not two times.
+    """
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise SceneError(f'{where} is {value!r}; expected two times such as ["5 s", "20 s"]')
+    return quantity(value[0], "s", where), quantity(value[1], "s", where)

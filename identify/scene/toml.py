@@ -1,0 +1,143 @@
+"""From the tables of a scene file to the frozen values of a scene."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from identify.effects import NAMES
+from identify.errors import SceneError
+from identify.model import assemble
+from identify.scene.logs import read_log_entry
+from identify.scene.parameters import read_parameters
+from identify.scene.rig import RIG, read_rig
+from identify.scene.tables import Table, nearest
+from identify.scene.values import Contact, Initial, LogEntry, ParameterSpec, Rig
+
+TOP = ("name", "effects", "rig", "contact", "initial", "parameters", "logs")
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a scene file says, as frozen values; `name` is None where the file gives none."""
+
+    name: str | None
+    effects: tuple[str, ...] | Literal["auto"]
+    rig: Rig
+    parameters: Mapping[str, ParameterSpec]
+    logs: tuple[LogEntry, ...]
+    initial: Initial
+    contact: Contact
+
+
+def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a TOML file with the overrides put in.
+
+    Raises:
+        SceneError: no such file, no TOML, or an override that fits nowhere. The path is not in the sentence.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (FileNotFoundError, IsADirectoryError):
+        raise SceneError("no such scene file; give an existing one, or write one with: stickslip scene LOG") from None
+    except UnicodeDecodeError:
+        raise SceneError("this is not UTF-8 text; save the scene file as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
+    except OSError as error:
+        raise SceneError(f"the scene file cannot be read ({error.strerror}); check its permissions") from None
+    for override in overrides:
+        put(document, override)
+    return document
+
+
+def put(document: dict[str, Any], override: str) -> None:
+    """Replace one value, "dotted.key=value"; logs are counted from 1 ("logs.1.mass=0.3 kg").
+
+    Raises:
+        SceneError: no "=", or a path that leads into something that is no table.
+    """
+    path, equals, text = override.partition("=")
+    keys = [key.strip() for key in path.split(".")]
+    if not equals or not all(keys):
+        raise SceneError(f'the override {override!r} has no form KEY=VALUE; write for instance rig.mass="0.3 kg"')
+    place: Any = document
+    for key in keys[:-1]:
+        if isinstance(place, list):
+            if not key.isdigit() or not 1 <= int(key) <= len(place):
+                raise SceneError(f"the override {override!r} asks for log {key} of {len(place)}; count them from 1")
+            place = place[int(key) - 1]
+        elif isinstance(place, dict):
+            place = place.setdefault(key, {})
+    if not isinstance(place, dict):
+        raise SceneError(f"the override {override!r} leads into {place!r}, which is no table; shorten the key")
+    place[keys[-1]] = _value(text.strip())
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text  # the shell took the quotes away
+
+
+def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
+    """The frozen values behind the tables of a scene file.
+
+    Args:
+        folder: what relative log paths are relative to.
+
+    Raises:
+        SceneError: one sentence: what was found where, what was expected, what to do.
+    """
+    top = Table.of(document, "the scene", TOP, '[rig] mass = "0.2 kg"')
+    effects = _effects(document.get("effects"))
+    model = assemble(effects)
+    rig_table = Table.of(document.get("rig"), "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
+    damped = any(p.name == "damping" for p in model.parameters)
+    rig, ratio = read_rig(rig_table, damped)
+    logs = document.get("logs", [])
+    if not isinstance(logs, Sequence) or isinstance(logs, str):
+        raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
+    return Parts(
+        name=top.text("name"),
+        effects=effects,
+        rig=rig,
+        parameters=read_parameters(document.get("parameters", {}), model.parameters, effects),
+        logs=tuple(read_log_entry(entry, number, folder, ratio) for number, entry in enumerate(logs, 1)),
+        initial=_initial(document.get("initial", {})),
+        contact=_contact(document.get("contact", {})),
+    )
+
+
+def _effects(value: Any) -> tuple[str, ...]:
+    listed = ", ".join(f'"{name}"' for name in NAMES)
+    if value == "auto":
+        raise SceneError(f'effects = "auto" is not built yet; list the effects by name: effects = [{listed}]')
+    if not isinstance(value, (list, tuple)) or not all(isinstance(name, str) for name in value):
+        found = "no effects" if value is None else f"effects = {value!r}"
+        raise SceneError(f"the scene has {found}; expected a list: effects = [{listed}]")
+    for name in value:
+        if name not in NAMES:
+            raise SceneError(
+                f"effects names {name!r}, which is not known; did you mean {nearest(name, NAMES)!r}? Known are {listed}"
+            )
+    return tuple(name for name in NAMES if name in value)
+
+
+def _initial(value: Any) -> Initial:
+    units = {"elongation": "m", "sliding_speed": "m/s", "gamma": ""}
+    table = Table.of(value, "[initial]", units, '[initial] elongation = "0 mm"')
+    return Initial(**{name: table.quantity(name, unit) or 0.0 for name, unit in units.items()})
+
+
+def _contact(value: Any) -> Contact:
+    table = Table.of(value, "[contact]", ("area", "area_law"), '[contact] area = "0.8 cm^2"')
+    example = "{ coefficient = …, exponent = … }"
+    law = Table.of(table.data.get("area_law", {}), "[contact] area_law", ("coefficient", "exponent"), example)
+    if len(table.data) == 2 or len(law.data) == 1:
+        raise SceneError(f"[contact] expects either an area or area_law = {example}; keep exactly one")
+    return Contact(table.quantity("area", "m^2"), law.quantity("coefficient", "m^2"), law.quantity("exponent", ""))

@@ -1,0 +1,192 @@
+"""The frozen values a scene is made of: rig, contact, initial state, what is said of a parameter, a log."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+from identify.errors import SceneError
+
+DriveSpeed = float | tuple[tuple[float, float], ...]
+RIG_TOLERANCES = ("mass", "stiffness", "damping", "drive_speed")
+
+
+def _positive(where: str, unit: str, value: float | None) -> None:
+    if value is not None and not (value > 0.0 and math.isfinite(value)):
+        raise SceneError(f"{where} is {value:g} {unit}; expected a positive number: correct it")
+
+
+def _not_negative(where: str, unit: str, value: float | None) -> None:
+    if value is not None and not (value >= 0.0 and math.isfinite(value)):
+        raise SceneError(f"{where} is {value:g} {unit}; expected zero or a positive number: correct it")
+
+
+def _check_speed(where: str, speed: DriveSpeed | None) -> None:
+    steps = speed if isinstance(speed, tuple) else () if speed is None else ((0.0, speed),)
+    starts = [start for start, _ in steps]
+    if speed is not None and (not starts or starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts))):
+        raise SceneError(
+            f"the programme of {where} starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
+        )
+    if not all(math.isfinite(value) for pair in steps for value in pair):
+        raise SceneError(f"{where} holds a number that is not finite; expected speeds in m/s: correct it")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The machine around the contact, SI: mass m [kg], stiffness k [N/m], damping h of eq. 1 [N/m].
+
+    `drive_speed` [m/s] is constant, or a programme of (start [s], speed [m/s]), piecewise constant;
+    `normal_force` [N] only where a log has none; `noise` [N] is the standard deviation of the force.
+    `tolerances`: relative standard deviation by name (mass, stiffness, damping, drive_speed);
+    what is absent is taken as exact.
+
+    Raises:
+        SceneError: a number that no rig can have.
+    """
+
+    mass: float
+    stiffness: float
+    damping: float
+    drive_speed: DriveSpeed | None = None
+    normal_force: float | None = None
+    noise: float | None = None
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _positive("mass", "kg", self.mass)
+        _positive("stiffness", "N/m", self.stiffness)
+        _not_negative("damping", "N/m", self.damping)
+        _positive("normal_force", "N", self.normal_force)
+        _positive("noise", "N", self.noise)
+        _check_speed("drive_speed", self.drive_speed)
+        for name, tolerance in self.tolerances.items():
+            if name not in RIG_TOLERANCES:
+                raise SceneError(
+                    f"{name} has a tolerance, which nothing carries on; expected one for {', '.join(RIG_TOLERANCES)}: "
+                    "give the value alone"
+                )
+            _not_negative(f"the tolerance of {name}", "(relative)", tolerance)
+
+    @property
+    def zeta(self) -> float:
+        """Damping ratio h/(2k)."""
+        return self.damping / (2.0 * self.stiffness)
+
+    @property
+    def natural_frequency(self) -> float:
+        """Undamped natural frequency sqrt(k/m) [rad/s]."""
+        return math.sqrt(self.stiffness / self.mass)
+
+    @property
+    def half_period(self) -> float:
+        """Half a natural period, the time scale of one slip [s]."""
+        return math.pi / self.natural_frequency
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Apparent contact area [m^2]: `area`, or coefficient * (normal force in N)**exponent. All None: unknown."""
+
+    area: float | None = None
+    coefficient: float | None = None
+    exponent: float | None = None
+
+    def __post_init__(self) -> None:
+        _positive("the contact area", "m^2", self.area)
+        _positive("the coefficient of area_law", "m^2", self.coefficient)
+
+    def area_at(self, normal_force: float) -> float | None:
+        """Apparent area [m^2] under a normal force [N]; None where the scene does not say."""
+        if self.coefficient is not None and self.exponent is not None:
+            return self.coefficient * normal_force**self.exponent
+        return self.area
+
+
+@dataclass(frozen=True)
+class Initial:
+    """State at the start of a simulation, SI: at rest, spring unloaded, fresh contact unless given."""
+
+    elongation: float = 0.0
+    sliding_speed: float = 0.0
+    gamma: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.gamma <= 1.0:
+            raise SceneError(f"the initial gamma is {self.gamma:g}; expected a share between 0 and 1: correct it")
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """What a scene says of one parameter, SI. `start` and `fixed` are None where the user gave none.
+
+    Raises:
+        SceneError: values that contradict each other.
+    """
+
+    name: str
+    start: float | None
+    lower: float
+    upper: float
+    fixed: float | None = None
+    prior_mean: float | None = None
+    prior_sd: float | None = None
+
+    def __post_init__(self) -> None:
+        bounds = f"its bounds {self.lower:g} to {self.upper:g}"
+        if not self.lower < self.upper:
+            raise SceneError(f"{self.name} has {bounds}; expected lower below upper: swap or widen them")
+        for word, value in (("start", self.start), ("fixed", self.fixed), ("prior mean", self.prior_mean)):
+            if value is not None and not self.lower <= value <= self.upper:
+                raise SceneError(
+                    f"the {word} of {self.name} is {value:g}, outside {bounds}; move it inside or widen the bounds"
+                )
+        if self.fixed is not None and (self.start is not None or self.prior_mean is not None):
+            raise SceneError(f"{self.name} is fixed and has a start or a prior as well; keep one of them")
+        _positive(f"the prior sd of {self.name}", "", self.prior_sd)
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """One log of a scene and what differs from log to log. None: as in [rig], or left to the reader.
+
+    path; step; columns and units as `data_io.read_log` takes them; drive_speed, normal_force,
+    stiffness, mass, damping, noise as in `Rig`; window (start, stop) [s] is the part to use,
+    exclude are parts to leave out [s], skip_cycles cycles to drop at the start; tare is a force [N]
+    to subtract, or the (start, stop) [s] over which the unloaded force is averaged; flip_sign
+    forces the sign of the friction force (None: from the data); labels are free words.
+    """
+
+    path: Path
+    drive_speed: DriveSpeed | None = None
+    step: int | None = None
+    columns: Mapping[str, str] | None = None
+    units: Mapping[str, str] | None = None
+    normal_force: float | None = None
+    stiffness: float | None = None
+    mass: float | None = None
+    damping: float | None = None
+    noise: float | None = None
+    window: tuple[float, float] | None = None
+    exclude: tuple[tuple[float, float], ...] = ()
+    skip_cycles: int = 0
+    tare: float | tuple[float, float] | None = None
+    flip_sign: bool | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        where = f"of log {self.path.name}"
+        _positive(f"mass {where}", "kg", self.mass)
+        _positive(f"stiffness {where}", "N/m", self.stiffness)
+        _not_negative(f"damping {where}", "N/m", self.damping)
+        _positive(f"normal_force {where}", "N", self.normal_force)
+        _positive(f"noise {where}", "N", self.noise)
+        _check_speed(f"drive_speed {where}", self.drive_speed)
+        for start, stop in ((self.window,) if self.window else ()) + self.exclude:
+            if not start < stop:
+                raise SceneError(f"a window {where} runs from {start:g} to {stop:g} s; expected start before stop")
+        if self.skip_cycles < 0:
+            raise SceneError(f"skip_cycles {where} is {self.skip_cycles}; expected 0 or more")
