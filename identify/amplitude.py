@@ -1,0 +1,200 @@
+"""One slip in closed form: linearised kinetic friction, contact fully worn (eqs. 10-18; EQUATIONS section 4).
+
+Dimensionless elongation xi(tau), tau = omega_n t, from the onset of slip:
+xi'' + 2 alpha xi' + (xi - xi_o) = 0, xi(0) - xi_o = A (the overshoot), xi'(0) = 1 (mass at rest).
+All of it needs a V_max << 1; the answer for a scene comes from the nonlinear model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.bracket import rising_root
+
+Array = NDArray[np.float64]
+TURN = 8 * np.arctan(np.longdouble(1))  # 2 pi
+SERIES = np.array([(-1.0) ** (k + 1) * 2 * k / (2 * k + 1) for k in range(1, 26)])  # of (tau - s/Q) s^3/w_d^2
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A whole slip until the mass sticks again; shapes as broadcast, dimensionless, NaN where it never does.
+
+    status: "restick", "steady" (slides on), "no_slip" (would be pushed backwards) or "runaway" (alpha <= -1);
+    duration tau_end; elongation xi_end - xi_o there; acceleration xi''(tau_end); drop xi_p - xi_end, which is
+    also the duration of the next stick; period; peak_to_peak of the free oscillation; time_of_peak_speed and
+    peak_speed = max V/v_0.
+    """
+
+    status: NDArray[np.str_]
+    duration: Array
+    elongation: Array
+    acceleration: Array
+    drop: Array
+    period: Array
+    peak_to_peak: Array
+    time_of_peak_speed: Array
+    peak_speed: Array
+
+
+def _pair(alpha: ArrayLike, overshoot: ArrayLike) -> tuple[Array, Array]:
+    first, second = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(overshoot, float))
+    return np.atleast_1d(first), np.atleast_1d(second)
+
+
+def _shaped(values: NDArray[Any], *like: ArrayLike) -> Any:
+    return values.reshape(np.broadcast_shapes(*(np.shape(q) for q in like)))[()]
+
+
+def _maximum(alpha: Array, overshoot: Array) -> tuple[Array, Array, Array, Array]:
+    """(tau_max, s = alpha + A, Q = s^2 + w_d^2, signed w_d^2); tau_max is NaN where there is no maximum."""
+    square = (1 - alpha) * (1 + alpha)
+    root = np.sqrt(np.abs(1 - alpha)) * np.sqrt(np.abs(1 + alpha))
+    s = alpha + overshoot
+    # Aperiodic: the distance d to the eigenvector of no maximum, formed without cancellation for alpha > 1.
+    distance = np.where(alpha > 0, overshoot + 1 / (np.abs(alpha) + root), overshoot - (np.abs(alpha) + root))
+    ratio = 2 * root / distance
+    aperiodic = np.where(ratio > 0, np.log1p(ratio) / ratio, 1.0) / distance
+    periodic = np.arctan2(root, s) / np.where(root > 0, root, 1.0)
+    tau = np.where(np.abs(alpha) < 1, periodic, np.where(distance > 0, aperiodic, np.nan))
+    energy = np.where(np.abs(alpha) < 1, s * s + square, distance * (distance + 2 * root))
+    return tau, s, energy, square
+
+
+def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+    """Dimensionless time of the elongation maximum and the amplitude xi_max - xi_o (eqs. 13-16).
+
+    Args:
+        alpha: effective damping ratio zeta + dmu_k va w/2, any sign.
+        overshoot: A = xi_p - xi_o.
+        derivatives: also return the exact derivatives.
+
+    Returns:
+        (time, amplitude), broadcast; NaN where there is no maximum. With `derivatives` a pair
+        ((time, amplitude), {"alpha": (d time, d amplitude), "overshoot": (...)}).
+    """
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        tau, s, energy, square = _maximum(a, A)
+        half = np.exp(-0.5 * a * tau)  # twice the half: the product neither over- nor underflows early
+        amplitude = np.sqrt(energy) * half * half
+        values = (_shaped(tau, alpha, overshoot), _shaped(amplitude, alpha, overshoot))
+        if not derivatives:
+            return values
+        y = square / (s * s)
+        curvature = np.where(
+            (s > 0) & (np.abs(y) < 0.1),
+            np.polynomial.polynomial.polyval(np.where(np.abs(y) < 0.1, y, 0.0), SERIES) / s**3,
+            (tau - s / energy) / square,
+        )
+        table = {
+            "alpha": (a * curvature - 1 / energy, -amplitude * curvature),
+            "overshoot": (np.where(np.isnan(tau), np.nan, -1 / energy), amplitude * ((s + a) / energy)),
+        }
+    return values, {
+        name: (_shaped(first, alpha, overshoot), _shaped(second, alpha, overshoot))
+        for name, (first, second) in table.items()
+    }
+
+
+def _status(alpha: Array, overshoot: Array) -> tuple[NDArray[np.str_], Array]:
+    """(status, e0): e0 is the angle 2 pi - w_d tau of the velocity maximum that must reach the drive speed."""
+    w, phi = np.sqrt((1 - alpha) * (1 + alpha)), 2 * alpha + overshoot
+    first = np.arctan2(w * phi, 1 - alpha * phi)
+    gap = _velocity_gap(first, alpha / w, (alpha + overshoot) / w)[0]
+    reaches = ((alpha > -1) & (alpha <= 0)) | ((alpha > 0) & (alpha < 1) & (gap <= 0))
+    known = np.isfinite(alpha) & np.isfinite(overshoot)
+    status = np.select(
+        [~known, phi < 0, alpha <= -1, reaches], ["undefined", "no_slip", "runaway", "restick"], "steady"
+    )
+    return status, first
+
+
+def _velocity_gap(eps: Any, b: Any, q: Any) -> tuple[Any, Any]:
+    """exp(alpha tau) (1 - xi') and its slope at the angle eps = 2 pi - w_d tau; zero where the mass sticks."""
+    left = b * (eps.dtype.type(TURN) - eps)
+    return (
+        2 * np.sin(eps / 2) ** 2 - q * np.sin(eps) + np.expm1(left),
+        np.sin(eps) - q * np.cos(eps) - b * np.exp(left),
+    )
+
+
+def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Array, Array, Array]:
+    """(eps, tau_end, xi''(tau_end)) of slips that do stick again."""
+
+    def terms(a: Any, A: Any) -> tuple[Any, Any, Any]:
+        w = np.sqrt((1 - a) * (1 + a))
+        return w, a / w, (a + A) / w
+
+    w, b, q = terms(alpha, overshoot)
+    rough = rising_root(lambda e: _velocity_gap(e, b, q), first, first + np.pi)
+    # Near the fold the root is ill conditioned: one last step with the longest floats there are.
+    a, A = alpha.astype(np.longdouble), overshoot.astype(np.longdouble)
+    w, b, q = terms(a, A)
+    gap, slope = _velocity_gap(rough.astype(np.longdouble), b, q)
+    step = np.where(np.abs(gap) < 1e-6 * np.abs(slope), gap / slope, 0.0)
+    eps = np.clip(rough - step, first, first + TURN / 2)
+    tau, phi = (TURN - eps) / w, 2 * a + A
+    # Not negative: at the fold itself rounding may leave a trace below zero.
+    stop = np.maximum(np.exp(-a * tau) * (-phi * np.cos(eps) + (1 - a * phi) * np.sin(eps) / w), 0.0)
+    return eps.astype(float), tau.astype(float), stop.astype(float)
+
+
+def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
+    """The whole slip, until the mass sticks again, of a saturated stick (eqs. 13-18).
+
+    Args: as for `slip_maximum`. Broadcasts.
+    """
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        status, first = _status(a, A)
+        w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
+        blank = np.full(a.shape, np.nan)
+        duration, stop = blank.copy(), blank.copy()
+        again = status == "restick"
+        _, duration[again], stop[again] = _ends(a[again], A[again], first[again])
+        peak_time = np.where(again, np.arctan2(w * phi, a * phi - 1) / w, np.nan)
+        speed = 1 + np.hypot(a + A, w) * np.exp(-a * peak_time)
+        swing = np.where(again, slip_maximum(a, A)[1] * (1 + np.exp(-a * np.pi / w)), np.nan)
+        drop = phi + stop
+        columns = (status, duration, -(2 * a + stop), stop, drop, duration + drop, swing, peak_time, speed)
+    return Slip(*(_shaped(c, alpha, overshoot) for c in columns))
+
+
+def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+    """Dimensionless time and elongation xi - xi_o at which the mass sticks again, xi' = 1 (eqs. 13, 18).
+
+    Args: as for `slip_maximum`.
+
+    Returns:
+        (time, elongation), broadcast; NaN where the mass never sticks again. With `derivatives` a pair
+        ((time, elongation), {"alpha": (...), "overshoot": (...)}); they grow without bound at the fold.
+    """
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        status, first = _status(a, A)
+        again = status == "restick"
+        out = np.full((6, *a.shape), np.nan)
+        a, A = a[again], A[again]
+        eps, tau, stop = _ends(a, A, first[again])
+        end = -(2 * a + stop)
+        out[:2, again] = tau, end
+        values = (_shaped(out[0], alpha, overshoot), _shaped(out[1], alpha, overshoot))
+        if not derivatives:
+            return values
+        # Implicit differentiation of xi'(tau; alpha, A) = 1 at C, S = cos, sin(w_d tau)/w_d.
+        square, decay = (1 - a) * (1 + a), np.exp(-a * tau)
+        C, S = np.cos(eps), -np.sin(eps) / np.sqrt(square)
+        C_a, S_a = a * tau * S, a * (S - tau * C) / square
+        speed_a = -tau + decay * (C_a - S - (a + A) * S_a)
+        tau_a = -speed_a / stop
+        tau_A = np.where(a == 0, -2 / (1 + A * A), decay * S / stop)
+        end_a = tau_a - tau * end + decay * (A * C_a + A * S + (1 + a * A) * S_a)
+        end_A = np.where(a == 0, -1.0, tau_A + decay * (C + a * S))
+        out[2:, again] = tau_a, end_a, tau_A, end_A
+    shaped = [_shaped(row, alpha, overshoot) for row in out]
+    return values, {"alpha": (shaped[2], shaped[3]), "overshoot": (shaped[4], shaped[5])}
