@@ -1,0 +1,194 @@
+"""Writes the example logs that ship inside the package: one simulated pair, in the layout of a CETR text export.
+
+Run `python experiments/make_example_logs.py` to write them anew; the same versions give the same bytes.
+Truth, noise and seed are written down beside them, in truth.json.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io.atomic import atomic_write
+from identify.effects import NAMES
+from identify.model import assemble
+from identify.simulate import run
+
+Array = NDArray[np.float64]
+
+FOLDER = Path(__file__).resolve().parent.parent / "identify" / "examples"
+FRICTION = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
+RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
+NORMAL_FORCE = 1.0  # [N] at the start
+RELAXATION = 0.1  # share of the normal force lost in the long run: a finger pressed to a fixed displacement
+RIPPLE = 0.003  # [N], slow and real: the contact feels it
+FORCE_NOISE, NORMAL_NOISE = 5e-3, 1e-3  # [N], standard deviation, white
+SEED = 20260115
+GRAM_FORCE = 9.80665e-3  # [N]
+FIRST_INTERVAL = 0.635  # the first sampling interval of such a log is short
+STARTED = datetime(2026, 1, 15, 10, 0, 0)
+
+
+@dataclass(frozen=True)
+class Test:
+    """One log: drive speed [m/s], duration [s], rate [Hz], a hold at rest before it [s], direction of Fx."""
+
+    name: str
+    speed: float
+    duration: float
+    rate: float
+    hold: float = 0.0
+    sign: int = 1
+
+
+TESTS = (
+    Test("0.1_mm_per_min.txt.gz", 1e-4 / 60, 800.0, 20.0),
+    Test("0.1_mm_per_s.txt.gz", 1e-4, 20.0, 500.0),
+    Test("1_mm_per_s.txt.gz", 1e-3, 4.0, 1000.0, hold=2.0),
+    Test("5_mm_per_s.txt.gz", 5e-3, 1.5, 2000.0, sign=-1),
+    Test("0.1_mm_per_s_at_50_Hz.txt.gz", 1e-4, 20.0, 50.0),
+)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What the machine records, shape (n,): time [s], forces [N], drive position [m] and speed [m/s]."""
+
+    time: Array
+    friction: Array
+    normal: Array
+    position: Array
+    speed: Array
+
+
+def clock(duration: float, rate: float) -> Array:
+    """Sample times [s] of one step, from 0, the first interval short."""
+    times = np.arange(round(duration * rate) + 1) / rate
+    times[1:] -= (1.0 - FIRST_INTERVAL) / rate
+    return np.round(times, 6)
+
+
+def record(test: Test) -> list[Samples]:
+    """Simulate one test and record it; one entry per step of the machine (the hold, then the sliding)."""
+    random = np.random.default_rng([SEED, TESTS.index(test)])
+    end = test.hold + test.duration
+    grid = np.linspace(0.0, end, 241)
+    normal = NORMAL_FORCE * (1.0 - RELAXATION * -np.expm1(-2.0 * grid / end))
+    normal += RIPPLE * np.sin(2.0 * np.pi * 7.3 * grid / end)
+    drive = ((0.0, 0.0), (test.hold, test.speed)) if test.hold else test.speed
+    motion = run(assemble(NAMES), FRICTION | RIG, drive, (grid, normal), end)
+    steps = []
+    for start, duration, speed in ((0.0, test.hold, 0.0), (test.hold, test.duration, test.speed)):
+        if duration:
+            time = clock(duration, test.rate)
+            force = motion.sample(start + time)["force"] + random.normal(0.0, FORCE_NOISE, time.size)
+            pressed = np.interp(start + time, grid, normal) + random.normal(0.0, NORMAL_NOISE, time.size)
+            still = np.full(time.size, speed)
+            steps.append(Samples(time, test.sign * force, pressed, test.sign * speed * time, test.sign * still))
+    return steps
+
+
+def preamble(test: Test, steps: list[Samples]) -> list[str]:
+    """The lines above the first step."""
+    return [
+        "Created by CETR UMT layout imitated by experiments/make_example_logs.py: simulated, not measured",
+        "Total number of runs - 1",
+        f"Total number of steps = {len(steps)}",
+        "Indenter tip ID = 0",
+        "",
+        "Run # 1",
+        "Script file make_example_logs.py",
+        f"Run date {STARTED:%d %b %Y %H:%M:%S}",
+    ]
+
+
+def step_lines(number: int, samples: Samples, started: datetime) -> list[str]:
+    """One step: its parameters, header row, units row, data rows, two blank lines."""
+    clock_time = f"{started:%H:%M:%S}.{started.microsecond // 1000:03d}"
+    lines = [
+        f"Step No. {number}",
+        "",
+        "Step Type Code: 0",
+        f"Velocity     = {1e3 * samples.speed[0]:.6g}",
+        f"Set Force    = {-NORMAL_FORCE / GRAM_FORCE:.4g}",
+        f"Duration     = {samples.time[-1]:.6g}",
+        f"Data Count   = {samples.time.size}",
+        f"Started at: {clock_time} {started:%d %b %Y}",
+        "",
+        "Fx,Fz,Y,V2,T,Ff,COF",
+        "g,g,mm,mm/sec,sec,g,",
+        "",
+    ]
+    grams = samples.friction / GRAM_FORCE
+    pressed = -samples.normal / GRAM_FORCE
+    columns = (grams, pressed, 1e3 * samples.position, 1e3 * samples.speed, samples.time, grams, abs(grams / pressed))
+    for fx, fz, y, v, t, ff, cof in zip(*columns, strict=True):
+        lines.append(f"{fx:.4f},{fz:.4f},{y:.6f},{v:.6f},{t:.6f},{ff:.4f},{cof:.6f}")
+    return [*lines, "", ""]
+
+
+def write(test: Test, steps: list[Samples], folder: Path) -> Path:
+    """Write one log, gz-compressed, with CRLF line ends."""
+    lines, started = preamble(test, steps), STARTED
+    for number, samples in enumerate(steps, 1):
+        lines += step_lines(number, samples, started)
+        started += timedelta(seconds=float(samples.time[-1]) + 1.0 / test.rate)
+    content = gzip.compress("\r\n".join([*lines, ""]).encode("ascii"), compresslevel=9, mtime=0)
+    with atomic_write(folder / test.name, "wb") as handle:
+        handle.write(content)
+    return folder / test.name
+
+
+def truth(tests: tuple[Test, ...]) -> dict[str, object]:
+    """All that went into the logs."""
+    return {
+        "made_by": "experiments/make_example_logs.py",
+        "parameters": FRICTION,
+        "rig": RIG,
+        "normal_force": {
+            "start_N": NORMAL_FORCE,
+            "relaxation": RELAXATION,
+            "ripple_N": RIPPLE,
+            "noise_N": NORMAL_NOISE,
+        },
+        "force_noise_N": FORCE_NOISE,
+        "seed": SEED,
+        "logs": {
+            test.name: {
+                "drive_speed": test.speed,
+                "duration_s": test.duration,
+                "rate_Hz": test.rate,
+                "hold_s": test.hold,
+            }
+            for test in tests
+        },
+    }
+
+
+def main(fast: bool = False, folder: Path | None = None) -> None:
+    """Write the logs and truth.json into the package, or into another folder.
+
+    fast: only the shortest log, into a folder that is thrown away; for the tests.
+    """
+    if fast and folder is None:
+        with TemporaryDirectory() as scratch:
+            main(fast, Path(scratch))
+        return
+    folder = folder or FOLDER
+    tests = tuple(test for test in TESTS if not fast or test.duration < 2.0)
+    for test in tests:
+        path = write(test, record(test), folder)
+        print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
+    with atomic_write(folder / "truth.json") as handle:
+        handle.write(json.dumps(truth(tests), indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
