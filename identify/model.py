@@ -20,9 +20,7 @@ from identify.quantities import Effect, Expression, Parameter, Situation, State,
 
 # What every model has: the spring of the rig and Coulomb friction.
 BASE_PARAMETERS = (
-    Parameter(
-        "mu_s", "", 1e-3, 20.0, 0.6, "μs", "static friction coefficient of a saturated contact", "linear", 0.1
-    ),
+    Parameter("mu_s", "", 1e-3, 20.0, 0.6, "μs", "static friction coefficient of a saturated contact", "linear", 0.1),
     Parameter("mu_k0", "", 1e-4, 20.0, 0.45, "μk0", "kinetic friction coefficient at slow sliding", "linear", 0.1),
     Parameter("stiffness", "N/m", 1e-2, 1e9, 1470.0, "k", "stiffness of the rig along the drive", spread=0.05),
 )

@@ -1,0 +1,188 @@
+"""One phase of motion at a time: rest until the drive overcomes the grip, slide until a guard falls to zero.
+
+Switch times are located on the step function itself (the last step is repeated with the length at
+which its guard is zero), so they are as accurate as the integration, not as its interpolation.
+Time is local to the phase: after 800 s of sticking a slip of microseconds loses no digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from identify.errors import SimulationError
+from identify.model import SPEED, Model
+from identify.modes import GuardName, ModeName, sliding_modes
+from identify.stepping import Situated, Stepper
+
+Array = NDArray[np.float64]
+
+MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
+_SCAN = np.unique(np.concatenate([np.geomspace(1e-9, 1.0, 46), np.linspace(0.0, 1.0, 65)]))
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of one mode. `t` (s,) are the node times from its start [s], `x` (s, n_x) the states there
+    (a stick has its two ends only); `ended_by` is the guard that ended it, None when its time was up."""
+
+    mode: ModeName
+    start: float
+    situated: Situated
+    t: Array
+    x: Array
+    ended_by: GuardName | None
+
+    @property
+    def duration(self) -> float:
+        """Length of the phase [s]."""
+        return float(self.t[-1])
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical time [s] and state sizes (n_x,) of a scene: they set first steps and absolute tolerances."""
+
+    time: float
+    state: Array
+
+
+def scales(model: Model, p: Array, normal_force: float) -> Scales:
+    """Natural time scale sqrt(m/k), and the states a load of one normal force gives."""
+    values = dict(zip(model.parameter_names, p.tolist(), strict=True))
+    k, m = values["stiffness"], values["mass"]
+    state = np.ones(len(model.states))
+    state[0], state[1] = normal_force / k, normal_force / np.sqrt(k * m)
+    return Scales(float(np.sqrt(m / k)), state)
+
+
+def stepper(model: Model, p: Array, normal_force: float, rtol: float) -> Stepper:
+    """A stepper with tolerances fit for this scene: nearly relative, so that slips may start from nothing."""
+    return Stepper(model, rtol, rtol * 1e-6 * scales(model, p, normal_force).state)
+
+
+def _spare_grip(model: Model, x: Array, situated: Situated, times: Array) -> Array:
+    """Grip minus driving force while resting, shape of times [N]; negative: the mass is moved."""
+    n = times.size
+    p = situated.p[:, None]
+    u = np.empty((3, n))
+    u[0], u[1], u[2] = situated.drive_speed, situated.normal_force + situated.force_slope * times, 1.0
+    state = np.array(model.rest(x, p, u, times[None, :])) if n > 1 else np.array(model.rest(x, p, u, times))
+    driving = np.array(model.driving_force(state, p, u)).ravel()
+    return np.asarray(np.array(model.grip(state, p, u)).ravel() - np.abs(driving))
+
+
+def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> Phase:
+    """Rest from state x until the grip is overcome, or for `limit` [s].
+
+    The spare grip is scanned on a grid dense at both ends and its first zero refined by Brent's method.
+    """
+    x = x.copy()
+    x[SPEED] = 0.0
+    end, ended_by = limit, None
+    if _spare_grip(model, x, situated, np.zeros(1))[0] <= 0.0:
+        return Phase("stick", start, situated, np.zeros(1), x[None, :], "speed")
+    k = situated.p[model.parameter_names.index("stiffness")]
+    rate = k * abs(situated.drive_speed)
+    # Within `reach` the drive has loaded the spring by twice any grip: the first zero lies before it.
+    horizon = limit
+    if rate > 0.0:
+        most = np.max(situated.p[:2]) * (situated.normal_force + abs(situated.force_slope) * limit)
+        horizon = min(limit, 2.5 * (most + k * abs(x[0])) / rate)
+    times = _SCAN * horizon
+    spare = _spare_grip(model, x, situated, times)
+    crossed = np.flatnonzero(spare <= 0.0)
+    if crossed.size:
+        i = int(crossed[0])
+        end = brentq(
+            lambda t: float(_spare_grip(model, x, situated, np.array([t]))[0]),
+            times[i - 1],
+            times[i],
+            xtol=1e-16 * max(times[i], 1e-300),
+            rtol=1e-15,
+        )
+        ended_by = "speed"
+    u = np.array([situated.drive_speed, situated.normal_force + situated.force_slope * end, 1.0])
+    after = np.array(model.rest(x, situated.p, u, end)).ravel()
+    return Phase("stick", start, situated, np.array([0.0, end]), np.stack([x, after]), ended_by)
+
+
+def slide(
+    machine: Stepper,
+    mode: ModeName,
+    x: Array,
+    situated: Situated,
+    start: float,
+    limit: float,
+    scale: Scales,
+    *,
+    locate: bool = True,
+) -> Phase:
+    """Slide in one mode from state x until one of its guards falls to zero, or for `limit` [s].
+
+    Args:
+        locate: False takes the step at whose end a guard is negative as it is (a control for tests:
+            accuracy is lost).
+
+    Raises:
+        SimulationError: the integration needs more than MAX_STEPS steps or meets a state that is not finite.
+    """
+    exits = dict(sliding_modes(machine.model.clamped is not None)[mode].exits)
+    machine.situate(situated)
+    power = -1.0 / machine.tableau.order
+    t, h = 0.0, min(1e-3 * scale.time, limit)
+    times, states = [0.0], [x]
+    for _ in range(MAX_STEPS):
+        h = min(h, limit - t)
+        after, norm, guards, _rate = machine.advance(mode, x, t, h)
+        if not norm <= 1.0:
+            h *= 0.2 if not np.isfinite(norm) else max(0.2, 0.9 * norm**power)
+            if h < 1e-14 * scale.time:
+                break
+            continue
+        fallen: list[tuple[float, GuardName]] = []
+        for guard in exits:
+            if guards[guard] < 0.0 or (guards[guard] == 0.0 and t > 0.0):
+                fallen.append((_locate(machine, mode, x, t, h, guard) if locate else h, guard))
+        if fallen:
+            length, guard = min(fallen)
+            after = machine.advance(mode, x, t, length)[0]
+            if guard == "speed":
+                after[SPEED] = 0.0
+            elif guard == "clearance" and machine.model.clamped is not None:
+                after[machine.model.clamped] = machine.model.states[machine.model.clamped].lower
+            times.append(t + length)
+            states.append(after)
+            return Phase(mode, start, situated, np.array(times), np.array(states), guard)
+        t, x = t + h, after
+        times.append(t)
+        states.append(x)
+        if t >= limit * (1.0 - 1e-15):
+            return Phase(mode, start, situated, np.array(times), np.array(states), None)
+        h *= min(5.0, max(0.2, 0.9 * max(norm, 1e-10) ** power))
+    raise SimulationError(
+        f"the {mode} phase at {start:.6g} s did not end within {MAX_STEPS} steps (it reached {t:.3g} s): "
+        "the motion is too stiff for explicit steps; check mass, a and normal force"
+    )
+
+
+def _locate(machine: Stepper, mode: ModeName, x: Array, t: float, h: float, guard: GuardName) -> float:
+    """The step length within (0, h] at which the guard is zero."""
+
+    def value(length: float) -> float:
+        return machine.advance(mode, x, t, length)[2][guard]
+
+    low = 0.0
+    if t == 0.0:
+        # A slip starts with the guard at zero: find where it is positive first, if anywhere.
+        low = next((f * h for f in (0.5, 0.25, 0.1, 1e-2, 1e-4) if value(f * h) > 0.0), -1.0)
+        if low < 0.0:
+            return 0.0
+    if value(h) == 0.0:
+        return h
+    if low == 0.0 and value(1e-12 * h) <= 0.0:
+        return 0.0
+    return float(brentq(value, max(low, 1e-12 * h), h, xtol=1e-15 * max(h, 1e-300), rtol=1e-14))

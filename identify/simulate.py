@@ -1,0 +1,146 @@
+"""Run the hybrid model forward: stick, slip and saturated contact with located switches, no smoothing.
+
+The friction law is used as it stands (eqs. 1, 2, 5, 6): a mass at rest stays at rest until the drive
+overcomes the grip, and the sign function is never smoothed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.drive import Drive, NormalForce, breaks
+from identify.errors import SimulationError
+from identify.model import SPEED, Model
+from identify.modes import ModeName, sliding_modes
+from identify.phases import Phase, scales, slide, stepper, stick
+from identify.stepping import Situated
+from identify.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from identify.scene import Scene
+
+Array = NDArray[np.float64]
+
+MAX_PHASES = 2_000_000
+STALLED = 1000  # phases in a row without time passing: chatter, refused by name
+
+
+def phases(
+    model: Model,
+    p: Array,
+    drive: Drive,
+    normal_force: NormalForce,
+    duration: float,
+    x: Array,
+    *,
+    rtol: float = 1e-10,
+    locate: bool = True,
+) -> Iterator[Phase]:
+    """The phases of the motion from state x (n_x,), one by one, until `duration` [s].
+
+    Args:
+        p: parameters (n_p,) in the order of the model.
+        locate: see `slide`.
+
+    Raises:
+        SimulationError: chatter (stick and slip without time passing), or a slip that cannot be integrated.
+    """
+    machine = stepper(model, p, float(normal_force.at(0.0)), rtol)
+    scale = scales(model, p, float(normal_force.at(0.0)))
+    ends = breaks(drive, normal_force, duration)
+    t, segment, stalled = 0.0, 0, 0
+    mode: ModeName = "stick"
+    direction = float(np.sign(x[SPEED])) or 1.0
+    if x[SPEED] != 0.0:
+        mode = "slip"
+    for _ in range(MAX_PHASES):
+        force, slope = normal_force.line(t)
+        situated = Situated(p, drive.at(t), direction, force, slope)
+        limit = float(ends[segment]) - t
+        if mode == "stick":
+            phase = stick(model, x, situated, t, limit)
+        else:
+            phase = slide(machine, mode, x, situated, t, limit, scale, locate=locate)
+        stalled = stalled + 1 if phase.duration <= 0.0 else 0
+        if stalled > STALLED:
+            raise SimulationError(
+                f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
+                "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
+            )
+        if phase.duration > 0.0:
+            yield phase
+        t, x = t + phase.duration, phase.x[-1]
+        if phase.ended_by is None:
+            t, segment = float(ends[segment]), segment + 1
+            if segment == ends.size:
+                return
+        elif mode == "stick":
+            u = np.array([situated.drive_speed, float(normal_force.at(t)), 1.0])
+            direction = float(np.sign(np.array(model.driving_force(x, p, u)).item())) or 1.0
+            mode = "slip"
+        else:
+            mode = dict(sliding_modes(model.clamped is not None)[mode].exits)[phase.ended_by]
+    raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+
+
+def run(
+    model: Model,
+    values: dict[str, float],
+    drive: float | Drive | tuple[tuple[float, float], ...],
+    normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike],
+    duration: float,
+    *,
+    start: dict[str, float] | None = None,
+    rtol: float = 1e-10,
+    locate: bool = True,
+) -> Trajectory:
+    """Simulate a model for `duration` [s].
+
+    Args:
+        values: every parameter of the model by name, SI.
+        drive: drive speed [m/s], or a programme of (start [s], speed [m/s]).
+        normal_force: [N], or (times [s], values [N]), piecewise linear.
+        start: initial states by name; left out: at rest, spring unloaded, fresh contact.
+        rtol: relative tolerance of one step.
+
+    Raises:
+        SimulationError: what the model refuses, by name.
+    """
+    if not duration > 0.0:
+        raise SimulationError(f"the duration is {duration} s; expected a positive time")
+    p = np.array([values[name] for name in model.parameter_names])
+    initial = start or {}
+    x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
+    motion = phases(model, p, Drive.of(drive), NormalForce.of(normal_force), duration, x, rtol=rtol, locate=locate)
+    return Trajectory(model, tuple(motion), duration)
+
+
+def simulate(
+    scene: Scene,
+    duration: float,
+    *,
+    drive: float | Drive | tuple[tuple[float, float], ...] | None = None,
+    normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
+    rtol: float = 1e-10,
+) -> Trajectory:
+    """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
+
+    Args:
+        drive, normal_force: replace those of the scene's rig; units and forms as in `run`.
+
+    Raises:
+        SimulationError: no drive speed or normal force is given, or what the model refuses.
+    """
+    speed = scene.rig.drive_speed if drive is None else drive
+    force = scene.rig.normal_force if normal_force is None else normal_force
+    if speed is None:
+        raise SimulationError("the scene has no drive speed; give drive_speed under [rig]")
+    if force is None:
+        raise SimulationError("the scene has no normal force; give normal_force under [rig]")
+    initial = scene.initial
+    start = {"elongation": initial.elongation, "sliding_speed": initial.sliding_speed, "gamma": initial.gamma}
+    return run(scene.model, scene.values(), speed, force, duration, start=start, rtol=rtol)

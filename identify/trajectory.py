@@ -1,0 +1,99 @@
+"""A simulated motion, and its samples at any times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.errors import SimulationError
+from identify.model import SPEED, Model
+from identify.phases import Phase
+from identify.stepping import step_functions
+from identify.tableaus import DORMAND_PRINCE
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated motion: its phases in order, and everything that can be sampled from them.
+
+    `duration` [s] counts from the start of the simulation; all quantities are SI.
+    """
+
+    model: Model
+    phases: tuple[Phase, ...]
+    duration: float
+
+    @cached_property
+    def onsets(self) -> Array:
+        """Times at which a resting mass is set in motion [s]."""
+        return np.array([p.start + p.duration for p in self.phases if p.mode == "stick" and p.ended_by])
+
+    @cached_property
+    def arrests(self) -> Array:
+        """Times at which a sliding mass comes to rest [s]."""
+        return np.array([p.start + p.duration for p in self.phases if p.mode != "stick" and p.ended_by == "speed"])
+
+    @cached_property
+    def saturations(self) -> Array:
+        """Times at which the bounded state (gamma) reaches its lower bound [s]."""
+        return np.array([p.start + p.duration for p in self.phases if p.ended_by == "clearance"])
+
+    def sample(self, times: ArrayLike) -> dict[str, Array]:
+        """The motion at rising `times` (n,) [s] within the simulation.
+
+        Returns:
+            arrays (n,): "force" (what the load cell sees) [N], one per state of the model ("elongation" [m],
+            "sliding_speed" [m/s], "gamma"), "normal_force" [N], "coefficient" (friction force of the contact
+            over normal force), "sliding" (1 in slip, 0 in stick).
+
+        Raises:
+            SimulationError: times outside the simulation.
+        """
+        t = np.atleast_1d(np.asarray(times, float))
+        if t.size and (t[0] < 0.0 or t[-1] > self.duration * (1 + 1e-12)):
+            raise SimulationError(f"asked for {t[0]:.6g} to {t[-1]:.6g} s of a simulation of {self.duration:.6g} s")
+        names = [s.name for s in self.model.states]
+        out = {name: np.empty(t.size) for name in (*names, "force", "normal_force", "coefficient", "sliding")}
+        starts = np.array([p.start for p in self.phases])
+        cuts = np.append(np.searchsorted(t, starts[1:], side="left"), t.size)
+        first = 0
+        for phase, last in zip(self.phases, cuts.tolist(), strict=True):
+            if last > first:
+                _sample_phase(self.model, phase, t[first:last] - phase.start, out, slice(first, last))
+            first = last
+        return out
+
+
+def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], where: slice) -> None:
+    """Fill the samples of one phase; t (n,) is local to it."""
+    s, n = phase.situated, t.size
+    t = np.clip(t, 0.0, phase.duration)
+    p = np.repeat(s.p[:, None], n, axis=1)
+    u = np.stack([np.full(n, s.drive_speed), s.normal_force + s.force_slope * t, np.full(n, s.direction)])
+    if phase.mode == "stick":
+        x = np.array(model.rest(np.repeat(phase.x[0][:, None], n, axis=1), p, u, t[None, :]))
+    else:
+        node = np.clip(np.searchsorted(phase.t, t, side="right") - 1, 0, max(phase.t.size - 2, 0))
+        # The step function itself is the dense output: a shorter step from the node before.
+        function = step_functions(model, DORMAND_PRINCE)[phase.mode]
+        drive = np.repeat(s.inputs[:, None], n, axis=1)
+        atol = np.ones((len(model.states), n))
+        at, h = phase.t[node][None, :], (t - phase.t[node])[None, :]
+        x = np.array(function(phase.x[node].T, p, drive, at, h, np.ones((1, n)), atol)[0])
+    for i, state in enumerate(model.states):
+        out[state.name][where] = x[i]
+    out["force"][where] = np.array(model.load_cell(x, p, u)).ravel()
+    out["normal_force"][where] = u[1]
+    if phase.mode == "stick":
+        out["coefficient"][where] = np.array(model.driving_force(x, p, u)).ravel() / u[1]
+    else:
+        field = model.slip if phase.mode == "slip" else model.saturated
+        acceleration = np.array(field(x, p, u))[SPEED]
+        mass = s.p[model.parameter_names.index("mass")]
+        out["coefficient"][where] = (out["force"][where] - mass * acceleration) / u[1]
+    out["sliding"][where] = float(phase.mode != "stick")
