@@ -1,0 +1,7 @@
+"""Tribometer logs as records in SI: readers, writers, units, quality. Knows files, never physics."""
+
+from data_io.errors import LogError
+from data_io.open import read_log
+from data_io.record import Finding, Record
+
+__all__ = ["Finding", "LogError", "Record", "read_log"]

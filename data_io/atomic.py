@@ -1,0 +1,48 @@
+"""Files appear whole or not at all: written beside the target under another name, then moved."""
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary path in the target's folder; move it to `path` on success, delete it on any exception.
+
+    The temporary name keeps the suffix, because writers choose a format by it. KeyboardInterrupt counts as an
+    exception. The target's folder must exist (`OSError` otherwise); a link is followed, not replaced.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise IsADirectoryError(f"{path}: this is a folder; a file name was expected; add one")
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{path}: its folder does not exist; create the folder or choose another one")
+    temporary = target.parent / f".{secrets.token_hex(8)}.part{target.suffix[:16]}"
+    try:
+        yield temporary
+        _flush_to_disk(temporary)
+        temporary.replace(target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def atomic_write(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
+    """Yield a handle ("w": UTF-8 text, newlines as written; "wb": bytes) whose content reaches `path` only whole."""
+    if mode not in ("w", "wb"):
+        raise ValueError(f'mode {mode!r} was given; "w" or "wb" was expected')
+    encoding, newline = ("utf-8", "") if mode == "w" else (None, None)
+    with atomic_path(path) as temporary, temporary.open(mode, encoding=encoding, newline=newline) as handle:
+        yield handle
+
+
+def _flush_to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,100 @@
+"""Text export of CETR UMT and Bruker TriboLab: runs and steps, each step with its own parameters, header and clock."""
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from data_io.assemble import Part, assemble
+from data_io.clock import read_date
+from data_io.record import Finding, Record
+from data_io.source import Request, Source
+from data_io.table import Table, read_tables
+from data_io.text import decode, looks_like_text
+
+NAME: Final = "cetr-text"
+
+_STEP = re.compile(r"[ \t]*Step\s*(?:No\.?|#)\s*[:=-]?\s*(\d+)[ \t,;]*$", re.IGNORECASE)
+_RUN = re.compile(r"[ \t]*Run\s*(?:No\.?|#)\s*[:=-]?\s*(\d+)[ \t,;]*$", re.IGNORECASE)
+_BREAK = re.compile(f"(?:{_STEP.pattern})|(?:{_RUN.pattern})", re.IGNORECASE | re.MULTILINE)
+# in the bytes a line may end in CR LF, LF or CR
+_SIGN = re.compile(
+    rb"(?:^|[\r\n])[ \t]*Step\s*No\.?\s*[:=-]?\s*\d+[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR", re.IGNORECASE
+)
+_ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
+_PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
+
+
+def can_read(head: bytes) -> bool:
+    """Tell a CETR text by its `Step No.` line or its first line."""
+    return looks_like_text(head) and _SIGN.search(head.replace(b"\x00", b"")) is not None
+
+
+def read(source: Source, request: Request) -> Record:
+    """Read one run (the chosen step, or all of them) of a CETR text. Raises `LogError`."""
+    tables, footer = read_tables(source, decode(source.data), request, breaks=_BREAK)
+    parts: list[Part] = []
+    findings: list[Finding] = []
+    metadata: dict[str, str] = {}
+    run = 1
+    for table in tables:
+        part, items, run = _part(table, run, len(parts), metadata if not parts else {})
+        findings += _remarks(table, part, items)
+        parts.append(part)
+    if any(_STEP.match(line) for line in footer):
+        text = f"the file ends with a step header without rows ({next(line for line in footer if _STEP.match(line))!r})"
+        findings.append(Finding("empty_step", "info", text))
+    return assemble(source, request, _renumbered(parts, findings), NAME, metadata, findings)
+
+
+def _part(table: Table, run: int, before: int, metadata: dict[str, str]) -> tuple[Part, dict[str, str], int]:
+    """Return the step of a table, its parameters and its run; the lines above the first run go into `metadata`."""
+    number, own = before + 1, False
+    parameters: dict[str, str] = {}
+    for line in table.preamble:
+        if match := _RUN.match(line):
+            run = int(match[1])
+        elif match := _STEP.match(line):
+            number, own = int(match[1]), True
+        else:
+            key, value = _item(line)
+            target = parameters if own else metadata
+            target[_free(key, target)] = value
+    started = read_date(parameters.get("Started at", ""))
+    return Part(run, number, table.header, table.columns, parameters, started), parameters, run
+
+
+def _item(line: str) -> tuple[str, str]:
+    line = "".join(letter for letter in line if letter.isprintable()).strip()
+    match = _PHRASE.fullmatch(line) or (None if re.match(r"[A-Za-z]:\\", line) else _ITEM.fullmatch(line))
+    return (match[1].strip(), match[2].strip()) if match else ("note", line)
+
+
+def _free(key: str, taken: dict[str, str]) -> str:
+    return key if key not in taken else next(k for i in range(2, len(taken) + 3) if (k := f"{key} ({i})") not in taken)
+
+
+def _remarks(table: Table, part: Part, items: dict[str, str]) -> list[Finding]:
+    findings = [Finding("text_in_rows", "warning", f"step {part.number}: {remark}") for remark in table.remarks]
+    count = items.get("Data Count", "")
+    if count.isdigit() and int(count) != part.rows:
+        text = f"step {part.number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"
+        findings.append(Finding("data_count", "warning", text))
+    if part.rows == 0:
+        findings.append(Finding("empty_step", "info", f"step {part.number} holds no rows; it was left out"))
+    return findings
+
+
+def _renumbered(parts: Sequence[Part], findings: list[Finding]) -> list[Part]:
+    """Number the steps one after the other where a looping script repeats its step numbers within a run."""
+    labels = [(part.run, part.number) for part in parts]
+    if len(set(labels)) == len(labels):
+        return list(parts)
+    text = "the log repeats step numbers; the steps were numbered one after the other within each run"
+    findings.append(Finding("steps_renumbered", "warning", text))
+    counts: dict[int, int] = {}
+    renumbered = []
+    for part in parts:
+        counts[part.run] = counts.get(part.run, 0) + 1
+        parameters = {**part.parameters, "Step No.": str(part.number)}
+        renumbered.append(Part(part.run, counts[part.run], part.header, part.columns, parameters, part.started))
+    return renumbered

@@ -1,0 +1,137 @@
+"""One rising clock from the clocks of the steps: gaps in a clock, repeated stamps, restarts, starting times."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from data_io.record import LONGEST_GAP, Finding, FloatArray
+from data_io.rows import longest_run
+from data_io.source import Source
+
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_TIME = re.compile(r"(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?")
+_WORD_DATE = re.compile(r"\b(\d{1,2})[ .-]+([A-Za-z]{3})[a-z]*\.?[ ,-]+(\d{4})\b")
+_NUMBER_DATE = re.compile(r"\b(\d{1,2})/(\d{1,2})/(\d{2,4})\b")
+_REPEATS_ALLOWED: Final = 0.01
+
+
+@dataclass(frozen=True)
+class StepClock:
+    """The clock of one step [s] as the file has it, shape (n,), with NaN where it fails; when the step was started."""
+
+    label: str
+    time: FloatArray
+    started: datetime | None = None
+
+
+def read_date(text: str) -> datetime | None:
+    """Read `12:21:58.029 12 May 2022` or `05/12/22 14:43:46` (month first), None where no such date stands."""
+    clock = _TIME.search(text)
+    if clock is None:
+        return None
+    micro = int((clock[4] or "0")[:6].ljust(6, "0"))
+    day, month, year = 1, 1, 2000
+    if (word := _WORD_DATE.search(text)) and word[2].lower() in _MONTHS:
+        day, month, year = int(word[1]), _MONTHS.index(word[2].lower()) + 1, int(word[3])
+    elif number := _NUMBER_DATE.search(text):
+        month, day, year = int(number[1]), int(number[2]), int(number[3])
+        year += 2000 if year < 100 else 0
+    try:
+        return datetime(year, month, day, int(clock[1]), int(clock[2]), int(clock[3]), micro)
+    except ValueError:
+        return None
+
+
+def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, npt.NDArray[np.intp], list[Finding]]:
+    """Return a rising time, the rows of the step it belongs to, and what was noticed.
+
+    Up to five rows in a row without a time get one by interpolation (their forces must be blanked: NaN rows of
+    `clock.time`); without a neighbour they are left out. A repeated time stamp leaves its later row out. A clock that
+    falls, or repeats itself in more than 1 % of the rows, is an error.
+    """
+    findings: list[Finding] = []
+    finite = np.isfinite(clock.time)
+    known = np.flatnonzero(finite)
+    if known.size == 0:
+        raise source.error(f"the time column{clock.label} holds no number; a clock in every row was expected; check it")
+    rows = np.arange(known[0], known[-1] + 1)
+    lost = clock.time.size - known.size
+    if longest_run(~finite) > LONGEST_GAP:
+        row = int(np.argmin(finite))
+        raise source.error(
+            f"the time column{clock.label} holds no number in {longest_run(~finite)} rows in a row (first such row: "
+            f"{row + 1}); at most {LONGEST_GAP} are accepted; cut the log there or export it again"
+        )
+    time = clock.time[rows]
+    if lost:
+        time = np.interp(rows, known, clock.time[known])
+        text = f"{lost} row(s){clock.label} hold no time; they get no weight"
+        findings.append(Finding("missing_time", "warning", text))
+    change = np.diff(time)
+    if (change < 0).any():
+        row = int(np.argmax(change < 0))
+        raise source.error(
+            f"the clock{clock.label} falls from {time[row]:.9g} s to {time[row + 1]:.9g} s in row {row + 2} of the "
+            "numbers; a rising clock was expected, restarting only below a step header; cut or repair the log there"
+        )
+    repeated = int(np.count_nonzero(change == 0))
+    if repeated:
+        share = repeated / time.size
+        if share > _REPEATS_ALLOWED and repeated > LONGEST_GAP:
+            raise source.error(
+                f"the clock{clock.label} repeats itself in {100 * share:.0f} % of the rows; a rising one was expected; "
+                "export the time with more digits"
+            )
+        text = f"{repeated} row(s){clock.label} repeat the time of the row before; they were left out"
+        findings.append(Finding("repeated_time", "warning", text))
+        keep = np.concatenate(([True], change > 0))
+        time, rows = time[keep], rows[keep]
+    return time, rows, findings
+
+
+def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
+    """Return what to add to each step's (usable, non-empty) clock for one rising clock, and what was noticed.
+
+    A step that goes on where the last one ended keeps its clock. Where the clock restarts, the starting times give the
+    gap; without them, or where they would overlap, the step is put one sampling interval behind, with a finding.
+    """
+    offsets, findings = [0.0], list[Finding]()
+    anchor = 0
+    for i in range(1, len(clocks)):
+        last, here = clocks[i - 1], clocks[i]
+        end = offsets[-1] + float(last.time[-1])
+        if here.time[0] > last.time[-1]:
+            offsets.append(offsets[-1])
+            continue
+        gap = _typical_step(last.time, here.time)
+        before, now = clocks[anchor].started, here.started
+        if before is not None and now is not None:
+            offset = offsets[anchor] + _seconds(before, now)
+            if offset + here.time[0] > end:
+                offsets.append(offset)
+                anchor = i
+                continue
+            text = f"by the starting times the step{here.label} begins before the last one ended; it was put behind it"
+            findings.append(Finding("step_overlap", "warning", text))
+        else:
+            text = f"the pause before the step{here.label} is not told by the log; one sampling interval was assumed"
+            findings.append(Finding("step_gap_unknown", "warning", text))
+        offsets.append(end + gap - float(here.time[0]))
+        anchor = i
+    return offsets, findings
+
+
+def _typical_step(*times: FloatArray) -> float:
+    steps = [float(np.median(np.diff(time))) for time in times if time.size > 1]
+    return steps[0] if steps else 1.0
+
+
+def _seconds(before: datetime, now: datetime) -> float:
+    seconds = (now - before).total_seconds()
+    # without a date both stand on the same day: past midnight the clock of the day restarts
+    return seconds + 86400.0 if seconds < 0 and before.year == 2000 == now.year else seconds

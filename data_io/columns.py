@@ -1,0 +1,128 @@
+"""Which column is time, normal force, friction force: names and units as tribometers write them."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from data_io.units import kind_of
+
+ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
+    "time": ("time", "t", "timestamp", "elapsedtime", "testtime", "zeit"),
+    "normal_force": (
+        "fz", "normalforce", "fn", "normal", "normalload", "load", "axialforce", "normalkraft", "nominalload",
+        "nominalforce",
+    ),
+    "friction_force": (
+        "fx", "frictionforce", "friction", "ff", "ft", "fr", "tangentialforce", "tangential", "lateralforce",
+        "reibkraft", "reibungskraft",
+    ),
+}  # fmt: skip
+"""Names of each role without case, blanks and punctuation; the earlier wins where a file has several."""
+
+KIND: Final = {"time": "time", "normal_force": "force", "friction_force": "force", "drive_speed": "speed"}
+"""Kind of quantity (`units.SI_UNIT`) of each role."""
+
+EXAMPLES: Final = {
+    "time": "T, Time or Timestamp",
+    "normal_force": "Fz, Normal force or Load",
+    "friction_force": "Fx, Ff or Friction force",
+}
+
+_BRACKETS = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*(?:\([^()]*\))?)\s*[)\]}]\s*")
+_SUFFIX = re.compile(r"(.*?[^\s_/,])(?:\s*[_/,]\s*|\s+)(\S+)")
+
+
+@dataclass(frozen=True)
+class Name:
+    """A column as its header names it: the raw field, the name without unit, the unit ("" none, None not said)."""
+
+    raw: str
+    name: str
+    unit: str | None
+
+
+@dataclass(frozen=True)
+class Header:
+    """The columns of one table, which of them carry a role (by index), and remarks on choices made."""
+
+    names: tuple[Name, ...]
+    roles: Mapping[str, int]
+    remarks: tuple[str, ...] = ()
+
+
+def parse_name(field: str) -> Name:
+    """Split `Fx (N)`, `Fx [N]`, `fx_N`, `t / s` into name and unit.
+
+    A unit without brackets is believed only behind a name that is itself a known alias, because `F_N` or `Fx left` say
+    something else.
+    """
+    field = field.strip().strip('"').strip()
+    match = _BRACKETS.fullmatch(field)
+    if match and match[1]:
+        return Name(field, match[1].rstrip(" ,_"), match[2].strip())
+    match = _SUFFIX.fullmatch(field)
+    if match and role_of(field) is None and role_of(match[1]) is not None and kind_of(match[2]) in ("time", "force"):
+        return Name(field, match[1].strip(), match[2])
+    return Name(field, field, None)
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[\W_]+", "", name.rsplit(".", 1)[-1].casefold())
+
+
+def role_of(name: str) -> str | None:
+    """Return the role that a column name stands for, None if it is no known alias."""
+    key = _key(name)
+    return next((role for role, aliases in ALIASES.items() if key in aliases), None)
+
+
+def match_header(fields: Sequence[str], wanted: Mapping[str, str]) -> Header:
+    """Give roles to columns: those the user named first, the rest by alias. Missing roles are simply absent."""
+    names = tuple(parse_name(field) for field in fields)
+    roles: dict[str, int] = {}
+    remarks: list[str] = []
+    for role, column in wanted.items():
+        index = find_column(names, column)
+        if index is not None:
+            roles[role] = index
+    for role in ALIASES:
+        if role in wanted:
+            continue
+        found = [i for i in _by_alias(names, role) if i not in roles.values()]
+        if found:
+            roles[role] = found[0]
+        if len(found) > 1:
+            others = ", ".join(repr(names[i].raw) for i in found[1:])
+            remarks.append(f"the {words(role)} was taken from {names[found[0]].raw!r}, not from {others}")
+    return Header(names, roles, tuple(remarks))
+
+
+def find_column(names: Sequence[Name], wanted: str) -> int | None:
+    """Return the index of the column a user named: as written in the file, without its unit, or without case."""
+    tests = (
+        lambda n: n.raw == wanted,
+        lambda n: n.name == wanted,
+        lambda n: wanted.strip().casefold() in (n.raw.casefold(), n.name.casefold()),
+    )
+    for test in tests:
+        for index, name in enumerate(names):
+            if test(name):
+                return index
+    return None
+
+
+def words(role: str) -> str:
+    """Return a role in words for people."""
+    return role.replace("_", " ")
+
+
+def _by_alias(names: Sequence[Name], role: str) -> list[int]:
+    """Indices of the columns that may carry a role, best first; a wrong unit comes last."""
+
+    def rank(index: int) -> tuple[int, int, int]:
+        unit = names[index].unit
+        wrong = 1 if unit and kind_of(unit) != KIND[role] else 0
+        return wrong, ALIASES[role].index(_key(names[index].name)), index
+
+    return sorted((i for i, name in enumerate(names) if _key(name.name) in ALIASES[role]), key=rank)

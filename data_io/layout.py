@@ -1,0 +1,168 @@
+"""Where a table of numbers begins: its header row, the units row below it, and how its rows are delimited."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from data_io.columns import Header, Name, match_header
+from data_io.source import Request, Source
+from data_io.text import BLANKS, DELIMITERS, is_number, is_number_like, line_number, split
+from data_io.units import kind_of
+
+WIDE: Final = r" {2,}|\t+"
+"""Delimiter of a header whose names hold single blanks and stand apart by several."""
+
+COMMENT: Final = re.compile(r"^\s*(?:#|%|//)+\s*")
+_LOOK_AHEAD: Final = 6
+_LONGEST_HEADER: Final = 20000
+
+
+@dataclass(frozen=True)
+class Head:
+    """The top of a table: columns with units, position of the first row, delimiter and fields of a row (0: no row)."""
+
+    header: Header
+    start: int
+    delimiter: str
+    width: int
+
+
+def head_at(source: Source, text: str, position: int, request: Request) -> Head | None:
+    """Return the head of a table whose header row is the line at `position`, None if that line is none.
+
+    A header row names at least one role, holds no number, and rows with as many fields follow it. Raises the source's
+    `LogError` where a clear header (time and force) is followed by rows that do not fit it.
+    """
+    line, after = line_at(text, position)
+    if len(line) > _LONGEST_HEADER:
+        return None
+    line = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
+    complaint: str | None = None
+    for delimiter, fields in _readings(line):
+        header = match_header(fields, request.columns)
+        if not header.roles:
+            continue
+        units, start, row = _below(text, after, delimiter, len(fields))
+        clear = "time" in header.roles and len(header.roles) > 1
+        if row is None:
+            if clear:
+                return Head(with_units(source, header, units), start, delimiter, 0)
+            continue
+        layout = row_layout(row, delimiter, len(_trimmed(fields)))
+        if layout is not None:
+            return Head(with_units(source, header, units), start, *layout)
+        if clear and complaint is None:
+            complaint = _misfit(text, start, row, delimiter, len(_trimmed(fields)))
+    if complaint:
+        raise source.error(complaint)
+    return None
+
+
+def line_at(text: str, position: int) -> tuple[str, int]:
+    """Return the line that starts at `position`, and where the next one starts."""
+    end = text.find("\n", position)
+    return (text[position:], len(text)) if end < 0 else (text[position:end], end + 1)
+
+
+def lines_from(text: str, position: int) -> Iterator[tuple[int, str]]:
+    """Yield the lines that are not blank, with their positions."""
+    while position < len(text):
+        line, after = line_at(text, position)
+        if line.strip():
+            yield position, line
+        position = after
+
+
+def is_row(fields: Sequence[str]) -> bool:
+    """Tell whether fields are a row of numbers: at least one number, and not mostly words."""
+    filled = [field for field in fields if field]
+    numbers = sum(is_number(field) or is_number(field, ",") for field in filled)
+    return numbers > 0 and sum(map(is_number_like, filled)) * 2 >= len(filled)
+
+
+def row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
+    """Return the delimiter and number of fields of a row that fits `names` columns; empty fields may follow."""
+    own = BLANKS if delimiter == WIDE else delimiter
+    for candidate in (own, *(other for other in DELIMITERS if other != own)):
+        fields = split(row, candidate)
+        if len(fields) >= max(names, 2) and not any(fields[names:]) and is_row(fields):
+            return candidate, len(fields)
+    return None
+
+
+def with_units(source: Source, header: Header, units: Sequence[str]) -> Header:
+    """Return the header with the entries of a units row where the names say no unit; both, differing, is an error."""
+    names: list[Name] = []
+    for index, name in enumerate(header.names):
+        given = units[index] if index < len(units) else ""
+        if given and name.unit and given != name.unit:
+            raise source.error(
+                f"column {name.raw!r} names one unit and the units row below it {given!r}; "
+                f"one unit was expected; correct the header or give the unit with --units"
+            )
+        names.append(replace(name, unit=given) if units and name.unit is None else name)
+    return replace(header, names=tuple(names))
+
+
+def numbered_head(text: str, wanted: Mapping[str, str]) -> Head | None:
+    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so."""
+    if not wanted or not all(name.isdigit() for name in wanted.values()):
+        return None
+    for position, line in lines_from(text, 0):
+        for delimiter in DELIMITERS:
+            fields = split(line, delimiter)
+            if len(fields) > 1 and is_row(fields) and all(map(is_number_like, fields)):
+                names = tuple(Name(str(i + 1), str(i + 1), None) for i in range(len(_trimmed(fields))))
+                roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names)}
+                return Head(Header(names, roles), position, delimiter, len(fields))
+    return None
+
+
+def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield the ways in which a line can be a row of names: two fields at least, no number among them."""
+    for delimiter in ("\t", ";", ",", WIDE, BLANKS):
+        if delimiter == WIDE:
+            fields = [field for field in re.split(WIDE, line.strip()) if field]
+        elif delimiter == BLANKS:
+            fields = re.sub(r"\s+(?=[(\[][^()\[\]]*[)\]](?:\s|$))", "", line).split()
+        else:
+            fields = split(line, delimiter)
+        if len(fields) > 1 and not any(map(is_number, fields)):
+            yield delimiter, fields
+
+
+def _below(text: str, position: int, delimiter: str, names: int) -> tuple[list[str], int, str | None]:
+    """Return the units row (empty if none), where the numbers start, and the first row of numbers (None if none)."""
+    units: list[str] = []
+    start = position
+    for count, (here, line) in enumerate(lines_from(text, position)):
+        if count > _LOOK_AHEAD:
+            break
+        if any(is_row(split(line, candidate)) for candidate in DELIMITERS):
+            return units, here, line
+        if not units:
+            units = _units_row(line, delimiter, names)
+            start = line_at(text, here)[1] if units else start
+    return units, start, None
+
+
+def _units_row(line: str, delimiter: str, names: int) -> list[str]:
+    line = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
+    fields = re.split(WIDE, line.strip()) if delimiter == WIDE else split(line, delimiter)
+    fields = [re.sub(r"^[(\[]\s*(.*?)\s*[)\]]$", r"\1", field) for field in fields]
+    known = any(field and field not in ("-", "1") and kind_of(field) is not None for field in fields)
+    return fields if known and not any(fields[names:]) else []
+
+
+def _trimmed(fields: Sequence[str]) -> list[str]:
+    last = max((i for i, field in enumerate(fields) if field), default=-1)
+    return list(fields[: last + 1])
+
+
+def _misfit(text: str, start: int, row: str, delimiter: str, names: int) -> str:
+    found = len(split(row, BLANKS if delimiter == WIDE else delimiter))
+    where = f"line {line_number(text, start)} holds {found} fields where the header names {names} columns; "
+    if delimiter == "," and found == 2 * names:
+        return where + "decimal commas cannot be told from separating commas; export with ; or tabs between columns"
+    return where + "as many were expected; repair the header or export again"

@@ -1,0 +1,52 @@
+"""Open a log of any known format."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from data_io.errors import LogError, UnitError
+from data_io.readers import READERS
+from data_io.record import Record
+from data_io.source import Request, load
+from data_io.units import parse_quantity
+
+
+def read_log(
+    path: str | Path,
+    step: int | None = None,
+    units: Mapping[str, str] | None = None,
+    columns: Mapping[str, str] | None = None,
+    normal_force: float | str | None = None,
+    run: int | None = None,
+) -> Record:
+    """Read a log as one record in SI.
+
+    step: the number of a step; None joins all steps of the run on one clock. run: which run, where there are several.
+    units: unit by role (time, normal_force, friction_force) or column name, e.g. {"friction_force": "N"}; overrides
+    the file. columns: column (or HDF5 dataset) by role, e.g. {"time": "T"}; other names become channels.
+    normal_force: a constant load [N] or "3 N", instead of a column. Raises `LogError`, one sentence that says what was
+    found, what was expected and what to do.
+    """
+    path = Path(path)
+    request = Request(step, run, dict(units or {}), dict(columns or {}), _load_force(path, normal_force))
+    source = load(path)
+    for reader in READERS:
+        if reader.can_read(source.head):
+            return reader.read(source, request)
+    names = ", ".join(reader.name for reader in READERS)
+    raise source.error(
+        f"the file begins with {source.head[:12]!r}, which no reader knows ({names}); a text or HDF5 log was expected; "
+        "export it as text"
+    )
+
+
+def _load_force(path: Path, given: float | str | None) -> float | None:
+    if given is None:
+        return None
+    try:
+        force = parse_quantity(given, "N")
+    except UnitError as error:
+        raise LogError(f"{path}: the normal force given: {error}") from error
+    if not (math.isfinite(force) and force > 0):
+        raise LogError(f"{path}: a normal force of {given} was given; a load above 0 N was expected; correct it")
+    return force

@@ -1,0 +1,37 @@
+"""The table of readers: one line per format, asked in this order; the most particular first."""
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from data_io import cetr_text, delimited
+from data_io.record import Record
+from data_io.source import Request, Source
+
+
+class CanRead(Protocol):
+    """Tells by the first bytes of a file whether a reader knows its format."""
+
+    def __call__(self, head: bytes) -> bool:
+        """Answer for these bytes."""
+
+
+class Read(Protocol):
+    """Reads a file of that format; raises `LogError`."""
+
+    def __call__(self, source: Source, request: Request) -> Record:
+        """Return the record that the request describes."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One format: its name, and the two functions of its file."""
+
+    name: str
+    can_read: CanRead
+    read: Read
+
+
+READERS: Final = (
+    Reader(cetr_text.NAME, cetr_text.can_read, cetr_text.read),
+    Reader(delimited.NAME, delimited.can_read, delimited.read),
+)

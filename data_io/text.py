@@ -1,0 +1,95 @@
+"""Bytes to text to fields: encodings, line ends, delimiters, number tokens. Knows nothing of columns or formats."""
+
+import codecs
+import csv
+import re
+from typing import Final
+
+BLANKS: Final = r"\s+"
+"""The delimiter of columns that stand apart by blanks, as pandas writes it."""
+
+DELIMITERS: Final = ("\t", ";", ",", BLANKS)
+
+MISSING: Final = frozenset((
+    "", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---", "<na>", "-nan", "+nan",
+    "1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan", "1.#inf", "-1.#inf", "inf", "-inf", "+inf", "infinity", "-infinity",
+))  # fmt: skip
+"""What programs write where they have no number, in lower case."""
+
+# a line is text unless its first field that is not empty begins like a number or a missing number
+TEXT_LINE: Final = re.compile(
+    r'\n(?![ \t",;]*(?:[+-]?(?:\.?\d|\.\#)|[+-]?(?:nan|inf|infinity)\b|\n|\Z))', re.IGNORECASE
+)
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
+_BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+
+
+def _as_cp1252(error: UnicodeError) -> tuple[str, int]:
+    assert isinstance(error, UnicodeDecodeError)
+    wrong = error.object[error.start : error.end]
+    return wrong.decode("cp1252", errors="replace"), error.end
+
+
+# byte by byte, because exports mix: a UTF-8 header below a preamble in the code page of the machine
+codecs.register_error("data_io.cp1252", _as_cp1252)
+
+
+def looks_like_text(head: bytes) -> bool:
+    """Tell text from binary by the first bytes: a Unicode mark, or hardly any control characters and some print."""
+    if any(head.startswith(mark) for mark, _ in _BOMS):
+        return True
+    return len(_CONTROL.findall(head)) <= len(head) // 200 and b"\x00\x00" not in head
+
+
+def decode(data: bytes) -> str:
+    """Decode by byte-order mark, else UTF-8 with single bytes of cp1252; every kind of line end becomes newline."""
+    for mark, encoding in _BOMS:
+        if data.startswith(mark):
+            text = data[len(mark) :].decode(encoding, errors="data_io.cp1252" if encoding == "utf-8" else "replace")
+            break
+    else:
+        text = data.decode("utf-8", errors="data_io.cp1252")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """Split one line into stripped fields; quotes protect delimiters."""
+    line = line.strip("\n")
+    if delimiter == BLANKS:
+        return line.split()
+    if '"' not in line:
+        return [field.strip() for field in line.split(delimiter)]
+    try:
+        return [field.strip().strip('"').strip() for field in next(csv.reader([line], delimiter=delimiter), [])]
+    except csv.Error:
+        return [field.strip().strip('"') for field in line.split(delimiter)]
+
+
+def is_number(token: str, decimal: str = ".") -> bool:
+    """Tell whether a field is one number written with this decimal mark."""
+    if decimal == ",":
+        if "." in token:
+            return False
+        token = token.replace(",", ".")
+    return _NUMBER.fullmatch(token) is not None
+
+
+def is_number_like(token: str) -> bool:
+    """Tell whether a field is a number with either decimal mark, or a missing number."""
+    return is_number(token) or is_number(token, ",") or token.lower() in MISSING
+
+
+def to_number(token: str, decimal: str) -> float | None:
+    """Return the number in a field, NaN where it says missing, None where it is something else."""
+    token = token.strip().strip('"').strip()
+    if token.lower() in MISSING:
+        return float("nan")
+    if not is_number(token, decimal):
+        return None
+    return float(token.replace(",", ".").replace("d", "e").replace("D", "e"))
+
+
+def line_number(text: str, position: int) -> int:
+    """Return the number of the line, from 1, that holds a position of the text."""
+    return text.count("\n", 0, position) + 1

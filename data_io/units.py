@@ -1,0 +1,160 @@
+"""The one place where units become SI.
+
+Pint knows the units; here is only what laboratories write differently (`sec`, `µm`, `²`) and the rule that a mass
+unit where a force is expected means gram-force: tribometers print `g` and mean gf.
+"""
+
+import functools
+import math
+import re
+from typing import Any, Final, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from data_io.errors import UnitError
+
+FloatArray = npt.NDArray[np.float64]
+
+SI_UNIT: Final = {
+    "time": "s",
+    "force": "N",
+    "length": "m",
+    "speed": "m/s",
+    "mass": "kg",
+    "stiffness": "N/m",
+    "dimensionless": "",
+}
+"""SI unit of each kind of quantity that a log can hold."""
+
+STANDARD_GRAVITY: Final = 9.80665
+"""[m/s²], exact by definition (CGPM 1901): the weight of 1 kg is 1 kgf."""
+
+_EXAMPLES: Final = {
+    "s": "s, ms, min",
+    "N": "N, mN, uN, g, kgf",
+    "m": "m, mm, um",
+    "m/s": "m/s, mm/s, mm/min, um/s",
+    "kg": "kg, g",
+    "N/m": "N/m, kN/m, N/mm",
+    "s/m": "s/m, s/mm",
+    "": 'nothing, or "%"',
+}
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_ALLOWED = re.compile(r"[A-Za-zµμΩ°%0-9²³⁻¹·*/^(). \-]{0,40}")
+_SPELLING: Final = {
+    "µ": "u", "μ": "u", "²": "**2", "³": "**3", "⁻¹": "**-1", "·": "*", "^": "**", "kp": "kgf",
+}  # fmt: skip
+_WORDS: Final = {
+    "newton": "N", "newtons": "N", "gram": "g", "grams": "g", "seconds": "s", "second": "s", "sec": "s", "secs": "s",
+    "minutes": "min", "micron": "um", "microns": "um", "mikron": "um", "msec": "ms", "gr": "g",
+    "none": "", "-": "", "1": "",
+}  # fmt: skip
+
+
+@overload
+def to_si(values: FloatArray, unit: str, kind: str) -> FloatArray: ...
+@overload
+def to_si(values: float, unit: str, kind: str) -> float: ...
+def to_si(values: Any, unit: str, kind: str) -> Any:
+    """Convert values (number or array) in `unit` to the SI unit of `kind`, a key of `SI_UNIT`.
+
+    Raises `UnitError` when the unit is unknown or is no unit of that kind.
+    """
+    return _scaled(values, factor(unit, SI_UNIT[kind]))
+
+
+def parse_quantity(text: object, unit: str) -> float:
+    """Read a quantity such as "0.1 mm/min" as a number in the SI unit `unit` ("m/s", "N", "s/m", "" for none).
+
+    A bare number, or a string holding one, is taken as SI. Raises `UnitError` for everything else that is not a
+    finite number with a unit of the same dimension.
+    """
+    if isinstance(text, str):
+        number, given = _split_quantity(text, unit)
+    elif isinstance(text, (int, float, np.integer, np.floating)) and not isinstance(text, bool):
+        number, given = float(text), ""
+    else:
+        raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a number with its unit")
+    if not math.isfinite(number):
+        raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a finite number")
+    return float(_scaled(number, factor(given, unit))) if given else number
+
+
+def factor(unit: str, si_unit: str) -> float:
+    """Return the number that turns a value in `unit` into `si_unit`; raises `UnitError` if there is none."""
+    return 1.0 if unit == si_unit else _factor(unit, si_unit)
+
+
+def kind_of(unit: str) -> str | None:
+    """Name the kind of quantity a unit measures (a key of `SI_UNIT`; mass units count as force), None if no such."""
+    for kind in ("time", "force", "length", "speed", "dimensionless"):
+        try:
+            factor(unit, SI_UNIT[kind])
+        except UnitError:
+            continue
+        return kind
+    return None
+
+
+def _scaled(values: Any, scale: float) -> Any:
+    # 40 um is 40 / 1e6 m: the division rounds once, 40 * 1e-6 twice
+    inverse = round(1 / scale) if scale < 1 else 0
+    return values / inverse if inverse and 1 / inverse == scale else values * scale
+
+
+def _split_quantity(text: str, unit: str) -> tuple[float, str]:
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a number, then its unit")
+    if re.match(r",\d", match[2]):
+        raise UnitError(f"{text!r} holds a decimal comma where a point was expected; write it with a point")
+    return float(match[1]), match[2]
+
+
+def _expected(unit: str) -> str:
+    return f'a quantity in {unit} (such as "2 {unit}")' if unit else "a number without unit"
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint  # 0.5 s: only where a unit other than SI turns up
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
+
+
+@functools.lru_cache(maxsize=1024)
+def _factor(unit: str, si_unit: str) -> float:
+    measure = _parsed(unit)
+    wanted = _registry().Quantity(1.0, si_unit)
+    if measure is not None and measure.is_compatible_with("kg") and wanted.is_compatible_with("N"):
+        return float(measure.to("kg").magnitude) * STANDARD_GRAVITY
+    if measure is None or not measure.is_compatible_with(wanted):
+        found = f"the unit {unit!r}" if unit else "no unit"
+        wrong = "is unknown" if measure is None else "was found"
+        raise UnitError(
+            f"{found} {wrong} where {'a unit of ' + si_unit if si_unit else 'a number without unit'} was expected; "
+            f"use one of {_EXAMPLES.get(si_unit, si_unit)}"
+        )
+    return float(measure.to(wanted.units).magnitude)
+
+
+def _parsed(unit: str) -> Any:
+    """Return the pint quantity of one `unit`, None where pint does not know it."""
+    import tokenize
+
+    import pint
+
+    plain = unit.strip()
+    if not _ALLOWED.fullmatch(plain) or re.search("°[CF]|deg[CF]", plain):  # a shifted zero is no factor
+        return None
+    for found, spelling in _SPELLING.items():
+        plain = plain.replace(found, spelling)
+    plain = re.sub(r"[A-Za-z]+|^[-1]$", lambda word: _WORDS.get(word[0].lower(), word[0]), plain)
+    plain = re.sub(r"(?<=[A-Za-z)])(-?\d)", r"**\1", plain)
+    try:
+        return _registry().Quantity(1.0, plain)
+    except (pint.PintError, tokenize.TokenError, SyntaxError, ArithmeticError):
+        return None
+    except (AttributeError, TypeError, ValueError, AssertionError, IndexError, KeyError):  # what pint's parser leaks
+        return None
