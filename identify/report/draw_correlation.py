@@ -1,0 +1,57 @@
+"""Correlation of the estimated parameters as a heat map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from identify.report.style import HALF, MEASURED, Drawing
+from identify.report.table_csv import Columns
+
+COLOURS = "PuOr"  # diverging, told apart by colour-blind readers
+
+
+def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawing:
+    """Heat map of the matrix (p, p) with the figures in its cells; NaN cells stay empty."""
+    count = len(names)
+    size = max(2.6, min(HALF, 1.3 + 0.58 * count))
+    figure = Figure(figsize=(HALF, size * 0.86))
+    axes = figure.add_axes((0.16, 0.10, 0.70, 0.87))
+    image = axes.pcolormesh(
+        np.ma.masked_invalid(matrix), cmap=COLOURS, vmin=-1, vmax=1, edgecolors="white", linewidth=1.5
+    )
+    axes.invert_yaxis()
+    middles = np.arange(count) + 0.5
+    axes.set_xticks(middles, names)
+    axes.set_yticks(middles, names)
+    axes.tick_params(length=0)
+    axes.grid(False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    for (row, column), value in np.ndenumerate(matrix):
+        text = f"{value:.2f}".replace("-", "−") if np.isfinite(value) else "–"
+        colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
+        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
+    bar = figure.colorbar(image, cax=figure.add_axes((0.885, 0.10, 0.022, 0.87)), ticks=[-1, -0.5, 0, 0.5, 1])
+    bar.outline.set_visible(False)
+    bar.set_label("correlation (1)")
+    table: Columns = {"parameter": np.array(names), **{name: matrix[:, i] for i, name in enumerate(names)}}
+    return Drawing(
+        name="correlation",
+        figure=figure,
+        alt="Correlation matrix of the estimated parameters: " + _strongest(names, matrix),
+        caption="Correlation of the estimates. Near ±1 the logs tell only a combination of the two parameters.",
+        wide=False,
+        tables={"correlation": table},
+    )
+
+
+def _strongest(names: Sequence[str], matrix: NDArray[np.float64]) -> str:
+    off = np.where(np.eye(len(names), dtype=bool) | ~np.isfinite(matrix), 0.0, matrix)
+    if not off.size or not off.any():
+        return "no correlation is known."
+    row, column = np.unravel_index(int(np.argmax(np.abs(off))), off.shape)
+    return f"the strongest is {off[row, column]:.2f}, between {names[int(row)]} and {names[int(column)]}."

@@ -1,0 +1,227 @@
+"""Measured against fitted force of one log, with residuals, the normal force and a close-up of a few cycles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from identify.outcome import LogCurves
+from identify.report.envelope import Envelope, envelope, extremes
+from identify.report.style import (
+    ARREST,
+    BEHIND,
+    FITTED,
+    MEASURED,
+    ONSET,
+    QUIET,
+    RESIDUAL,
+    WIDE,
+    Drawing,
+    frame,
+    headroom,
+    padded,
+)
+from identify.report.table_csv import Columns
+
+OVERVIEW_STRETCHES, CLOSEUP_STRETCHES = 560, 300
+MOST_MARKS = 120
+CYCLES_IN_CLOSEUP = 3
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class View:
+    """The signals of a stretch of a log, thinned for drawing; `fitted` and `residual` are None without a fit."""
+
+    measured: Envelope
+    normal: Envelope
+    fitted: Envelope | None
+    residual: Envelope | None
+
+    def columns(self) -> Columns:
+        """The drawn data, for the CSV behind the figure."""
+        table: dict[str, Array] = {"time_s": self.measured.time}
+        signals = {"measured": self.measured, "fitted": self.fitted, "residual": self.residual, "normal": self.normal}
+        for name, signal in signals.items():
+            if signal is None:
+                continue
+            if signal.exact:
+                table[f"{name}_N"] = signal.lower
+            else:
+                table[f"{name}_lowest_N"], table[f"{name}_highest_N"] = signal.lower, signal.upper
+        return table
+
+
+def view(curves: LogCurves, start: int, stop: int, stretches: int) -> View:
+    """The samples [start, stop) of a log in so many stretches."""
+    time = curves.time[start:stop]
+
+    def thin(values: Array) -> Envelope:
+        return envelope(time, values[start:stop], stretches)
+
+    fitted = bool(np.isfinite(curves.fitted_force[start:stop]).any())
+    return View(
+        measured=thin(curves.friction_force),
+        normal=thin(curves.normal_force),
+        fitted=thin(curves.fitted_force) if fitted else None,
+        residual=thin(curves.friction_force - curves.fitted_force) if fitted else None,
+    )
+
+
+def closeup_range(curves: LogCurves) -> tuple[int, int] | None:
+    """Samples [start, stop) of a few cycles about the typical slip, or None where the whole log shows as much."""
+    onsets = curves.cycles[:, 0]
+    if len(onsets) < 2 * CYCLES_IN_CLOSEUP:
+        return None
+    middle = float(curves.slip.time.mean()) if curves.slip is not None else float(onsets[len(onsets) // 2])
+    period = float(np.median(np.diff(onsets)))
+    half = 0.5 * CYCLES_IN_CLOSEUP * period
+    start, stop = np.searchsorted(curves.time, [middle - half, middle + half])
+    return (int(start), int(stop)) if stop - start >= 8 else None
+
+
+def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
+    """The figure of log number `position` (from 1); `accepted` says whether the fitted curve passed the gate."""
+    whole, near = view(curves, 0, len(curves.time), OVERVIEW_STRETCHES), closeup_range(curves)
+    fitted = whole.fitted is not None
+    heights = [3.0, 1.15, 0.75] if fitted else [3.0, 0.75]
+    height = 0.78 + 0.72 * sum(heights)
+    figure = Figure(figsize=(WIDE, height))
+    grid = figure.add_gridspec(
+        len(heights),
+        2 if near else 1,
+        height_ratios=heights,
+        width_ratios=[2.1, 1] if near else [1],
+        left=0.062,
+        right=0.992,
+        top=1 - 0.32 / height,
+        bottom=0.46 / height,
+        hspace=0.14,
+        wspace=0.115,
+    )
+    tables = {f"log_{position}_force": whole.columns()}
+    _fill_column(
+        [figure.add_subplot(grid[row, 0]) for row in range(len(heights))], whole, curves, accepted, "whole log"
+    )
+    if near:
+        closer = view(curves, *near, CLOSEUP_STRETCHES)
+        tables[f"log_{position}_force_closeup"] = closer.columns()
+        axes = [figure.add_subplot(grid[row, 1]) for row in range(len(heights))]
+        _fill_column(axes, closer, curves, accepted, "close-up", span=(curves.time[near[0]], curves.time[near[1] - 1]))
+    what = "Measured and fitted friction force with residuals" if fitted else "Measured friction force with its cycles"
+    return Drawing(
+        name=f"log_{position}_force",
+        figure=figure,
+        alt=f"{what}, and normal force, of log {position} over time; {len(curves.cycles)} cycles are marked.",
+        caption=_caption(whole, fitted, accepted),
+        wide=True,
+        tables=tables,
+    )
+
+
+def _fill_column(
+    axes: list[Axes], seen: View, curves: LogCurves, accepted: bool, title: str, span: tuple[float, float] | None = None
+) -> None:
+    overview = span is None
+    low, high = span or (float(curves.time[0]), float(curves.time[-1]))
+    force, normal = axes[0], axes[-1]
+    _band(force, seen.measured, BEHIND if seen.fitted else MEASURED, "measured", 2.4 if seen.fitted else 0.9)
+    if seen.fitted is not None:
+        _band(force, seen.fitted, FITTED, "fitted" if accepted else "last iterate (not accepted)")
+    padded(force, np.concatenate([seen.measured.lower, seen.measured.upper]))
+    headroom(force, 0.16)
+    _marks(force, curves, low, high)
+    frame(force, "", "friction force (N)" if overview else "", title)
+    if overview:
+        force.legend(loc="upper right", ncols=4, handlelength=1.4, columnspacing=1.3, borderaxespad=0.1)
+    if seen.residual is not None:
+        _residuals(axes[1], seen.residual, curves.noise, overview)
+    _band(normal, seen.normal, QUIET, "normal", 0.6)
+    padded(normal, np.concatenate([seen.normal.lower, seen.normal.upper]), 0.3)
+    normal.locator_params(axis="y", nbins=3)
+    frame(normal, "time (s)", "Fₙ (N)" if overview else "")
+    for panel in axes:
+        panel.set_xlim(low, high)
+        panel.locator_params(axis="x", nbins=9 if overview else 5)
+        _shade_unused(panel, curves, low, high)
+
+
+def _band(axes: Axes, signal: Envelope, colour: str, label: str, width: float = 0.9) -> None:
+    """The samples as a line, or the range of each stretch as a filled band with an edge that stays visible."""
+    if signal.exact:
+        axes.plot(signal.time, signal.lower, color=colour, linewidth=width, label=label)
+        return
+    axes.fill_between(
+        signal.time,
+        signal.lower,
+        signal.upper,
+        where=np.isfinite(signal.lower).tolist(),
+        color=colour,
+        linewidth=width,
+        label=label,
+    )
+
+
+def _residuals(axes: Axes, residual: Envelope, noise: float, labelled: bool) -> None:
+    scaled = Envelope(residual.time, 1e3 * residual.lower, 1e3 * residual.upper, residual.per_stretch)
+    _band(axes, scaled, RESIDUAL, "residual", 0.6)
+    for level in (-2e3 * noise, 2e3 * noise) if np.isfinite(noise) else ():
+        axes.axhline(level, color=MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+    values = np.concatenate([scaled.lower, scaled.upper])
+    limit = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
+    limit = max(limit, 3e3 * noise if np.isfinite(noise) else 0.0, 1e-9)
+    axes.set_ylim(-1.1 * limit, 1.1 * limit)
+    axes.locator_params(axis="y", nbins=4)
+    frame(axes, "", "residual (mN)" if labelled else "")
+
+
+def _marks(axes: Axes, curves: LogCurves, low: float, high: float) -> None:
+    """Onsets and arrests; where there are too many for the picture, an even choice of them with every extreme."""
+    for time, force, marker, colour, label in (
+        (curves.cycles[:, 0], curves.cycles[:, 2], "v", ONSET, "onset"),
+        (curves.cycles[:, 1], curves.cycles[:, 3], "^", ARREST, "arrest"),
+    ):
+        inside = np.flatnonzero((time >= low) & (time <= high) & np.isfinite(force))
+        chosen = inside[extremes(force[inside], MOST_MARKS // 2)]
+        axes.plot(
+            time[chosen],
+            force[chosen],
+            linestyle="none",
+            marker=marker,
+            markersize=4.2,
+            markerfacecolor=colour,
+            markeredgecolor="white",
+            markeredgewidth=0.4,
+            label=label,
+        )
+
+
+def _shade_unused(axes: Axes, curves: LogCurves, low: float, high: float) -> None:
+    """Grey over stretches of at least 1 % of the picture that do not count in the fit."""
+    if not curves.used.any():
+        return
+    change = np.flatnonzero(np.diff(np.concatenate([[True], curves.used, [True]]).astype(np.int8)))
+    for first, last in change.reshape(-1, 2):
+        start, stop = float(curves.time[first]), float(curves.time[min(last, len(curves.time) - 1)])
+        if min(stop, high) - max(start, low) > 0.01 * (high - low):
+            axes.axvspan(max(start, low), min(stop, high), color="#f1ede4", linewidth=0, zorder=0)
+
+
+def _caption(whole: View, fitted: bool, accepted: bool) -> str:
+    parts = []
+    if fitted:
+        parts.append("Residual = measured − fitted; dashed: ± 2 standard deviations of the noise.")
+        if not accepted:
+            parts.append("The fitted curve is the last iterate of a fit that was not accepted.")
+    else:
+        parts.append("Nothing was fitted to this log; the marks are the cycles detected in the data.")
+    if not whole.measured.exact:
+        parts.append(
+            f"Whole log: lowest and highest of every {whole.measured.per_stretch} samples, so that no peak is lost."
+        )
+    return " ".join(parts)

@@ -1,0 +1,102 @@
+"""result.h5: the document of result.json, and the measured and fitted curves of every log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from identify.outcome import Fit, LogCurves, SlipDetail
+from identify.report.document import as_json, plain
+
+FORMAT_VERSION = 1
+CURVE_UNITS = {
+    "time": "s",
+    "normal_force": "N",
+    "friction_force": "N",
+    "fitted_force": "N",
+    "used": "1",
+}
+CYCLE_UNITS = {"onset": "s", "arrest": "s", "onset_force": "N", "arrest_force": "N", "misfit_z": "1"}
+SLIP_UNITS = {
+    "time": "s",
+    "force": "N",
+    "elongation": "m",
+    "sliding_speed": "m/s",
+    "gamma": "1",
+    "coefficient": "1",
+}
+
+
+def write_result_h5(fit: Fit, path: Path) -> None:
+    """Write the fit to an HDF5 file (an existing one is replaced).
+
+    `/document`: the text of result.json; `/result`: the same as groups and datasets (null is an empty
+    dataset); `/curves/log_<n>`: time, forces and mask at every sample, `cycles/`, `slip/`, each with `units`.
+    """
+    with h5py.File(path, "w") as file:
+        file.attrs["format"] = "stickslip-result"
+        file.attrs["format_version"] = FORMAT_VERSION
+        file.create_dataset("document", data=as_json(fit.result), dtype=h5py.string_dtype())
+        _put(file, "result", plain(fit.result))
+        for position, curves in enumerate(fit.logs, start=1):
+            _put_curves(file.create_group(f"curves/log_{position}"), curves)
+
+
+def _put_curves(group: h5py.Group, curves: LogCurves) -> None:
+    group.attrs["name"] = curves.name
+    group.attrs["noise_N"] = curves.noise
+    group.attrs["drive_speed_m_per_s"] = curves.drive_speed
+    for name, unit in CURVE_UNITS.items():
+        _array(group, name, getattr(curves, name), unit)
+    for column, (name, unit) in enumerate(CYCLE_UNITS.items()):
+        _array(group, f"cycles/{name}", curves.cycles[:, column], unit)
+    if curves.slip is not None:
+        _put_slip(group.create_group("slip"), curves.slip)
+
+
+def _put_slip(group: h5py.Group, slip: SlipDetail) -> None:
+    group.attrs["cycle"] = slip.cycle
+    for name, unit in SLIP_UNITS.items():
+        _array(group, name, getattr(slip, name), unit)
+    _array(group, "samples", slip.samples, "1")
+
+
+def _array(group: h5py.Group, name: str, values: np.ndarray[Any, Any], unit: str) -> None:
+    # Small arrays stay unpacked: chunking would cost more than it saves.
+    packed: dict[str, Any] = (
+        {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) > 4096 else {}
+    )
+    group.create_dataset(name, data=values, **packed).attrs["units"] = unit
+
+
+def _put(parent: h5py.Group, name: str, value: Any) -> None:
+    """One item of the document below `parent`; a list that is no plain array becomes a group of 1, 2, ..."""
+    key = name.replace("/", "|") or "-"
+    if isinstance(value, list) and (array := _as_array(value)) is not None:
+        parent.create_dataset(key, data=array)
+    elif isinstance(value, Mapping | list):
+        items = value.items() if isinstance(value, Mapping) else ((str(i), v) for i, v in enumerate(value, start=1))
+        group = parent.create_group(key, track_order=True)
+        for inner, item in items:
+            _put(group, str(inner), item)
+    elif value is None:
+        parent.create_dataset(key, data=h5py.Empty("f8"))
+    elif isinstance(value, str):
+        parent.create_dataset(key, data=value.replace("\0", "\N{REPLACEMENT CHARACTER}"), dtype=h5py.string_dtype())
+    else:
+        parent.create_dataset(key, data=value)
+
+
+def _as_array(value: list[Any]) -> np.ndarray[Any, Any] | None:
+    """Numbers (null as NaN) or rows of them of equal length as an array, else None."""
+    rows = value if value and all(isinstance(row, list) for row in value) else [value]
+    flat = [item for row in rows for item in row]
+    numeric = all(item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for item in flat)
+    if not flat or not numeric or len({len(row) for row in rows}) != 1:
+        return None
+    array = np.array([[np.nan if item is None else float(item) for item in row] for row in rows])
+    return array if rows is value else array[0]

@@ -1,0 +1,141 @@
+"""report.html: one file that opens from disk, with figures inside and nothing from the network."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from identify.outcome import Fit
+from identify.report.document import plain
+from identify.report.figures import Picture
+from identify.report.quantity_text import finite, quantity
+from identify.report.svg import inline_svg
+from identify.report.tables import Cell, classical_tables, entry_table, sensitivity_table
+from identify.report.views import banner, last_iterate_rows, log_views, parameter_views
+from identify.report.words import TIMING_WORDS
+
+LARGEST = 3_000_000  # bytes of report.html
+FOR_FIGURES = 2_300_000  # of which figures may take
+
+
+@dataclass(frozen=True)
+class FigureView:
+    """A figure in the page: its inlined markup, or "" where only the file in the figures folder has room."""
+
+    name: str
+    alt: str
+    caption: str
+    wide: bool
+    markup: Markup
+
+
+def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
+    """The text of report.html for the fit and its rendered figures; at most 3 MB."""
+    environment = Environment(
+        loader=PackageLoader("identify.report", "templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    result = plain(fit.result)
+    logs = log_views(fit)
+    heads = [
+        (Cell(f"log {view.number}", dict(view.facts).get("drive speed", "")), log)
+        for view, log in zip(logs, result.get("logs", ()), strict=True)
+    ]
+    figures = inlined(drawn)
+    return environment.get_template("page.html.j2").render(
+        style=Markup(environment.get_template("style.css").render()),
+        title=_title(result, logs),
+        result=result,
+        converged=fit.converged,
+        banner=banner(fit),
+        parameters=parameter_views(result.get("parameters", {})),
+        level=_level(result.get("parameters", {})),
+        logs=logs,
+        figures_of={view.number: [f for p, f in figures if p.log == view.number] for view in logs},
+        overall_figures=[f for p, f in figures if p.log is None],
+        classical=classical_tables(result.get("logs", ())),
+        derived=[
+            table
+            for table in (
+                entry_table([(Cell("value"), result.get("derived") or {})], "friction pair"),
+                entry_table([(head, log.get("derived") or {}) for head, log in heads], "each log"),
+            )
+            if table is not None
+        ],
+        quality=entry_table([(head, (log.get("quality") or {}).get("figures") or {}) for head, log in heads], ""),
+        sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
+        timings=_timings(result.get("timing_s") or {}),
+        last_iterate=last_iterate_rows(result.get("last_iterate")),
+        provenance=_provenance(result.get("provenance") or {}),
+        scene=_scene(result.get("provenance") or {}),
+    )
+
+
+def inlined(drawn: Sequence[Picture]) -> list[tuple[Picture, FigureView]]:
+    """Every figure with its markup: SVG while there is room for all, the largest as PNG where there is not.
+
+    Where even that is too much, the largest figures are left to the figures folder.
+    """
+    choices = [(inline_svg(picture.svg, picture.name), _png(picture), "") for picture in drawn]
+    chosen = [0] * len(drawn)
+    sizes = [[len(markup.encode()) for markup in choice] for choice in choices]
+    while sum(sizes[i][chosen[i]] for i in range(len(drawn))) > FOR_FIGURES:
+        step = min(chosen)
+        largest = max((i for i in range(len(drawn)) if chosen[i] == step), key=lambda i: sizes[i][step])
+        chosen[largest] += 1
+    return [
+        (picture, FigureView(picture.name, picture.alt, picture.caption, picture.wide, Markup(choices[i][chosen[i]])))
+        for i, picture in enumerate(drawn)
+    ]
+
+
+def _png(picture: Picture) -> str:
+    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(picture.png).decode("ascii")}">'
+
+
+def _title(result: Mapping[str, Any], logs: Sequence[Any]) -> str:
+    scene = (result.get("provenance") or {}).get("scene") or {}
+    name = scene.get("name") if isinstance(scene, Mapping) else None
+    return str(name) if name else f"{len(logs)} log{'s' * (len(logs) != 1)}"
+
+
+def _level(parameters: Mapping[str, Mapping[str, Any]]) -> str:
+    levels = {finite(entry.get("level")) for entry in parameters.values()} - {None}
+    return f"{100 * next(iter(levels)):g} %" if len(levels) == 1 else "stated"  # type: ignore[operator]
+
+
+def _timings(timings: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [
+        (TIMING_WORDS.get(key, key.replace("_", " ")), quantity(finite(value), "s", 3))
+        for key, value in timings.items()
+    ]
+
+
+def _provenance(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
+    rows = []
+    for key, value in provenance.items():
+        if key == "scene" or value is None or value == {}:
+            continue
+        if isinstance(value, Mapping):
+            value = ", ".join(f"{name} {item}" for name, item in value.items())
+        elif isinstance(value, list):
+            value = " ".join(str(item) for item in value)
+        rows.append((key.replace("_", " "), str(value)))
+    return rows
+
+
+def _scene(provenance: Mapping[str, Any]) -> str:
+    scene = provenance.get("scene")
+    if not scene:
+        return ""
+    text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2)
+    return text if len(text) <= 60_000 else text[:60_000] + "\n… (whole in result.json)"

@@ -1,0 +1,132 @@
+"""Numbers as a laboratory reads them: a fitting unit, as many digits as mean something, a true minus sign."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+DASH = "–"
+# From large to small; the first unit in which the number is at least 0.1 is taken.
+LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
+    "m": (("mm", 1e-3), ("µm", 1e-6), ("nm", 1e-9)),
+    "m/s": (("m/s", 1.0), ("mm/s", 1e-3), ("µm/s", 1e-6), ("nm/s", 1e-9)),
+    "s": (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)),
+    "N": (("N", 1.0), ("mN", 1e-3), ("µN", 1e-6)),
+    "N/s": (("N/s", 1.0), ("mN/s", 1e-3), ("µN/s", 1e-6)),
+    "kg": (("kg", 1.0), ("g", 1e-3), ("mg", 1e-6)),
+    "Hz": (("kHz", 1e3), ("Hz", 1.0), ("mHz", 1e-3)),
+    "W": (("W", 1.0), ("mW", 1e-3), ("µW", 1e-6)),
+    "J": (("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9)),
+}
+# How a key of the result document tells its unit; longer endings first.
+KEY_UNITS = (
+    ("_m_per_s", "m/s"),
+    ("_N_per_m", "N/m"),
+    ("_N_per_s", "N/s"),
+    ("_s_per_m", "s/m"),
+    ("_per_s", "1/s"),
+    ("_percent", "%"),
+    ("_Hz", "Hz"),
+    ("_kg", "kg"),
+    ("_Pa", "Pa"),
+    ("_N", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A unit to show numbers in: SI value = shown value * factor."""
+
+    unit: str
+    factor: float
+
+
+def scale_for(value: float | None, unit: str) -> Scale:
+    """The unit in which the SI value reads well; unknown units stay as they are."""
+    known = LAB_UNITS.get(unit)
+    if known is None:
+        return Scale(unit, 1.0)
+    if value is None or not math.isfinite(value) or value == 0:
+        return Scale(unit, 1.0)
+    for name, factor in known:
+        if abs(value) >= 0.0999 * factor:
+            return Scale(name, factor)
+    return Scale(*known[-1])
+
+
+def finite(value: object) -> float | None:
+    """The value as a finite float, else None (null, NaN, text, truth values)."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """The number with `digits` significant digits, trailing zeros dropped; a dash for None."""
+    if value is None:
+        return DASH
+    if value != 0 and not 1e-4 <= abs(value) < 1e6:
+        mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+        return _signed(f"{_trimmed(mantissa)}·10{_superscript(int(exponent))}")
+    places = digits - 1 - _decade(value)
+    text = f"{value:.{max(places, 0)}f}"
+    return _signed(_trimmed(text))
+
+
+def decimals(value: float, places: int) -> str:
+    """The number with a fixed number of decimals (at most 8); places below 0 round to tens, hundreds, ..."""
+    if places < 0:
+        value = round(value, places)
+    return _signed(f"{value:.{min(max(places, 0), 8)}f}")
+
+
+def places_for(error: float | None, value: float | None) -> int:
+    """Decimals that show the error with two digits, or one where it begins with 4 or more; else four of the value."""
+    if error is not None and error > 0:
+        return (1 if error / 10.0 ** _decade(error) < 3.55 else 0) - _decade(error)
+    return 3 - _decade(value or 0.0)
+
+
+def quantity(value: float | None, unit: str, digits: int = 4) -> str:
+    """The SI value with a fitting unit: 37.4e-6, "m" -> "37.4 µm"."""
+    if value is None:
+        return DASH
+    scale = scale_for(value, unit)
+    space = "" if scale.unit in ("", "%") else "\N{NO-BREAK SPACE}"
+    return f"{number(value / scale.factor, digits)}{space}{scale.unit}"
+
+
+def speed(value: float | None) -> str:
+    """A drive speed [m/s]; in mm/min where that is the rounder number, as it is on the dial of the tribometer."""
+    if value is None:
+        return DASH
+    per_minute, shown = number(value * 6e4, 6), quantity(value, "m/s", 6)
+    if len(per_minute) < len(shown.split("\N{NO-BREAK SPACE}")[0]) and abs(value) < 1e-3:
+        return f"{per_minute}\N{NO-BREAK SPACE}mm/min"
+    return quantity(value, "m/s")
+
+
+def split_key(key: str) -> tuple[str, str]:
+    """Name and SI unit told by a key of the document: "onset_force_N" -> ("onset force", "N")."""
+    for ending, unit in KEY_UNITS:
+        if key.endswith(ending) and len(key) > len(ending):
+            return key[: -len(ending)].replace("_", " "), unit
+    return key.replace("_", " "), ""
+
+
+def _decade(value: float) -> int:
+    return 0 if value == 0 or not math.isfinite(value) else math.floor(math.log10(abs(value)))
+
+
+def _trimmed(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _superscript(exponent: int) -> str:
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -1,0 +1,125 @@
+"""One look for all figures: colours that colour-blind readers can tell apart, quiet axes, no pyplot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from identify.report.table_csv import Columns
+
+# Okabe and Ito's colours.
+MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
+ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
+SHADE, QUIET = "#e9edf1", "#7a858f"
+
+WIDE, HALF = 10.2, 5.05  # figure widths [inch]: the whole page and half of it
+STYLE: Any = {  # matplotlib's types spell out every key there is
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.titlecolor": "#2b333b",
+    "axes.labelsize": 8.5,
+    "axes.labelcolor": "#2b333b",
+    "axes.edgecolor": "#a9b3bc",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.useoffset": False,
+    "axes.unicode_minus": True,
+    "xtick.color": "#56616b",
+    "ytick.color": "#56616b",
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "axes.grid": True,
+    "grid.color": "#e4e8ec",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.1,
+    "lines.solid_joinstyle": "round",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.2,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "stickslip",
+    "text.parse_math": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """One figure of the report.
+
+    name: file name without ending; alt: what a reader who cannot see it should know; caption: what
+    stands below it; tables: the data behind it, one CSV file per entry (name -> columns of equal length).
+    """
+
+    name: str
+    figure: Figure
+    alt: str
+    caption: str
+    wide: bool
+    tables: Mapping[str, Columns] = field(default_factory=dict)
+
+
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """Draw and render inside this: matplotlib's own settings are put back afterwards."""
+    with matplotlib.rc_context(STYLE):
+        yield
+
+
+def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> None:
+    """Axis labels with units and a title, at fixed places: aligned between panels, and matplotlib need not measure.
+
+    An empty x hides the tick labels of a shared time axis; gap [inch] lies between the panel and its y label.
+    """
+    box, (width, height) = axes.get_position(), axes.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
+    inches = axes.get_figure(root=True).dpi_scale_trans  # type: ignore[union-attr]
+    axes.set_ylabel(y, linespacing=1.05)
+    axes.yaxis.set_label_coords(box.x0 * width - gap, (box.y0 + box.y1) / 2 * height, transform=inches)
+    axes.set_xlabel(x)
+    axes.xaxis.set_label_coords((box.x0 + box.x1) / 2 * width, box.y0 * height - 0.24, transform=inches)
+    if not x:
+        axes.tick_params(labelbottom=False)
+    if title:
+        axes.set_title(title, y=1.0, pad=5)
+
+
+def padded(axes: Axes, values: NDArray[np.float64], share: float = 0.08) -> None:
+    """y limits around the finite values, so that a flat signal does not fill the panel with its last digits."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return
+    low, high = float(finite.min()), float(finite.max())
+    pad = share * (high - low) or max(abs(high), 1e-12) * 0.05
+    axes.set_ylim(low - pad, high + pad)
+
+
+def headroom(axes: Axes, share: float) -> None:
+    """More room above the data, for a legend."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + share * (high - low))
+
+
+def printable(text: object, longest: int = 60) -> str:
+    """Text that any renderer takes: no control characters, not endless."""
+    kept = "".join(c if c.isprintable() else " " for c in str(text))
+    return kept if len(kept) <= longest else kept[: longest - 1] + "…"

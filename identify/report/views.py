@@ -1,0 +1,221 @@
+"""What the template of the page shows, as plain values: banner, parameters, logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from identify.outcome import Fit
+from identify.report.quantity_text import (
+    DASH,
+    decimals,
+    finite,
+    number,
+    places_for,
+    quantity,
+    scale_for,
+    speed,
+)
+from identify.report.words import (
+    MEANINGS,
+    QUALITY_CLASS,
+    STATUS,
+    SYMBOLS,
+    VERDICT_CLASS,
+    VERDICT_MARK,
+)
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One figure of the gate with what it should be."""
+
+    label: str
+    value: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Banner:
+    """Can it be trusted: badge, headline, sentence, and the figures behind the answer."""
+
+    kind: str
+    badge: str
+    headline: str
+    message: str
+    tiles: tuple[Tile, ...]
+
+
+@dataclass(frozen=True)
+class ParameterView:
+    """One row of the parameter table, ready to print."""
+
+    symbol: str
+    subscript: str
+    name: str
+    meaning: str
+    value: str
+    error: str
+    unit: str
+    interval: str
+    si: str
+    verdict: str
+    verdict_class: str
+    verdict_mark: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class LogView:
+    """One log as its section shows it."""
+
+    number: int
+    name: str
+    path: str
+    sha256: str
+    facts: tuple[tuple[str, str], ...]
+    labels: tuple[tuple[str, str], ...]
+    quality: str
+    quality_class: str
+    findings: tuple[tuple[str, str], ...]
+    left_out: str
+
+
+def banner(fit: Fit) -> Banner:
+    """The answer to "can it be trusted?" in plain words."""
+    words = STATUS[fit.status]
+    kind, headline = ("good", words.headline) if fit.converged else ("bad", words.headline)
+    doubtful = [
+        name
+        for name, entry in fit.result.get("parameters", {}).items()
+        if entry.get("verdict") in ("not identifiable", "at bound")
+    ]
+    if fit.converged and doubtful:
+        kind = "fair"
+        headline += f" But it does not tell every parameter: see {_listed([_symbol_text(n) for n in doubtful])}."
+    return Banner(kind, words.badge, headline, str(fit.result.get("message", "")), _tiles(fit.result))
+
+
+def parameter_views(parameters: Mapping[str, Mapping[str, Any]]) -> tuple[ParameterView, ...]:
+    """The rows of the parameter table."""
+    return tuple(_parameter(name, entry) for name, entry in parameters.items())
+
+
+def log_views(fit: Fit) -> tuple[LogView, ...]:
+    """One view per log of the document."""
+    return tuple(_log(number_, log) for number_, log in enumerate(fit.result.get("logs", ()), start=1))
+
+
+def last_iterate_rows(last: Any) -> tuple[tuple[str, str], ...]:
+    """Name and number of the last iterate, where it is a mapping of numbers or of entries with a value."""
+    if not isinstance(last, Mapping):
+        return ()
+    rows = []
+    for name, entry in last.items():
+        value, unit = (entry.get("value"), entry.get("unit")) if isinstance(entry, Mapping) else (entry, "")
+        rows.append((str(name), quantity(finite(value), str(unit or ""))))
+    return tuple(rows)
+
+
+def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
+    value, error, unit = finite(entry.get("value")), finite(entry.get("standard_error")), str(entry.get("unit") or "")
+    scale = scale_for(value, unit)
+    shown = None if value is None else value / scale.factor
+    shown_error = None if error is None else error / scale.factor
+    places = places_for(shown_error, shown) if shown_error else places_for(None, shown) - 1
+    symbol, subscript = entry.get("symbol") or SYMBOLS.get(name, (name, ""))
+    verdict = str(entry.get("verdict") or "")
+    return ParameterView(
+        symbol=symbol,
+        subscript=subscript,
+        name=name,
+        meaning=str(entry.get("meaning") or MEANINGS.get(name, "")),
+        value=DASH if shown is None else decimals(shown, places),
+        error="" if shown_error is None else decimals(shown_error, places),
+        unit=scale.unit,
+        interval=_interval(entry.get("interval"), scale.factor, places),
+        si=f"{number(value, 5)} {unit}" if value is not None and scale.factor != 1 else "",
+        verdict=verdict,
+        verdict_class=VERDICT_CLASS.get(verdict, "plain"),
+        verdict_mark=VERDICT_MARK.get(verdict, ""),
+        reason=str(entry.get("reason") or ""),
+    )
+
+
+def _interval(interval: Any, factor: float, places: int) -> str:
+    if not isinstance(interval, Sequence) or isinstance(interval, str) or len(interval) != 2:
+        return DASH
+    low, high = finite(interval[0]), finite(interval[1])
+    if low is None and high is None:
+        return "open"
+    if low is None:
+        return f"below {decimals((high or 0.0) / factor, places)}"
+    if high is None:
+        return f"above {decimals(low / factor, places)}"
+    return f"{decimals(low / factor, places)} to {decimals(high / factor, places)}"
+
+
+def _tiles(result: Mapping[str, Any]) -> tuple[Tile, ...]:
+    gate, fit = result.get("gate") or {}, result.get("fit") or {}
+    tiles = []
+    if "chi2_per_sample" in gate:
+        tiles.append(Tile("misfit", number(finite(gate["chi2_per_sample"]), 4), "χ² per sample; 1 is pure noise"))
+    worst = gate.get("worst_cycle") or {}
+    if worst:
+        where = f"log {worst.get('log', DASH)}, cycle {worst.get('cycle', DASH)}; a few is usual, above 6 is refused"
+        tiles.append(Tile("worst cycle", f"z = {number(finite(worst.get('z')), 3)}", where))
+    if gate.get("solver") is not None:
+        tiles.append(Tile("solver", str(gate["solver"]).replace("_", " "), "how the optimiser ended"))
+    if "event_shift_samples" in gate:
+        shift = number(finite(gate["event_shift_samples"]), 2)
+        tiles.append(Tile("switch times", f"{shift} samples", "last movement; settled below 0.5"))
+    if fit:
+        count = (
+            f"{fit.get('samples', DASH):,}".replace(",", "\N{NARROW NO-BREAK SPACE}") if fit.get("samples") else DASH
+        )
+        rms = quantity(finite(fit.get("rms_N")), "N", 3)
+        tiles.append(Tile("data", f"{fit.get('cycles', DASH)} cycles", f"{count} samples; residual {rms} (rms)"))
+    return tuple(tiles)
+
+
+def _log(number_: int, log: Mapping[str, Any]) -> LogView:
+    quality = log.get("quality") or {}
+    verdict = str(quality.get("verdict") or "")
+    path = str(log.get("path", ""))
+    return LogView(
+        number=number_,
+        name=path.replace("\\", "/").rsplit("/", 1)[-1] or f"log {number_}",
+        path=path,
+        sha256=str(log.get("sha256") or ""),
+        facts=_facts(log),
+        labels=tuple((str(key), str(value)) for key, value in (log.get("labels") or {}).items()),
+        quality=verdict,
+        quality_class=QUALITY_CLASS.get(verdict, "plain"),
+        findings=tuple(
+            (str(f.get("severity", "info")), str(f.get("message", ""))) for f in quality.get("findings", ())
+        ),
+        left_out=str(log.get("reason_left_out") or ""),
+    )
+
+
+def _facts(log: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    facts = [
+        ("drive speed", speed(finite(log.get("drive_speed_m_per_s")))),
+        ("normal force", quantity(finite(log.get("normal_force_N")), "N", 3)),
+        ("step", DASH if log.get("step") is None else str(log["step"])),
+        ("samples", DASH if log.get("rows") is None else f"{log['rows']:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")),
+        ("slips", DASH if log.get("slip_count") is None else str(log["slip_count"])),
+        ("noise", quantity(finite(log.get("noise_N")), "N", 2)),
+    ]
+    if log.get("friction_sign") == -1:
+        facts.append(("sign", "friction force turned over"))
+    return tuple(fact for fact in facts if fact[1] != DASH)
+
+
+def _symbol_text(name: str) -> str:
+    return "".join(SYMBOLS.get(name, (name, "")))
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,97 @@
+"""The plain words of the report: what a status, a verdict or a name means to somebody in the laboratory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from identify.outcome import Status
+
+
+@dataclass(frozen=True)
+class StatusWords:
+    """Headline of a status and the word of its badge."""
+
+    badge: str
+    headline: str
+
+
+STATUS: Mapping[Status, StatusWords] = {
+    Status.CONVERGED: StatusWords("fit accepted", "The model follows every fitted log within its noise."),
+    Status.SOLVER_FAILED: StatusWords(
+        "no result", "The solver did not reach an answer: there are no parameters to use."
+    ),
+    Status.WRONG_EVENT_COUNT: StatusWords(
+        "no result", "The number of slips does not fit the data: there are no parameters to use."
+    ),
+    Status.MODEL_MISFIT: StatusWords(
+        "no result", "The model does not reproduce these logs: there are no parameters to use."
+    ),
+    Status.BETTER_START_FOUND: StatusWords(
+        "no result", "A better answer exists than the one reached: there are no parameters to use yet."
+    ),
+    Status.NO_CYCLES: StatusWords("nothing to fit", "No complete stick-slip cycles were found to fit."),
+    Status.AT_BOUND: StatusWords(
+        "no result", "A parameter stopped at the edge of its range: there is no result to use."
+    ),
+}
+
+# Symbol (base, subscript) and meaning; a result may bring its own for effects this table does not know.
+SYMBOLS: Mapping[str, tuple[str, str]] = {
+    "mu_s": ("μ", "s"),
+    "mu_k0": ("μ", "k0"),
+    "delta_mu_k": ("Δμ", "k"),
+    "a": ("a", ""),
+    "D": ("D", ""),
+    "t_cr": ("t", "cr"),
+    "mass": ("m", ""),
+    "stiffness": ("k", ""),
+    "damping": ("h", ""),
+    "drive_speed": ("v", "0"),
+    "normal_force": ("F", "n"),
+    "v_cr": ("v", "cr"),
+    "zeta": ("ζ", ""),
+    "omega_n": ("ω", "n"),
+    "alpha": ("α", ""),
+    "tau_cr": ("τ", "cr"),
+}
+MEANINGS: Mapping[str, str] = {
+    "mu_s": "static coefficient",
+    "mu_k0": "kinetic coefficient at the start of sliding",
+    "delta_mu_k": "change of the kinetic coefficient towards fast sliding",
+    "a": "rate of that change with speed",
+    "D": "sliding that renews the contact",
+    "t_cr": "rest that strengthens the contact",
+    "mass": "moving mass",
+    "stiffness": "stiffness of the rig",
+    "damping": "hysteresis damping of the rig",
+}
+VERDICT_CLASS: Mapping[str, str] = {
+    "identified": "good",
+    "weak": "fair",
+    "not identifiable": "bad",
+    "at bound": "bad",
+    "fixed": "plain",
+}
+VERDICT_MARK: Mapping[str, str] = {
+    "identified": "✓",
+    "weak": "≈",
+    "not identifiable": "?",
+    "at bound": "|",
+    "fixed": "=",
+}
+QUALITY_CLASS: Mapping[str, str] = {"accept": "good", "accept with warnings": "fair", "reject": "bad"}
+TIMING_WORDS: Mapping[str, str] = {
+    "read": "reading the logs",
+    "detect": "finding the cycles",
+    "start": "finding a start",
+    "build": "building the problem",
+    "solve": "solving",
+    "total": "together",
+}
+COLUMN_WORDS: Mapping[str, str] = {}
+
+
+def plain_symbol(name: str) -> str:
+    """The symbol of a parameter as plain text, for figures: "mu_s" -> "μs"."""
+    return "".join(SYMBOLS.get(name, (name, "")))
