@@ -96,7 +96,10 @@ class Scene:
     @property
     def friction(self) -> SimpleNamespace:
         """The six friction parameters by name, SI; those of effects that are off at their null value."""
-        values = {name: value for effect in ALL for name, value in effect.null.items()} | self.values()
+        absent: dict[str, float] = {}
+        for effect in ALL:
+            absent |= {p.name: p.default for p in effect.parameters} | dict(effect.null)
+        values = absent | self.values()
         return SimpleNamespace(**{name: values[name] for name in FRICTION_PARAMETERS})
 
     def values(self, log: LogEntry | None = None) -> dict[str, float]:

@@ -1,0 +1,112 @@
+"""What all commands share: the answer, the terminal they speak to, and the options of a log."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from data_io import Record
+
+DONE, DEFECT, WRONG_INPUT, NOT_SUCCEEDED, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+class CommandLineError(Exception):
+    """The command line asks for something that cannot be; the text is the whole sentence."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command gives back: the exit code, and the document that --json prints."""
+
+    code: int = DONE
+    document: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """Where words for people go: standard output, or standard error while --json is on."""
+
+    words: TextIO
+    notes: TextIO
+
+    def say(self, text: str = "") -> None:
+        """Words that are the answer."""
+        print(text, file=self.words)
+
+    def note(self, text: str) -> None:
+        """Words beside the answer: progress, warnings."""
+        print(text, file=self.notes, flush=True)
+
+
+def add_log_options(parser: ArgumentParser) -> None:
+    """The options of every command that takes logs."""
+    group = parser.add_argument_group("how to read the logs")
+    group.add_argument("--step", type=int, metavar="N", help="use this step of the run (default: all, on one clock)")
+    group.add_argument("--columns", metavar="NAME=COLUMN,…", help="such as time=T,friction_force=Fx,normal_force=Fz")
+    group.add_argument("--units", metavar="NAME=UNIT,…", help="such as friction_force=N,time=s")
+    group.add_argument("--normal-force", metavar="FORCE", help='constant, where the log has none: "3 N"')
+
+
+def pairs(text: str | None, option: str, example: str) -> dict[str, str] | None:
+    """ "time=T,friction_force=Fx" as a table; None stays None.
+
+    Raises:
+        CommandLineError: an item without "=".
+    """
+    if text is None:
+        return None
+    items = [item.partition("=") for item in text.split(",") if item.strip()]
+    for name, equals, value in items:
+        if not equals or not name.strip() or not value.strip():
+            raise CommandLineError(
+                f"{option} has {name + equals + value!r}; expected NAME=VALUE: write {option} {example}"
+            )
+    return {name.strip(): value.strip() for name, _, value in items}
+
+
+def log_options(arguments: Namespace) -> dict[str, Any]:
+    """The options of a log as `data_io.read_log` takes them.
+
+    Raises:
+        CommandLineError: an option that cannot be read.
+    """
+    return {
+        "step": arguments.step,
+        "columns": pairs(arguments.columns, "--columns", "time=T,friction_force=Fx"),
+        "units": pairs(arguments.units, "--units", "friction_force=N,time=s"),
+        "normal_force": arguments.normal_force,
+    }
+
+
+def read(path: str, arguments: Namespace) -> Record:
+    """Read one log with the options of the command line.
+
+    Raises:
+        LogError, CommandLineError: one sentence each.
+    """
+    from data_io import read_log
+
+    return read_log(path, **log_options(arguments))
+
+
+def quantity(text: str, unit: str, option: str) -> float:
+    """A quantity of the command line in SI: a number, or text with a unit.
+
+    Raises:
+        CommandLineError: what cannot be read; the option is named.
+    """
+    from data_io.units import UnitError, parse_quantity
+
+    try:
+        return float(parse_quantity(text, unit))
+    except UnitError as error:
+        raise CommandLineError(f"{option}: {error}") from None
+
+
+def standard_terminal(json_mode: bool) -> Terminal:
+    """Standard output for words, or standard error while standard output is kept for the JSON document."""
+    return Terminal(words=sys.stderr if json_mode else sys.stdout, notes=sys.stderr)

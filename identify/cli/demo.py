@@ -1,0 +1,75 @@
+"""`stickslip demo`: the main job on the example logs that ship inside the package."""
+
+from __future__ import annotations
+
+import json
+from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, Terminal
+
+if TYPE_CHECKING:
+    from identify.outcome import Fit
+
+NAME = "demo"
+HELP = "the main job on example logs: fit, summary, report"
+SECOND = "at_50_Hz"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The arguments of this command."""
+    parser.add_argument("--out", metavar="DIR", help="folder of the result (default: stickslip-example-pair)")
+
+
+def run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Fit the four example logs together, then the one at 50 Hz alone; both reports go into one folder.
+
+    Raises:
+        CommandLineError, OSError: the folder cannot be written.
+    """
+    from identify import examples
+    from identify.cli.folder import check_replaceable, result_folder
+    from identify.cli.progress import Progress
+    from identify.cli.summary import say_fit
+    from identify.identification import fit
+    from identify.report import write_report
+    from identify.scene import Scene
+
+    scene, second = Scene.from_toml(examples.SCENE), Scene.from_toml(examples.SCENE_AT_50_HZ)
+    out = Path(arguments.out or f"stickslip-{scene.name}")
+    check_replaceable(out)
+    with Progress(terminal.notes) as progress, result_folder(out) as folder:
+        joint = fit(scene, progress=progress)
+        progress("the log at 50 Hz")
+        slow = fit(second, progress=progress)
+        progress("writing the reports")
+        write_report(joint, folder)
+        write_report(slow, folder / SECOND)
+    terminal.say("Four example logs, 0.1 mm/min to 5 mm/s, fitted together (simulated: the truth is known)")
+    say_fit(joint, terminal)
+    _say_truth(joint, json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"], terminal)
+    terminal.say(f"report: {out / 'report.html'}")
+    terminal.say()
+    terminal.say("The same pair, one speed, sampled at 50 Hz: about three samples in each slip")
+    say_fit(slow, terminal)
+    terminal.say(f"report: {out / SECOND / 'report.html'}")
+    return Answer(DONE if joint.converged else NOT_SUCCEEDED, {**joint.result, SECOND: slow.result})
+
+
+def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None:
+    """How far the estimates are from what was simulated."""
+    if not fit.converged:
+        return
+    from identify.cli.summary import columns
+    from identify.report.quantity_text import quantity
+
+    rows = [["", "truth", "estimate off by", ""]]
+    for name, true in truth.items():
+        entry: Mapping[str, Any] = fit.result["parameters"][name]
+        value, error = entry["value"], entry["standard_error"]
+        if value is not None and error:
+            off = f"{100 * (value / true - 1):+.2f} %"
+            rows.append([name, quantity(true, entry["unit"]), off, f"{(value - true) / error:+.1f} standard errors"])
+    terminal.say(columns(rows))

@@ -1,0 +1,86 @@
+"""`stickslip fit`: identify the parameters from all the logs together, and write the report."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identify.cli.common import (
+    DONE,
+    NOT_SUCCEEDED,
+    Answer,
+    CommandLineError,
+    Terminal,
+    add_log_options,
+    log_options,
+    quantity,
+)
+
+if TYPE_CHECKING:
+    from identify.outcome import Fit
+    from identify.scene import Scene
+
+NAME = "fit"
+HELP = "identify the friction parameters from all the logs together, and write a report"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The arguments of this command."""
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="choose among the scene's logs, or add one to them")
+    parser.add_argument("--scene", required=True, metavar="SCENE.toml", help="rig, parameters and logs")
+    parser.add_argument("--out", metavar="DIR", help="folder of the result (default: stickslip-<scene name>)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help='such as rig.mass="0.3 kg"')
+    add_log_options(parser)
+
+
+def run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Fit and write the report; exit code 3 unless the fit converged.
+
+    Raises:
+        CommandLineError, SceneError, FitError, LogError, OSError: one sentence each.
+    """
+    from identify.cli.folder import check_replaceable
+
+    scene = scene_of(arguments)
+    out = Path(arguments.out or f"stickslip-{scene.name}")
+    check_replaceable(out)
+    fit = fit_and_report(scene, out, terminal)
+    return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
+
+
+def scene_of(arguments: Namespace) -> Scene:
+    """The scene with the logs and the reading options of the command line.
+
+    Raises:
+        SceneError, CommandLineError: one sentence each.
+    """
+    from identify.scene import LogEntry, Scene
+
+    options = {key: value for key, value in log_options(arguments).items() if value is not None}
+    if "normal_force" in options:
+        options["normal_force"] = quantity(options["normal_force"], "N", "--normal-force")
+    scene = Scene.from_toml(arguments.scene, arguments.set)
+    scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
+    if not scene.logs:
+        raise CommandLineError(f"{arguments.scene} lists no log and none was given; name a LOG, or add [[logs]] to it")
+    return replace(scene, logs=tuple(replace(entry, **options) for entry in scene.logs))
+
+
+def fit_and_report(scene: Scene, out: Path, terminal: Terminal) -> Fit:
+    """Fit a scene with progress, write its folder whole, say the summary."""
+    from identify.cli.folder import result_folder
+    from identify.cli.progress import Progress
+    from identify.cli.summary import say_files, say_fit
+    from identify.identification import fit
+    from identify.report import write_report
+
+    with Progress(terminal.notes) as progress:
+        outcome = fit(scene, progress=progress)
+        with result_folder(out) as folder:
+            progress("writing the report")
+            write_report(outcome, folder)
+    say_fit(outcome, terminal)
+    say_files(out, terminal)
+    return outcome

@@ -1,0 +1,78 @@
+"""The output folder: replaced only if it holds a result of ours, and never left half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from identify.cli.common import CommandLineError
+
+OURS = frozenset(
+    {"result.json", "report.html", "result.h5", "figures", "classical.csv", "scene.toml", "at_50_Hz", ".DS_Store"}
+)
+
+
+def check_replaceable(out: Path) -> None:
+    """Refuse a path that must not be replaced; cheap, so that it can be asked before the work.
+
+    Raises:
+        CommandLineError: a file, the folder one stands in, or a folder that holds something else.
+    """
+    if out.is_dir() and Path.cwd().is_relative_to(out.resolve()):
+        raise CommandLineError(f"--out {out} is the folder this command runs in; choose a new folder")
+    if out.exists() and not out.is_dir():
+        raise CommandLineError(f"--out {out} is a file; expected a folder: choose another name")
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    if not _holds_a_result(out):
+        raise CommandLineError(f"--out {out} exists and holds no result of ours; choose another folder or empty it")
+    foreign = sorted(item.name for item in out.iterdir() if item.name not in OURS)
+    if foreign:
+        raise CommandLineError(
+            f"--out {out} holds {foreign[0]!r}, which is not part of a result; move it away or choose another folder"
+        )
+
+
+def _holds_a_result(folder: Path) -> bool:
+    try:
+        document = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(document, dict) and "schema" in document and "status" in document
+
+
+@contextmanager
+def result_folder(out: Path) -> Iterator[Path]:
+    """A temporary folder beside `out` to write into; it takes the place of `out` when all went well.
+
+    Raises:
+        CommandLineError: `out` must not be replaced.
+    """
+    check_replaceable(out)
+    out = Path(os.path.realpath(out))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
+    try:
+        fresh = temporary / "fresh"
+        fresh.mkdir()
+        yield fresh
+        _swap(fresh, out, temporary / "before")
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _swap(fresh: Path, out: Path, aside: Path) -> None:
+    existed = out.exists()
+    if existed:
+        out.rename(aside)
+    try:
+        fresh.rename(out)
+    except BaseException:
+        if existed and not out.exists():
+            aside.rename(out)
+        raise

@@ -1,0 +1,165 @@
+"""The command `stickslip`: finds the command, runs it, and turns every end into an exit code and one sentence."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import traceback
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Iterator, Sequence
+from types import FrameType, ModuleType
+from typing import NoReturn
+
+from data_io.errors import LogError, UnitError
+from identify.cli import convert, demo, fit, scene, simulate
+from identify.cli.common import (
+    DEFECT,
+    INTERRUPTED,
+    WRONG_INPUT,
+    Answer,
+    CommandLineError,
+    standard_terminal,
+)
+from identify.errors import IdentifyError
+
+COMMANDS: tuple[ModuleType, ...] = (demo, scene, fit, simulate, convert)
+MENDABLE = (CommandLineError, IdentifyError, LogError, UnitError, OSError)
+
+DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
+EPILOG = """\
+first steps:
+  stickslip demo                          the main job on the example logs
+  stickslip inspect LOG                   what is in a log of yours
+  stickslip scene LOG… --out SCENE.toml   a first scene file from your logs
+  stickslip fit --scene SCENE.toml        the friction parameters, and a report
+
+exit codes: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a defect of ours
+"""
+
+
+class _Parser(ArgumentParser):
+    """Complains by raising, so that a wrong command line ends like every other error."""
+
+    def error(self, message: str) -> NoReturn:
+        raise CommandLineError(f"{message}; see: {self.prog} --help")
+
+
+def build_parser() -> ArgumentParser:
+    """The parser of all commands."""
+    parser = _Parser(
+        prog="stickslip", description=DESCRIPTION, epilog=EPILOG, formatter_class=RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and stop")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    for command in COMMANDS:
+        sub = commands.add_parser(command.NAME, help=command.HELP, description=command.HELP)
+        command.add_arguments(sub)
+        sub.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
+        sub.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        sub.set_defaults(run=command.run)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: the arguments (default: those of the process).
+
+    Returns:
+        the exit code: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a defect.
+    """
+    given = list(sys.argv[1:] if argv is None else argv)
+    json_mode, debug = "--json" in given, "--debug" in given
+    _never_stumble_over_an_encoding()
+    try:
+        with _terminated_is_interrupted():
+            answer = _ended(given, json_mode, debug)
+        _print_document(answer, json_mode)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has what it wanted, as in: stickslip inspect LOG | head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return answer.code
+
+
+def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
+    """Run, and turn every kind of end into an answer."""
+    try:
+        return _run(given, json_mode)
+    except BrokenPipeError:
+        raise
+    except KeyboardInterrupt:
+        return _failed(INTERRUPTED, "interrupted; no half-written result is left behind", debug)
+    except MENDABLE as error:
+        return _failed(WRONG_INPUT, _sentence(error), debug)
+    except Exception as error:  # noqa: BLE001 - the last resort: a defect is said, never shown as a traceback
+        words = f"{type(error).__name__}: {error}".strip()
+        return _failed(DEFECT, f"a defect of ours ({words}); run again with --debug and report what it prints", debug)
+
+
+def _run(given: list[str], json_mode: bool) -> Answer:
+    parser = build_parser()
+    arguments: Namespace = parser.parse_args(given)
+    terminal = standard_terminal(json_mode)
+    if arguments.version:
+        from importlib.metadata import version
+
+        terminal.say(f"stickslip {version('stick-slip-workbench')}")
+        return Answer()
+    if arguments.command is None:
+        raise CommandLineError(f"no command was given; expected one of {', '.join(c.NAME for c in COMMANDS)}")
+    # whatever a library prints must not spoil the document
+    with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
+        answer: Answer = arguments.run(arguments, terminal)
+    return answer
+
+
+def _sentence(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        name = f"{error.filename}: " if error.filename else ""
+        return f"{name}{error.strerror}; check the path, its permissions and the space left"
+    return " ".join(str(error).split())
+
+
+def _failed(code: int, message: str, debug: bool) -> Answer:
+    if debug:
+        traceback.print_exc()
+    print(f"stickslip: {message}", file=sys.stderr)
+    return Answer(code, {"schema": 1, "status": "error", "message": message})
+
+
+def _print_document(answer: Answer, json_mode: bool) -> None:
+    if json_mode and answer.code in (DEFECT, WRONG_INPUT, INTERRUPTED):
+        print(json.dumps(answer.document, ensure_ascii=False))
+    elif json_mode:
+        from identify.report.document import plain
+
+        print(json.dumps({"schema": 1, **plain(answer.document)}, ensure_ascii=False, allow_nan=False))
+
+
+def _never_stumble_over_an_encoding() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+
+
+@contextlib.contextmanager
+def _terminated_is_interrupted() -> Iterator[None]:
+    """SIGTERM ends a command as Ctrl-C does, so that temporary files are taken away."""
+
+    def interrupt(signum: int, frame: FrameType | None) -> NoReturn:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not the main thread: nobody sends us signals
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,62 @@
+"""The summary of a fit on a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from identify.cli.common import Terminal
+
+if TYPE_CHECKING:
+    from identify.outcome import Fit
+
+WIDTH = 79
+
+
+def columns(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
+    """Rows of cells as aligned text; the first row is the heading."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = (indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def wrapped(text: str, indent: str = "") -> str:
+    """Text broken at 79 columns."""
+    return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ")
+
+
+def say_fit(fit: Fit, terminal: Terminal) -> None:
+    """Status, parameters with intervals and verdicts, and the reasons of what is not identified."""
+    result = fit.result
+    terminal.say(wrapped(f"{str(result['status']).replace('_', ' ')}: {result['message']}"))
+    if not fit.converged:
+        return
+    terminal.say()
+    terminal.say(parameter_table(result["parameters"]))
+    terminal.say()
+    say_reasons(result["parameters"], terminal)
+
+
+def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
+    """Value, standard error, 95 % interval and verdict of each parameter, in lab units."""
+    from identify.report.views import parameter_views
+
+    rows = [["", "value", "95 % interval", "unit", "verdict"]]
+    for view in parameter_views(parameters):
+        value = f"{view.value} ± {view.error}" if view.error else view.value
+        rows.append([view.name, value, view.interval, view.unit, view.verdict])
+    return columns(rows)
+
+
+def say_reasons(parameters: Mapping[str, Mapping[str, Any]], terminal: Terminal) -> None:
+    """One sentence per parameter that is not identified."""
+    for name, entry in parameters.items():
+        if entry.get("verdict") not in ("identified", "fixed") and entry.get("reason"):
+            terminal.say(wrapped(f"{name}: {entry['reason']}", "  "))
+
+
+def say_files(out: Path, terminal: Terminal) -> None:
+    """Where the report is."""
+    terminal.say(f"report: {out / 'report.html'}")

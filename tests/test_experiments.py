@@ -1,0 +1,35 @@
+"""Every experiment still runs, in its fast form."""
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parent.parent / "experiments"
+SCRIPTS = sorted(FOLDER.glob("run_*.py"))
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_experiment_runs(script, capsys):
+    runpy.run_path(str(script))["main"](fast=True)
+    assert capsys.readouterr().out.strip(), "an experiment prints what it found"
+
+
+def test_example_logs_are_those_their_script_makes(tmp_path, capsys):
+    import gzip
+
+    import numpy as np
+
+    from identify.examples import FOLDER as SHIPPED
+
+    runpy.run_path(str(FOLDER / "make_example_logs.py"))["main"](fast=True, folder=tmp_path)
+
+    def rows(path):
+        lines = gzip.decompress(path.read_bytes()).decode("ascii").split("\r\n")
+        return np.array(
+            [[float(x) for x in line.split(",")] for line in lines if line[:1] in "-0123456789" and "," in line]
+        )
+
+    made = sorted(tmp_path.glob("*.txt.gz"))
+    assert [path.name for path in made] == ["5_mm_per_s.txt.gz"]
+    np.testing.assert_allclose(rows(made[0]), rows(SHIPPED / made[0].name), atol=2e-4)

@@ -1,0 +1,236 @@
+"""Scenes: what the TOML file says arrives in SI, and what it says wrongly is refused in one sentence."""
+
+import json
+import math
+import pickle
+from pathlib import Path
+
+import pytest
+
+from identify import examples
+from identify.errors import SceneError
+from identify.scene import LogEntry, Scene
+
+GOOD = """
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = { value = "200 g", tolerance = "2 %" }
+stiffness = "1.47 N/mm"
+damping = "147 N/m"
+drive_speed = "0.1 mm/min"
+[parameters]
+mu_s = { start = 0.6 }
+D = { start = "40 um", prior = { mean = "40 um", sd = "25 %" } }
+a = { start = "0.5 s/mm", lower = 40, upper = "2000 s/m" }
+t_cr = { fixed = "500 ms" }
+[[logs]]
+path = "slow.csv"
+labels = { material = "UHMWPE", volunteer = 7 }
+window = ["5 s", "1 min"]
+exclude = [[10, 11], ["20 s", "21 s"]]
+tare = "3 mN"
+[[logs]]
+path = "sub/fast.csv"
+drive_speed = [[0, "1 mm/s"], ["30 s", 0]]
+stiffness = "3 N/mm"
+normal_force = "100 g"
+step = 2
+flip_sign = true
+"""
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    def write(text, old="", new=""):
+        assert not old or old in text
+        path = tmp_path / "pair.toml"
+        path.write_text(text.replace(old, new) if old else text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def complaint(path, *overrides):
+    with pytest.raises(SceneError) as caught:
+        Scene.from_toml(path, overrides)
+    text = str(caught.value)
+    assert text.startswith(str(path)) and "\n" not in text
+    return text
+
+
+def test_quantities_arrive_in_si(scene_file):
+    scene = Scene.from_toml(scene_file(GOOD))
+    rig = scene.rig
+    assert (rig.mass, rig.stiffness, rig.damping) == pytest.approx((0.2, 1470.0, 147.0), rel=1e-15)
+    assert rig.drive_speed == pytest.approx(1e-4 / 60, rel=1e-15)
+    assert rig.tolerances == {"mass": 0.02}
+    assert rig.zeta == pytest.approx(0.05) and rig.half_period == pytest.approx(math.pi * math.sqrt(0.2 / 1470))
+    assert scene.parameters["D"].prior_sd == pytest.approx(10e-6)
+    assert (scene.parameters["a"].start, scene.parameters["a"].lower) == pytest.approx((500.0, 40.0))
+    slow, fast = scene.logs
+    assert slow.window == (5.0, 60.0) and slow.exclude == ((10.0, 11.0), (20.0, 21.0)) and slow.tare == 3e-3
+    assert slow.labels == {"material": "UHMWPE", "volunteer": "7"}
+    assert fast.drive_speed == ((0.0, 1e-3), (30.0, 0.0)) and fast.step == 2 and fast.flip_sign is True
+    assert fast.normal_force == pytest.approx(0.0980665 * 10, rel=1e-12), "g means gram-force where a force is expected"
+
+
+def test_log_paths_are_relative_to_the_scene_file(scene_file):
+    path = scene_file(GOOD)
+    assert [log.path for log in Scene.from_toml(path).logs] == [path.parent / "slow.csv", path.parent / "sub/fast.csv"]
+
+
+def test_values_are_fixed_else_start_else_default(scene_file):
+    scene = Scene.from_toml(scene_file(GOOD))
+    values = scene.values()
+    assert values["t_cr"] == 0.5 and values["mu_s"] == 0.6 and values["D"] == pytest.approx(40e-6)
+    assert values["mu_k0"] == scene.model.parameter("mu_k0").default
+    assert set(values) == set(scene.model.parameter_names)
+    assert scene.values(scene.logs[1])["stiffness"] == 3000.0
+    assert scene.rig_for(scene.logs[1]).mass == scene.rig.mass
+
+
+def test_effects_that_are_off_stand_at_their_null(scene_file):
+    text = GOOD.replace(', "velocity_weakening"', "").replace("a = {", "# a = {")
+    scene = Scene.from_toml(scene_file(text))
+    assert "delta_mu_k" not in scene.parameters
+    assert scene.friction.delta_mu_k == 0.0 and scene.friction.mu_s == 0.6
+
+
+@pytest.mark.parametrize(
+    ("said", "zeta"),
+    [
+        ('damping = "147 N/m"', 0.05),
+        ("zeta = 0.05", 0.05),
+        ("loss_factor = 0.1", 0.05),
+        # textbook: logarithmic decrement = 2 pi zeta / sqrt(1 - zeta^2)
+        (f"log_decrement = {2 * math.pi * 0.05 / math.sqrt(1 - 0.05**2)!r}", 0.05),
+    ],
+)
+def test_damping_in_any_of_its_forms(scene_file, said, zeta):
+    scene = Scene.from_toml(scene_file(GOOD, 'damping = "147 N/m"', said))
+    assert scene.rig.zeta == pytest.approx(zeta, rel=1e-14)
+    fast = scene.rig_for(scene.logs[1])
+    expected = 147.0 / 6000.0 if said.startswith("damping") else zeta  # a ratio follows the log's own stiffness
+    assert fast.zeta == pytest.approx(expected, rel=1e-14)
+
+
+def test_document_rebuilds_the_scene(scene_file):
+    scene = Scene.from_toml(scene_file(GOOD))
+    document = json.loads(json.dumps(scene.as_document(), allow_nan=False))
+    assert Scene.from_document(document) == scene
+    assert Scene.from_document(document, "/elsewhere").logs == scene.logs, "log paths in a document are absolute"
+    document["rig"]["mass"]["value"] = 0.3
+    assert Scene.from_document(document) != scene
+
+
+def test_scene_can_be_sent_to_another_process(scene_file):
+    scene = Scene.from_toml(scene_file(GOOD))
+    assert pickle.loads(pickle.dumps(scene)) == scene
+
+
+def test_overrides(scene_file):
+    path = scene_file(GOOD)
+    scene = Scene.from_toml(path, ['rig.mass="0.3 kg"', "logs.2.step=3", "parameters.mu_s.start=0.7", "rig.noise=5 mN"])
+    assert (scene.rig.mass, scene.logs[1].step, scene.parameters["mu_s"].start) == (0.3, 3, 0.7)
+    assert scene.rig.noise == pytest.approx(5e-3)
+    assert scene.rig.tolerances == {}, "an override replaces all that stood there"
+
+
+def test_choosing_logs(scene_file, tmp_path):
+    scene = Scene.from_toml(scene_file(GOOD))
+    assert scene.choose([]) == scene
+    assert scene.choose([tmp_path / "sub" / "fast.csv"]).logs == scene.logs[1:]
+    assert scene.choose(["slow.csv"]).logs == scene.logs[:1], "by file name"
+    added = scene.choose([tmp_path / "new.csv"], LogEntry(Path(), step=4)).logs
+    assert added == (LogEntry(tmp_path / "new.csv", step=4),)
+    assert scene.rig_for(added[0]) == scene.rig
+
+
+def test_a_file_name_two_logs_share_is_refused(scene_file):
+    scene = Scene.from_toml(scene_file(GOOD, "sub/fast.csv", "sub/slow.csv"))
+    with pytest.raises(SceneError, match="2 logs of the scene"):
+        scene.choose(["slow.csv"])
+
+
+COMPLAINTS = {
+    "stiffnes": ("stiffness =", "stiffnes =", ["[rig]", "'stiffnes'", "'stiffness'"]),
+    "top level": ("[parameters]", "[paramters]", ["the scene", "'paramters'", "'parameters'"]),
+    "parameter": ("mu_s =", "mus =", ["[parameters]", "'mus'", "'mu_s'"]),
+    "parameter key": ("mu_s = { start", "mu_s = { strat", ["[parameters] mu_s", "'strat'", "'start'"]),
+    "log key": ("step = 2", "steps = 2", ["[[logs]] number 2", "'steps'", "'step'"]),
+    "effect": ('"inertia"', '"inertai"', ["'inertai'", "'inertia'"]),
+    "effect of a parameter": (', "velocity_weakening"', "", ["names a", "velocity_weakening"]),
+    "no inertia": ('"inertia", ', "", ["inertia"]),
+    "auto": ('["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]', '"auto"', ["not built"]),
+    "no effects": ("effects =", "name = 'x' #", ["no effects", "expected a list"]),
+    "start outside": ("start = 0.6", "start = 30", ["start of mu_s is 30", "bounds"]),
+    "start outside own": ('"0.5 s/mm"', "5", ["start of a is 5", "40"]),
+    "bounds outside": ("lower = 40", "lower = -40", ["[parameters] a lower is -40", "admits"]),
+    "bounds swapped": ("lower = 40", "lower = 3000", ["lower below upper"]),
+    "negative mass": ('value = "200 g"', 'value = "-200 g"', ["mass is -0.2 kg", "positive"]),
+    "no mass": ("mass =", "# mass =", ["[rig] has no mass"]),
+    "no damping": ("damping = ", "# damping = ", ["no damping", "zeta"]),
+    "two dampings": ("damping = ", "zeta = 0.05\ndamping = ", ["2 times", "keep one"]),
+    "no drive speed": ('drive_speed = "0.1 mm/min"', "", ["slow.csv", "no drive speed"]),
+    "unit": ('"1.47 N/mm"', '"1.47 mm"', ["[rig] stiffness", "mm"]),
+    "no number": ('"1.47 N/mm"', '"soft"', ["[rig] stiffness", "soft"]),
+    "true is no number": ('"1.47 N/mm"', "true", ["[rig] stiffness", "True"]),
+    "infinite": ('"1.47 N/mm"', "inf", ["finite"]),
+    "mu_k0 above mu_s": ("start = 0.6", "start = 0.3", ["mu_k0 = 0.45", "mu_s = 0.3"]),
+    "tolerance": ('"2 %"', '"2 % or so"', ["[rig] mass tolerance"]),
+    "tolerance where none is carried": ("[parameters]", "noise={value=1,tolerance=1}\n[parameters]", ["noise"]),
+    "fixed and start": ('fixed = "500 ms"', 'fixed = "500 ms", start = 1', ["fixed and has a start"]),
+    "half a prior": ('mean = "40 um", ', "", ["only 'sd'"]),
+    "bare parameter": ("{ start = 0.6 }", "0.6", ["mu_s is 0.6", "expected a table"]),
+    "programme": ("[[0,", "[[1,", ["fast.csv", "begin it with [0, speed]"]),
+    "window": ('["5 s", "1 min"]', '["5 min", "1 min"]', ["slow.csv", "start before stop"]),
+    "one time": ('["5 s", "1 min"]', '["5 s"]', ["[[logs]] number 1 window", "two times"]),
+    "no path": ('path = "slow.csv"', "", ["[[logs]] number 1 has no path"]),
+    "not filled in": ('"1.47 N/mm"', '"TODO N/m"', ["still to fill in: rig.stiffness"]),
+    "no TOML": ("[rig]", "[rig", ["not valid TOML", "line"]),
+    "own and estimated": ("mu_s =", "stiffness = {}\nmu_s =", ["fast.csv gives its own stiffness"]),
+    "fixed rig": ("mu_s =", "mass = {fixed = 1}\nmu_s =", ["mass is fixed", "[rig]"]),
+    "rig outside bounds": ("mu_s =", "mass = {lower = 1}\nmu_s =", ["mass = 0.2 of [rig]", "widen"]),
+}
+
+
+@pytest.mark.parametrize("case", COMPLAINTS)
+def test_complaints_name_the_place_and_the_remedy(scene_file, case):
+    old, new, words = COMPLAINTS[case]
+    text = complaint(scene_file(GOOD, old, new))
+    for word in words:
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("rig.mas=1", "'mass'"),
+        ("rig", "KEY=VALUE"),
+        ("logs.3.step=1", "log 3 of 2"),
+        ("rig.mass.value.x=1", "no table"),
+        ("rig.mass=heavy", "[rig] mass"),
+    ],
+)
+def test_overrides_that_fit_nowhere(scene_file, override, words):
+    assert words in complaint(scene_file(GOOD), override)
+
+
+def test_missing_scene_file(tmp_path):
+    assert "no such scene file" in complaint(tmp_path / "none.toml")
+
+
+def test_scene_file_of_another_encoding(tmp_path):
+    path = tmp_path / "pair.toml"
+    path.write_bytes(GOOD.encode("utf-16"))
+    assert "UTF-8" in complaint(path)
+
+
+def test_example_scenes_say_what_was_simulated():
+    truth = json.loads(examples.TRUTH.read_text(encoding="utf-8"))
+    for path in (examples.SCENE, examples.SCENE_AT_50_HZ):
+        scene = Scene.from_toml(path)
+        assert {name: getattr(scene.rig, name) for name in truth["rig"]} == truth["rig"]
+        for log in scene.logs:
+            assert log.path.is_file() and log.drive_speed == pytest.approx(truth["logs"][log.path.name]["drive_speed"])
+    assert len(Scene.from_toml(examples.SCENE).logs) == 4
