@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from types import FrameType, ModuleType
 from typing import NoReturn
 
-from data_io.errors import LogError, UnitError
 from identify.cli import convert, demo, fit, scene, simulate
 from identify.cli.common import (
     DEFECT,
@@ -26,7 +25,6 @@ from identify.cli.common import (
 from identify.errors import IdentifyError
 
 COMMANDS: tuple[ModuleType, ...] = (demo, scene, fit, simulate, convert)
-MENDABLE = (CommandLineError, IdentifyError, LogError, UnitError, OSError)
 
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
 EPILOG = """\
@@ -94,9 +92,9 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
         raise
     except KeyboardInterrupt:
         return _failed(INTERRUPTED, "interrupted; no half-written result is left behind", debug)
-    except MENDABLE as error:
-        return _failed(WRONG_INPUT, _sentence(error), debug)
     except Exception as error:  # noqa: BLE001 - the last resort: a defect is said, never shown as a traceback
+        if _mendable(error):
+            return _failed(WRONG_INPUT, _sentence(error), debug)
         words = f"{type(error).__name__}: {error}".strip()
         return _failed(DEFECT, f"a defect of ours ({words}); run again with --debug and report what it prints", debug)
 
@@ -116,6 +114,13 @@ def _run(given: list[str], json_mode: bool) -> Answer:
     with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
         answer: Answer = arguments.run(arguments, terminal)
     return answer
+
+
+def _mendable(error: Exception) -> bool:
+    """Whether the user can mend it, and its text is a sentence for the user."""
+    from data_io.errors import LogError, UnitError
+
+    return isinstance(error, (CommandLineError, IdentifyError, LogError, UnitError, OSError))
 
 
 def _sentence(error: BaseException) -> str:

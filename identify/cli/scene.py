@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from identify.cli.common import Answer, CommandLineError, Terminal, add_log_options, log_options, read
+from identify.cli.common import Answer, CommandLineError, Terminal, add_log_options, log_options
+
+if TYPE_CHECKING:
+    from identify.draft import Piece
 
 NAME = "scene"
 HELP = "write a first, commented scene file from your logs"
@@ -32,12 +37,26 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.draft import draft
 
     said = {key: value for key, value in log_options(arguments).items() if value is not None}
-    records = [(Path(log), read(log, arguments)) for log in arguments.logs]
-    text, missing = draft(records, out.parent, said)
+    text, missing = draft([piece for log in arguments.logs for piece in pieces(log, said)], out.parent, said)
     with atomic_write(out) as handle:
         handle.write(text)
-    terminal.say(f"{out}: written from {len(records)} log(s)")
+    terminal.say(f"{out}: written from {len(arguments.logs)} log(s)")
     if missing:
         terminal.say(f"still to fill in (marked TODO): {', '.join(missing)}")
     terminal.say(f"then: stickslip fit --scene {out}")
     return Answer(document={"status": "done", "out": str(out), "to_fill_in": missing})
+
+
+def pieces(log: str, said: Mapping[str, Any]) -> list[Piece]:
+    """The log, or its steps one by one where it has several and none was chosen.
+
+    Raises:
+        LogError: one sentence.
+    """
+    from data_io import read_log
+    from identify.draft import Piece
+
+    record = read_log(log, **said)
+    if len(record.steps) < 2:
+        return [Piece(Path(log), None, record)]
+    return [Piece(Path(log), s.number, read_log(log, **{**said, "step": s.number})) for s in record.steps]

@@ -56,7 +56,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         normal_force=np.broadcast_to(samples["normal_force"], time.shape).copy(),
         friction_force=force,
         drive_speed=speed if isinstance(speed, float) else None,
-        metadata={"path": out.name, "simulated": True, "scene": scene.name, "noise_N": noise, "seed": arguments.seed},
+        metadata={"simulated": True, "scene": scene.name, "noise_N": noise, "seed": arguments.seed},
     )
     (write_csv if out.suffix == ".csv" else write_hdf5)(record, out)
     terminal.say(
