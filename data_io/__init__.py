@@ -2,6 +2,7 @@
 
 from data_io.errors import LogError
 from data_io.open import read_log
-from data_io.record import Finding, Record
+from data_io.record import Finding, Record, Step
+from data_io.write import write_csv, write_hdf5
 
-__all__ = ["Finding", "LogError", "Record", "read_log"]
+__all__ = ["Finding", "LogError", "Record", "Step", "read_log", "write_csv", "write_hdf5"]

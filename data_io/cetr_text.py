@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
-from data_io.assemble import Part, assemble
+from data_io.assemble import assemble
 from data_io.clock import read_date
+from data_io.part import Part
 from data_io.record import Finding, Record
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
@@ -34,33 +36,37 @@ def read(source: Source, request: Request) -> Record:
     tables, footer = read_tables(source, decode(source.data), request, breaks=_BREAK)
     parts: list[Part] = []
     findings: list[Finding] = []
-    metadata: dict[str, str] = {}
+    items: dict[str, str] = {}
+    runs: dict[int, dict[str, str]] = {}
     run = 1
     for table in tables:
-        part, items, run = _part(table, run, len(parts), metadata if not parts else {})
-        findings += _remarks(table, part, items)
+        part, run = _part(table, run, len(parts) + 1, items, runs)
+        findings += _remarks(table, part)
         parts.append(part)
-    if any(_STEP.match(line) for line in footer):
-        text = f"the file ends with a step header without rows ({next(line for line in footer if _STEP.match(line))!r})"
-        findings.append(Finding("empty_step", "info", text))
-    return assemble(source, request, _renumbered(parts, findings), NAME, metadata, findings)
+    if empty := [line for line in footer if _STEP.match(line)]:
+        text = f"the log ends with {len(empty)} step header(s) without rows of numbers ({empty[0]})"
+        findings.append(Finding("empty_step", "warning", text))
+    return assemble(source, request, _renumbered(parts, findings), NAME, items, findings)
 
 
-def _part(table: Table, run: int, before: int, metadata: dict[str, str]) -> tuple[Part, dict[str, str], int]:
-    """Return the step of a table, its parameters and its run; the lines above the first run go into `metadata`."""
-    number, own = before + 1, False
+def _part(
+    table: Table, run: int, number: int, items: dict[str, str], runs: dict[int, dict[str, str]]
+) -> tuple[Part, int]:
+    """Return the step of a table and its run; lines above it go to the file's `items`, its run's, or the step's own."""
     parameters: dict[str, str] = {}
+    target = runs.get(run, items)
     for line in table.preamble:
         if match := _RUN.match(line):
             run = int(match[1])
+            target = runs.setdefault(run, {})
         elif match := _STEP.match(line):
-            number, own = int(match[1]), True
+            number, target = int(match[1]), parameters
         else:
             key, value = _item(line)
-            target = parameters if own else metadata
             target[_free(key, target)] = value
     started = read_date(parameters.get("Started at", ""))
-    return Part(run, number, table.header, table.columns, parameters, started), parameters, run
+    items_of_run = runs.get(run, {})
+    return Part(run, number, table.header, table.columns, parameters, started, items_of_run), run
 
 
 def _item(line: str) -> tuple[str, str]:
@@ -73,9 +79,9 @@ def _free(key: str, taken: dict[str, str]) -> str:
     return key if key not in taken else next(k for i in range(2, len(taken) + 3) if (k := f"{key} ({i})") not in taken)
 
 
-def _remarks(table: Table, part: Part, items: dict[str, str]) -> list[Finding]:
+def _remarks(table: Table, part: Part) -> list[Finding]:
     findings = [Finding("text_in_rows", "warning", f"step {part.number}: {remark}") for remark in table.remarks]
-    count = items.get("Data Count", "")
+    count = part.parameters.get("Data Count", "")
     if count.isdigit() and int(count) != part.rows:
         text = f"step {part.number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"
         findings.append(Finding("data_count", "warning", text))
@@ -96,5 +102,5 @@ def _renumbered(parts: Sequence[Part], findings: list[Finding]) -> list[Part]:
     for part in parts:
         counts[part.run] = counts.get(part.run, 0) + 1
         parameters = {**part.parameters, "Step No.": str(part.number)}
-        renumbered.append(Part(part.run, counts[part.run], part.header, part.columns, parameters, part.started))
+        renumbered.append(replace(part, number=counts[part.run], parameters=parameters))
     return renumbered

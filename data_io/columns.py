@@ -84,7 +84,7 @@ def match_header(fields: Sequence[str], wanted: Mapping[str, str]) -> Header:
     remarks: list[str] = []
     for role, column in wanted.items():
         index = find_column(names, column)
-        if index is not None:
+        if index is not None and role in KIND:
             roles[role] = index
     for role in ALIASES:
         if role in wanted:
@@ -110,6 +110,13 @@ def find_column(names: Sequence[Name], wanted: str) -> int | None:
             if test(name):
                 return index
     return None
+
+
+def role_indices(names: Sequence[Name], wanted: Mapping[str, str]) -> dict[str, int]:
+    """Return the roles of columns that carry the project's own names, the user's wishes first."""
+    own = {role: next((i for i, name in enumerate(names) if name.name == role), None) for role in KIND}
+    asked = {role: find_column(names, column) for role, column in wanted.items() if role in KIND}
+    return {role: index for role, index in {**own, **asked}.items() if index is not None}
 
 
 def words(role: str) -> str:

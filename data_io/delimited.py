@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from data_io.assemble import Part, assemble
+from data_io.assemble import assemble
+from data_io.part import Part
 from data_io.record import Finding, Record
 from data_io.source import Request, Source
 from data_io.table import read_tables

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from data_io import cetr_text, delimited
+from data_io import cetr_text, delimited, hdf5, stickslip_csv
 from data_io.record import Record
 from data_io.source import Request, Source
 
@@ -32,6 +32,8 @@ class Reader:
 
 
 READERS: Final = (
+    Reader(hdf5.NAME, hdf5.can_read, hdf5.read),
+    Reader(stickslip_csv.NAME, stickslip_csv.can_read, stickslip_csv.read),
     Reader(cetr_text.NAME, cetr_text.can_read, cetr_text.read),
     Reader(delimited.NAME, delimited.can_read, delimited.read),
 )

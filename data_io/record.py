@@ -65,7 +65,8 @@ class Step:
     parameters: Mapping[str, str] = field(default_factory=Frozen)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", Frozen(self.parameters))
+        plain = {str(key).replace("\0", ""): str(value).replace("\0", "") for key, value in self.parameters.items()}
+        object.__setattr__(self, "parameters", Frozen({key: value for key, value in plain.items() if key}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,7 @@ class Record:
             "friction_force": friction,
             "drive_speed": _speed(self, self.drive_speed, n),
             "channels": Frozen({name: _channel(self, name, values, n) for name, values in self.channels.items()}),
-            "channel_units": Frozen({name: str(self.channel_units.get(name, "")) for name in self.channels}),
+            "channel_units": Frozen({name: _unit(self, name) for name in self.channels}),
             "steps": _checked_steps(self, n),
             "metadata": Frozen(self.metadata),
             "findings": (*self.findings, *(g for g in gaps if g.code not in {f.code for f in self.findings})),
@@ -222,9 +223,21 @@ def _frozen_finite(values: FloatArray) -> FloatArray:
 
 
 def _channel(record: Record, name: str, values: Any, n: int) -> FloatArray:
-    if not isinstance(name, str) or not name or not name.isprintable() or name in COLUMN_ROLES:
-        raise record._error(f"a channel is called {name!r}; printable text other than {COLUMN_ROLES} is needed; rename")
+    if not isinstance(name, str) or not name or not _is_plain(name) or name in COLUMN_ROLES:
+        raise record._error(f"a channel is called {name!r}; plain text other than {COLUMN_ROLES} is needed; rename it")
     return _column(record, f"channel {name!r}", values, n)
+
+
+def _unit(record: Record, name: str) -> str:
+    unit = record.channel_units.get(name, "")
+    if not isinstance(unit, str) or not _is_plain(unit):
+        raise record._error(f"the unit of channel {name!r} is {unit!r}; plain text was expected; correct it")
+    return unit
+
+
+def _is_plain(text: str) -> bool:
+    """Tell text that every file format keeps: printable, no blanks at its ends."""
+    return text.isprintable() and text == text.strip()
 
 
 def _speed(record: Record, speed: Any, n: int) -> float | FloatArray | None:

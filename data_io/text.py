@@ -61,7 +61,7 @@ def split(line: str, delimiter: str) -> list[str]:
     if '"' not in line:
         return [field.strip() for field in line.split(delimiter)]
     try:
-        return [field.strip().strip('"').strip() for field in next(csv.reader([line], delimiter=delimiter), [])]
+        return [field.strip() for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     except csv.Error:
         return [field.strip().strip('"') for field in line.split(delimiter)]
 

@@ -27,6 +27,8 @@ SI_UNIT: Final = {
 }
 """SI unit of each kind of quantity that a log can hold."""
 
+_LOG_KINDS: Final = ("time", "force", "length", "speed", "dimensionless")
+
 STANDARD_GRAVITY: Final = 9.80665
 """[m/s²], exact by definition (CGPM 1901): the weight of 1 kg is 1 kgf."""
 
@@ -88,13 +90,16 @@ def factor(unit: str, si_unit: str) -> float:
 
 def kind_of(unit: str) -> str | None:
     """Name the kind of quantity a unit measures (a key of `SI_UNIT`; mass units count as force), None if no such."""
-    for kind in ("time", "force", "length", "speed", "dimensionless"):
-        try:
-            factor(unit, SI_UNIT[kind])
-        except UnitError:
-            continue
-        return kind
-    return None
+    si = next((kind for kind in _LOG_KINDS if unit == SI_UNIT[kind]), None)
+    return si if si is not None else next((kind for kind in _LOG_KINDS if _fits(unit, SI_UNIT[kind])), None)
+
+
+def _fits(unit: str, si_unit: str) -> bool:
+    try:
+        factor(unit, si_unit)
+    except UnitError:
+        return False
+    return True
 
 
 def _scaled(values: Any, scale: float) -> Any:

@@ -1,0 +1,130 @@
+"""One step in SI: which raw column is which, units, rows without a time, channels; a sentence where one is missing."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from data_io.clock import StepClock, usable_rows
+from data_io.columns import EXAMPLES, KIND, Name, find_column, words
+from data_io.errors import UnitError
+from data_io.part import Part
+from data_io.record import COLUMN_ROLES, Finding, FloatArray
+from data_io.source import Request, Source
+from data_io.units import SI_UNIT, kind_of, to_si
+
+_CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
+
+
+@dataclass(frozen=True)
+class SiStep:
+    """One step in SI, its unusable rows taken away: time and roles and channels (name -> values, unit)."""
+
+    label: str
+    time: FloatArray
+    roles: Mapping[str, FloatArray]
+    channels: Mapping[str, tuple[FloatArray, str]]
+
+
+def convert(
+    source: Source, request: Request, part: Part, *, several: bool, settled: bool
+) -> tuple[SiStep, list[Finding]]:
+    """Return one step in SI and what was noticed; `settled` keeps empty columns as well. Raises `LogError`."""
+    label = f" of step {part.number}" if several else ""
+    raw_time = _role(source, request, part, "time")
+    time, rows, notes = usable_rows(source, StepClock(label, raw_time))
+    notes += [Finding("column_choice", "info", remark) for remark in part.header.remarks]
+    timeless = ~np.isfinite(raw_time[rows])
+    roles = {}
+    for role in COLUMN_ROLES[1:] if "drive_speed" in part.header.roles else COLUMN_ROLES[1:3]:
+        values = _role(source, request, part, role)[rows]
+        roles[role] = np.where(timeless, np.nan, values) if timeless.any() and role != "drive_speed" else values
+    if request.normal_force is not None:
+        notes.append(_constant_load(request.normal_force, part))
+    channels = {name: (values[rows], unit) for name, values, unit in _raw_channels(request, part, settled)}
+    return SiStep(label, time, roles, channels), notes
+
+
+def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray:
+    """Return one role of a part in SI, shape (rows,)."""
+    if role == "normal_force" and request.normal_force is not None:
+        return np.full(part.rows, request.normal_force)
+    index = part.header.roles.get(role)
+    if index is None:
+        raise source.error(_missing(role, part))
+    name = part.header.names[index]
+    if index not in part.columns:
+        raise source.error(f"column {name.raw!r} ({words(role)}) holds no numbers; name another one with --columns")
+    unit = request.units.get(role) or request.units.get(name.name) or request.units.get(name.raw) or name.unit
+    kind = KIND[role]
+    if not unit:
+        example = {"time": "s", "force": "N", "speed": "mm/s"}[kind]
+        raise source.error(
+            f"column {name.raw!r} ({words(role)}) has no unit; a unit such as {example} was expected; "
+            f"give it with --units {role}={example}"
+        )
+    try:
+        return to_si(part.columns[index], unit, kind)
+    except UnitError as error:
+        where = f"column {name.raw!r} ({words(role)})"
+        raise source.error(f"{where}: {error}; or give it with --units {role}=...") from error
+
+
+def _missing(role: str, part: Part) -> str:
+    shown = ", ".join(repr(name.name) for name in part.header.names[:40])
+    step = f" in step {part.number}" if part.number > 1 else ""
+    text = (
+        f"no {words(role)} column was found among {shown}{step}; a name such as {EXAMPLES.get(role, role)} "
+        f"was expected; say which one it is with --columns {role}=<name>"
+    )
+    return text + (' or give a constant load with --normal-force "3 N"' if role == "normal_force" else "")
+
+
+def origin(request: Request, part: Part, role: str) -> str:
+    """Say in words where a role was taken from."""
+    if role == "normal_force" and request.normal_force is not None:
+        return f"constant {request.normal_force:g} N, given by the user"
+    name = part.header.names[part.header.roles[role]]
+    unit = request.units.get(role) or request.units.get(name.name) or request.units.get(name.raw)
+    return f"column {name.name}" + (f" in {unit}, given by the user" if unit else f" in {name.unit}")
+
+
+def _constant_load(load: float, part: Part) -> Finding:
+    index = part.header.roles.get("normal_force")
+    instead = f"; the file's column {part.header.names[index].name!r} was set aside" if index is not None else ""
+    text = f"the normal force is a constant {load:g} N given by the user{instead}"
+    return Finding("normal_force_constant", "info", text)
+
+
+def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str, FloatArray, str]]:
+    """Return name, values and unit of the columns that carry no role; metres, seconds and newtons where it can be."""
+    own = {find_column(part.header.names, column): name for name, column in request.columns.items()}
+    found: list[tuple[str, FloatArray, str]] = []
+    taken: set[str] = set(COLUMN_ROLES)
+    used = set(part.header.roles.values())
+    if request.normal_force is not None:
+        used -= {part.header.roles.get("normal_force", -1)}
+    for index, values in part.columns.items():
+        if index in used or not (settled or np.isfinite(values).any()):
+            continue
+        column = part.header.names[index]
+        name = _free_name(own.get(index, _clean(column, index)), taken)
+        taken.add(name)
+        unit = request.units.get(name) or request.units.get(column.name) or column.unit or ""
+        kind = kind_of(unit) if unit else None
+        if kind in _CHANNEL_KINDS:
+            values, unit = to_si(values, unit, kind), SI_UNIT[kind]
+        found.append((name, values, unit))
+    return found
+
+
+def _clean(column: Name, index: int) -> str:
+    text = "".join(letter for letter in column.name if letter.isprintable()).strip()
+    return text or f"column {index + 1}"
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    if name not in taken:
+        return name
+    return next(other for i in range(2, len(taken) + 3) if (other := f"{name} ({i})") not in taken)

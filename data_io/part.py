@@ -1,0 +1,73 @@
+"""Steps as readers find them, and the choice among runs and steps that the user makes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from data_io.columns import Header, find_column, words
+from data_io.record import COLUMN_ROLES, FloatArray
+from data_io.source import Request, Source
+
+
+@dataclass(frozen=True)
+class Part:
+    """One step as its reader found it: columns by index of the header, raw, all of one length; items of its run."""
+
+    run: int
+    number: int
+    header: Header
+    columns: Mapping[int, FloatArray]
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    started: datetime | None = None
+    run_items: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return min((column.size for column in self.columns.values()), default=0)
+
+
+def of_run(source: Source, request: Request, parts: Sequence[Part]) -> list[Part]:
+    """Return the steps of the run that was asked for, or of the only one. Raises the source's `LogError`."""
+    runs = sorted({part.run for part in parts})
+    if request.run is None and request.step is not None:
+        runs = sorted({part.run for part in parts if part.number == request.step}) or runs
+    if request.run is not None and request.run not in runs:
+        raise source.error(f"run {request.run} was asked for; the log holds run {_listed(runs)}; choose one of them")
+    if request.run is None and len(runs) > 1:
+        raise source.error(f"the log holds the runs {_listed(runs)}; one was expected; choose one with --run")
+    run = [part for part in parts if part.run == (runs[0] if request.run is None else request.run)]
+    if not any(part.rows for part in run):
+        raise source.error("no rows of numbers were found below the header; at least two were expected; export again")
+    return run
+
+
+def chosen(source: Source, request: Request, run: Sequence[Part]) -> list[Part]:
+    """Return the step that was asked for, or all that hold rows. Raises the source's `LogError`."""
+    if request.step is None:
+        return [part for part in run if part.rows]
+    found = [part for part in run if part.number == request.step]
+    if not found:
+        steps = _listed([part.number for part in run])
+        raise source.error(f"step {request.step} was asked for; the log holds step {steps}; choose one of them")
+    if not found[0].rows:
+        raise source.error(f"step {request.step} holds no rows; at least two were expected; choose another step")
+    return found
+
+
+def check_request(source: Source, request: Request, header: Header) -> None:
+    """Raise the source's `LogError` where the user names a column that the header does not have."""
+    shown = ", ".join(repr(name.name) for name in header.names[:40])
+    for role, column in request.columns.items():
+        if find_column(header.names, column) is None:
+            raise source.error(f"no column {column!r} was found for {words(role)}; there are {shown}; name one of them")
+    for key in request.units:
+        if key not in COLUMN_ROLES and key not in request.columns and find_column(header.names, key) is None:
+            raise source.error(
+                f"a unit was given for {key!r}, which is no column; {', '.join(COLUMN_ROLES[:3])} or one of {shown} "
+                "was expected; correct the name"
+            )
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers[:20])) + (", ..." if len(numbers) > 20 else "")

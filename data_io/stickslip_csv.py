@@ -1,0 +1,70 @@
+"""The project's own CSV, as `write.write_csv` makes it: everything a record holds, bit for bit."""
+
+import json
+from typing import Any, Final
+
+from data_io.assemble import assemble
+from data_io.columns import Header, Name, role_indices
+from data_io.layout import Head, line_at
+from data_io.part import Part
+from data_io.record import Finding, Record
+from data_io.rows import read_numbers
+from data_io.source import Request, Source
+from data_io.text import decode, split
+from data_io.write import CSV_MARK, FORMAT_VERSION
+
+NAME: Final = "stickslip-csv"
+
+
+def can_read(head: bytes) -> bool:
+    """Tell a CSV of ours by its first line."""
+    return head.startswith(CSV_MARK.encode())
+
+
+def read(source: Source, request: Request) -> Record:
+    """Read the chosen step, or all of them. Raises `LogError`."""
+    text = decode(source.data)
+    first, position = line_at(text, 0)
+    version = first[len(CSV_MARK) :].strip()
+    if version != str(FORMAT_VERSION):
+        raise source.error(f"version {version!r} of our CSV was found; {FORMAT_VERSION} was expected; convert it again")
+    line, position = line_at(text, position)
+    about = _account(source, line)
+    line, position = line_at(text, position)
+    names = split(line, ",")
+    line, position = line_at(text, position)
+    units = split(line, ",")
+    if len(units) != len(names) or len(names) < 2:
+        raise source.error(
+            f"line 4 holds {len(units)} units for {len(names)} columns; one for each was expected; "
+            "repair it, or remove the first two lines to have it read as plain CSV"
+        )
+    columns = tuple(Name(name, name, unit) for name, unit in zip(names, units, strict=True))
+    header = Header(columns, role_indices(columns, request.columns))
+    numbers = read_numbers(source, text[position:], 5, Head(header, position, ",", len(names)), at_end=True)
+    rows = min((values.size for values in numbers.columns.values()), default=0)
+    parts = [
+        Part(run, number, header, {i: values[start:stop] for i, values in numbers.columns.items()}, parameters)
+        for run, number, start, stop, parameters in _steps(about, rows)
+    ]
+    findings = [Finding("text_in_rows", "warning", remark) for remark in numbers.remarks]
+    findings += [Finding(*finding) for finding in about["findings"]]
+    metadata = about["metadata"]
+    return assemble(source, request, parts, NAME, metadata, findings, settled=True, drive_speed=about["drive_speed"])
+
+
+def _account(source: Source, line: str) -> dict[str, Any]:
+    try:
+        about = json.loads(line.removeprefix("#"))
+        return {key: about[key] for key in ("drive_speed", "steps", "metadata", "findings")}
+    except (ValueError, KeyError, TypeError) as error:
+        raise source.error(
+            "line 2 does not hold the JSON account that a CSV of ours has there; "
+            "restore it, or remove the first two lines to have it read as plain CSV"
+        ) from error
+
+
+def _steps(about: dict[str, Any], rows: int) -> list[list[Any]]:
+    """Return the noted steps; one for all rows where rows were added or taken away since."""
+    steps: list[list[Any]] = about["steps"]
+    return steps if steps and steps[-1][3] == rows else [[1, 1, 0, rows, {}]]
