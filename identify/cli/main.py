@@ -55,9 +55,10 @@ def build_parser() -> ArgumentParser:
     for command in COMMANDS:
         sub = commands.add_parser(command.NAME, help=command.HELP, description=command.HELP)
         command.add_arguments(sub)
-        sub.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
-        sub.add_argument("--debug", action="store_true", help="show the traceback of an error")
         sub.set_defaults(run=command.run)
+    for place in (parser, *commands.choices.values()):
+        place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
+        place.add_argument("--debug", action="store_true", help="show the traceback of an error")
     return parser
 
 

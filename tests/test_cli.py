@@ -1,0 +1,279 @@
+"""The command line: exit codes, one sentence per error, JSON on standard output, nothing half-written."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from identify import examples
+from identify.cli import fit as fit_command
+from identify.cli import main as cli
+from identify.cli.common import CommandLineError
+from identify.cli.folder import check_replaceable, result_folder
+
+RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
+LOG = "T,Fz,Fx\ns,N,N\n" + "".join(f"{0.01 * i:.2f},1.0,{0.3 + 0.001 * (i % 7)}\n" for i in range(200))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def stickslip(capsys, *arguments):
+    """Exit code, standard output, standard error of a command run in this process."""
+    code = cli.main([str(argument) for argument in arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def refused(capsys, *arguments):
+    """The sentence of a command that ends with exit code 2: the same in words and as JSON."""
+    code, out, err = stickslip(capsys, *arguments)
+    assert (code, out) == (2, "") and err.count("\n") == 1 and "Traceback" not in err
+    assert err.startswith("stickslip: ")
+    sentence = err.removeprefix("stickslip: ").strip()
+    code, out, _ = stickslip(capsys, *arguments, "--json")
+    assert code == 2 and json.loads(out) == {"schema": 1, "status": "error", "message": sentence}
+    return sentence
+
+
+def simulated(capsys, path, *more):
+    arguments = ["simulate", "--scene", examples.SCENE, *RIG, "--duration", "2", "--rate", "500", "--out", path, *more]
+    code, out, err = stickslip(capsys, *arguments)
+    assert code == 0, err
+    return out
+
+
+def test_simulated_logs_are_read_back(folder, capsys):
+    from data_io import read_log
+
+    words = simulated(capsys, "log.csv", "--noise", "5 mN", "--seed", "3")
+    assert "1001 samples" in words
+    simulated(capsys, "log.h5", "--noise", "0.005", "--seed", "3")
+    simulated(capsys, "quiet.csv")
+    noisy, same, quiet = read_log("log.csv"), read_log("log.h5"), read_log("quiet.csv")
+    assert (noisy.friction_force == same.friction_force).all() and len(noisy) == 1001
+    spread = (noisy.friction_force - quiet.friction_force).std()
+    assert 0.0045 < spread < 0.0055
+    assert noisy.drive_speed == 1e-3
+
+
+def test_json_is_one_document_and_words_go_to_standard_error(folder, capsys):
+    code, out, err = stickslip(
+        capsys,
+        "simulate",
+        "--scene",
+        examples.SCENE,
+        *RIG,
+        "--duration",
+        "1",
+        "--rate",
+        "100",
+        "--out",
+        "a.csv",
+        "--json",
+    )
+    assert code == 0 and json.loads(out)["rows"] == 101 and "101 samples" in err
+
+
+def test_converted_log_holds_the_same_numbers(folder, capsys):
+    from data_io import read_log
+
+    log = examples.FOLDER / "1_mm_per_s.txt.gz"
+    assert stickslip(capsys, "convert", log, "--out", "a.h5")[0] == 0
+    assert (read_log("a.h5").friction_force == read_log(log).friction_force).all()
+    assert stickslip(capsys, "convert", log, "--out", "b.h5", "--anonymise")[0] == 0
+    assert (read_log("b.h5").friction_force == read_log(log).friction_force).all()
+    content = Path("b.h5").read_bytes()
+    for word in (b"make_example_logs", b"Jan 2026", b"1_mm_per_s"):
+        assert word in Path("a.h5").read_bytes() and word not in content
+
+
+def write(name, text):
+    Path(name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    return name
+
+
+BAD_LOGS = {
+    "missing": (None, "no such file"),
+    "empty": ("", "empty"),
+    "binary": (bytes(range(256)) * 40, "reader"),
+    "no time": (LOG.replace("T,", "Q,"), "time"),
+    "no force": (LOG.replace("Fx", "Q"), "friction"),
+    "no units": (LOG.replace("s,N,N\n", ""), "unit"),
+    "NaN block": (
+        "\n".join(
+            line if not 40 <= i < 60 else line.split(",")[0] + ",nan,nan" for i, line in enumerate(LOG.split("\n"))
+        ),
+        "rows",
+    ),
+    "clock backwards": (LOG.replace("\n1.00,", "\n0.50,"), "clock"),
+    "one row": ("\n".join(LOG.split("\n")[:3]) + "\n", "row"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_LOGS)
+def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
+    content, word = BAD_LOGS[case]
+    name = "log.csv" if content is None else write("log.csv", content)
+    assert stickslip(capsys, "convert", write("good.csv", LOG), "--out", "good.h5")[0] == 0
+    sentence = refused(capsys, "convert", name, "--out", "log.h5")
+    assert word in sentence and name in sentence
+    assert not Path("log.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "no command was given"),
+        (["fitt"], "invalid choice: 'fitt'"),
+        (["fit"], "--scene"),
+        (["fit", "--scene", "none.toml"], "none.toml: no such scene file"),
+        (["fit", "--scene", examples.SCENE, "--set", "rig.mas=1"], "'mass'"),
+        (["fit", "--scene", examples.SCENE, "--set", "rig.mass=-1 kg"], "mass is -1 kg"),
+        (["fit", "--scene", examples.SCENE, "--set", "parameters.mu_s={start=99}"], "start of mu_s is 99"),
+        (["fit", "--scene", examples.SCENE, "--columns", "time"], "--columns time=T"),
+        (["fit", "--scene", examples.SCENE, "--normal-force", "3 mm"], "--normal-force"),
+        (["fit", "--scene", examples.SCENE, "--step", "two"], "--step"),
+        (
+            ["simulate", "--scene", examples.SCENE, *RIG, "--duration", "1", "--rate", "9", "--out", "a.txt"],
+            ".csv or .h5",
+        ),
+        (
+            ["simulate", "--scene", examples.SCENE, *RIG, "--duration", "0", "--rate", "9", "--out", "a.csv"],
+            "--duration",
+        ),
+        (["simulate", "--scene", examples.SCENE, *RIG, "--duration", "1", "--rate", "9 m", "--out", "a.csv"], "--rate"),
+        (["simulate", "--scene", examples.SCENE, "--duration", "1", "--rate", "9", "--out", "a.csv"], "drive speed"),
+    ],
+)
+def test_wrong_command_lines(folder, capsys, arguments, words):
+    assert words in refused(capsys, *arguments)
+    assert not list(folder.iterdir())
+
+
+def test_output_into_a_missing_folder(folder, capsys):
+    assert "folder" in refused(capsys, "convert", write("log.csv", LOG), "--out", "none/log.h5")
+
+
+def test_a_defect_is_exit_code_1_without_traceback(folder, capsys, monkeypatch):
+    def broken(arguments, terminal):
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(fit_command, "run", broken)
+    code, out, err = stickslip(capsys, "fit", "--scene", "x", "--json")
+    assert code == 1 and "Traceback" not in err and "defect of ours" in json.loads(out)["message"]
+    code, out, err = stickslip(capsys, "fit", "--scene", "x", "--debug")
+    assert code == 1 and "Traceback" in err
+
+
+def test_interruption_is_exit_code_130(folder, capsys, monkeypatch):
+    def interrupted(arguments, terminal):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fit_command, "run", interrupted)
+    code, out, _ = stickslip(capsys, "fit", "--scene", "x", "--json")
+    assert code == 130 and json.loads(out)["status"] == "error"
+
+
+def test_help_is_quick_and_brings_no_casadi():
+    script = "import sys, identify.cli.main as m; m.build_parser().format_help(); print('casadi' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_a_reader_that_leaves_early_is_no_error(folder):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "identify", "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment()
+    )
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b"" and process.wait(60) == 0
+
+
+def environment():
+    return {**os.environ, "PYTHONPATH": str(Path(cli.__file__).resolve().parents[2])}
+
+
+# ---- the output folder
+
+
+def result_in(path, text="{}"):
+    path.mkdir()
+    (path / "result.json").write_text('{"schema": 1, "status": "converged"}')
+    (path / "report.html").write_text(text)
+    return path
+
+
+def test_a_result_of_ours_is_replaced_whole(folder):
+    out = result_in(folder / "out", "old")
+    (out / "figures").mkdir()
+    with result_folder(out) as fresh:
+        (fresh / "report.html").write_text("new")
+        assert (out / "report.html").read_text() == "old", "until all is written"
+    assert [item.name for item in out.iterdir()] == ["report.html"]
+    assert list(folder.iterdir()) == [out]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError, OSError])
+def test_an_interruption_leaves_the_old_result(folder, error):
+    out = result_in(folder / "out", "old")
+    with pytest.raises(error), result_folder(out) as fresh:
+        (fresh / "report.html").write_text("half")
+        raise error
+    assert (out / "report.html").read_text() == "old" and list(folder.iterdir()) == [out]
+
+
+def test_what_is_not_ours_is_not_replaced(folder):
+    strange = folder / "photos"
+    strange.mkdir()
+    (strange / "cat.png").write_text("")
+    with pytest.raises(CommandLineError, match="no result of ours"):
+        check_replaceable(strange)
+    noted = result_in(folder / "out")
+    (noted / "notes.txt").write_text("mine")
+    with pytest.raises(CommandLineError, match=r"notes\.txt"):
+        check_replaceable(noted)
+    with pytest.raises(CommandLineError, match="is a file"):
+        check_replaceable(noted / "notes.txt")
+    with pytest.raises(CommandLineError, match="runs in"):
+        check_replaceable(Path())
+
+
+def test_new_and_empty_folders_are_fine(folder):
+    (folder / "empty").mkdir()
+    for out in (folder / "empty", folder / "a" / "b ü"):
+        with result_folder(out) as fresh:
+            (fresh / "result.json").write_text("{}")
+        assert (out / "result.json").exists()
+
+
+def test_a_signal_takes_the_temporary_folder_away(folder):
+    script = (
+        "import time\nfrom pathlib import Path\nfrom identify.cli import main as cli, fit\n"
+        "from identify.cli.folder import result_folder\n"
+        "def run(arguments, terminal):\n"
+        "    with result_folder(Path('out')) as fresh:\n"
+        "        (fresh / 'result.json').write_text('half')\n"
+        "        print('writing', flush=True)\n"
+        "        time.sleep(60)\n"
+        "fit.run = run\nraise SystemExit(cli.main(['fit', '--scene', 'x']))\n"
+    )
+    for number in (signal.SIGINT, signal.SIGTERM):
+        process = subprocess.Popen(
+            [sys.executable, "-c", script], stdout=subprocess.PIPE, env=environment(), cwd=folder
+        )
+        assert process.stdout is not None and process.stdout.readline() == b"writing\n"
+        assert list(folder.iterdir()) != []
+        started = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(30) == 130 and time.monotonic() - started < 20
+        process.stdout.close()
+        assert list(folder.iterdir()) == []
