@@ -1,0 +1,94 @@
+"""`stickslip verify`: run a stored fit again from its recorded inputs and compare."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
+
+NAME = "verify"
+HELP = "run a stored fit again from its recorded inputs and compare"
+ALLOWED = 0.01  # difference in standard errors that other library versions may make
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The arguments of this command."""
+    parser.add_argument("result", metavar="RESULT.json", help="the result.json of an earlier fit")
+
+
+def run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Fit again and compare status and values; exit code 3 where they differ.
+
+    Raises:
+        CommandLineError, SceneError, LogError: the result or its inputs are not there as they were.
+    """
+    stored = read_result(Path(arguments.result))
+
+    from identify.cli.progress import Progress
+    from identify.identification import fit
+    from identify.scene import Scene
+
+    scene = Scene.from_document(stored["provenance"]["scene"])
+    for entry, log in zip(scene.logs, stored["logs"], strict=True):
+        check_unchanged(entry.path, log["sha256"])
+    with Progress(terminal.notes) as progress:
+        again = fit(scene, progress=progress).result
+    differences = compare(stored, again)
+    for words in differences:
+        terminal.say(words)
+    if not differences:
+        terminal.say(f"reproduced: {again['status']}, every value within {ALLOWED} standard errors")
+    status = "differs" if differences else "reproduced"
+    return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """The document of a stored result.
+
+    Raises:
+        CommandLineError: no such file, or no result of ours.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CommandLineError(f"{path}: no such file; give the result.json of a fit") from None
+    except (UnicodeDecodeError, ValueError):
+        raise CommandLineError(f"{path}: this is not JSON; give the result.json of a fit") from None
+    if not isinstance(document, dict) or not {"status", "logs", "provenance"} <= set(document):
+        raise CommandLineError(f"{path}: this is no result of a fit; give a result.json that stickslip fit wrote")
+    return document
+
+
+def check_unchanged(path: Path, sha256: str) -> None:
+    """Refuse a log that is not the one that was fitted.
+
+    Raises:
+        CommandLineError: gone or changed.
+    """
+    if not path.is_file():
+        raise CommandLineError(f"{path}: the log of this result is no longer there; put it back")
+    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        raise CommandLineError(f"{path}: the log has changed since that fit (other SHA-256); put the old one back")
+
+
+def compare(stored: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
+    """What differs, one sentence each."""
+    if stored["status"] != again["status"]:
+        return [f"the status was {stored['status']} and is {again['status']} now: {again['message']}"]
+    sentences = []
+    for name, before in stored["parameters"].items():
+        now = again["parameters"].get(name, {})
+        if before["verdict"] != now.get("verdict"):
+            sentences.append(f"{name} was called {before['verdict']} and is called {now.get('verdict')} now")
+        elif before["value"] is not None and before["standard_error"]:
+            off = (now["value"] - before["value"]) / before["standard_error"]
+            if abs(off) > ALLOWED:
+                sentences.append(
+                    f"{name} was {before['value']:.6g} and is {now['value']:.6g} ({off:+.2g} standard errors)"
+                )
+    return sentences
