@@ -1,0 +1,127 @@
+"""How a record was sampled: rate, jitter, dropouts, rate switches; step by step, pauses between steps aside."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from data_io.record import Finding, FloatArray, Record
+
+_WINDOW: Final = 51
+"""Intervals over which the local rate is the median."""
+_SWITCH: Final = 1.5
+_DROPOUT: Final = 1.5
+_ODD_FIRST: Final = 0.2
+_JITTER: Final = 0.05
+_NAMED: Final = 5
+
+
+@dataclass(frozen=True)
+class RateSwitch:
+    """A change of the sampling rate: when [s], from and to [Hz]."""
+
+    time: float
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """rate [Hz]: 1 / median interval. jitter: robust standard deviation of the interval as share of the interval.
+
+    dropouts: gaps of more than one and a half intervals; missing: rows that would fill them; longest_gap [s];
+    odd_first: a first interval of a step off by more than 20 %; switches: where the rate changes for good.
+    """
+
+    rate: float
+    jitter: float
+    dropouts: int
+    missing: int
+    longest_gap: float
+    odd_first: bool
+    switches: tuple[RateSwitch, ...]
+
+
+def describe_sampling(record: Record) -> tuple[Sampling, list[Finding]]:
+    """Return the sampling of a record and what is worth saying about it."""
+    intervals, local, odd = [], [], False
+    switches: list[RateSwitch] = []
+    previous: float | None = None
+    for step in record.steps:
+        time = record.time[step.start : step.stop]
+        if time.size < 2:
+            continue
+        change = np.diff(time)
+        odd = odd or (change.size > 2 and abs(change[0] / np.median(change) - 1) > _ODD_FIRST)
+        level = _local_interval(change)
+        switches += _switches(time, level, previous)
+        previous = float(level[-1])
+        intervals.append(change)
+        local.append(level)
+    if not intervals:  # steps of one row each
+        intervals = [np.diff(record.time)]
+        local = [_local_interval(intervals[0])]
+    change, level = np.concatenate(intervals), np.concatenate(local)
+    ratio = change / level
+    gaps = ratio > _DROPOUT
+    calm = ratio[~gaps]
+    sampling = Sampling(
+        rate=float(1 / np.median(change)),
+        jitter=float(1.4826 * np.median(np.abs(calm - np.median(calm)))) if calm.size else 0.0,
+        dropouts=int(np.count_nonzero(gaps)),
+        missing=int(np.sum(np.round(ratio[gaps]) - 1)),
+        longest_gap=float(np.max(change[gaps], initial=0.0)),
+        odd_first=bool(odd),
+        switches=tuple(switches),
+    )
+    return sampling, _findings(sampling)
+
+
+def _local_interval(change: FloatArray) -> FloatArray:
+    """Median interval around each interval, shape (n - 1,): a few dropouts do not move it, a switch does."""
+    window = min(_WINDOW, change.size)
+    return pd.Series(change).rolling(window, center=True, min_periods=1).median().to_numpy(dtype=np.float64)
+
+
+def _switches(time: FloatArray, level: FloatArray, previous: float | None) -> list[RateSwitch]:
+    """Return the places where the local interval leaves a factor 1.5 about the one before, within one step."""
+    found: list[RateSwitch] = []
+    reference = previous if previous is not None else float(level[0])
+    start = 0
+    while True:
+        ratio = level[start:] / reference
+        out = np.flatnonzero((ratio > _SWITCH) | (ratio < 1 / _SWITCH))
+        if out.size == 0:
+            return found
+        here = start + int(out[0])
+        settled = float(level[min(here + _WINDOW // 2, level.size - 1)])
+        if max(settled / reference, reference / settled) > _SWITCH:
+            found.append(RateSwitch(float(time[here]), 1 / reference, 1 / settled))
+            reference = settled
+        start = here + _WINDOW // 2 + 1
+        if start >= level.size:
+            return found
+
+
+def _findings(sampling: Sampling) -> list[Finding]:
+    notes: list[Finding] = []
+    if sampling.odd_first:
+        text = "the first sampling interval differs from the others, as CETR logs have it"
+        notes.append(Finding("odd_first_interval", "info", text))
+    if sampling.switches:
+        shown = "; ".join(
+            f"at {s.time:.6g} s from {s.before:.4g} to {s.after:.4g} Hz" for s in sampling.switches[:_NAMED]
+        )
+        more = f" and {len(sampling.switches) - _NAMED} more" if len(sampling.switches) > _NAMED else ""
+        notes.append(Finding("rate_switch", "warning", f"the sampling rate changes {shown}{more}"))
+    if sampling.dropouts:
+        text = (
+            f"{sampling.dropouts} gap(s) in the clock, about {sampling.missing} rows missing, "
+            f"the longest gap {sampling.longest_gap:.4g} s"
+        )
+        notes.append(Finding("dropouts", "warning", text))
+    if sampling.jitter > _JITTER:
+        text = f"the sampling interval jitters by {100 * sampling.jitter:.0f} % about {1 / sampling.rate:.4g} s"
+        notes.append(Finding("jitter", "warning", text))
+    return notes
