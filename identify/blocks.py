@@ -1,0 +1,258 @@
+"""The shooting blocks, generated from the composed model: one stick, one interval of a slip, one last rest.
+
+A block takes its slots (local unknowns) and constants and returns rows (defects and guards, scaled) and
+curve coefficients: what the load cell sees as a polynomial of reference time u within each cell, where
+u = 0 and 1 are the cell's ends for the event times at which the samples were assigned. Event times are
+unknowns, so the true cell is shifted and stretched against the reference one; the polynomial is composed
+with that affine map and the residuals stay exact functions of the unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.model import SPEED, Model
+from identify.tableaus import RK4, step
+
+Array = NDArray[np.float64]
+BlockKind = Literal["stick", "stick_reaged", "slip", "saturated", "rest", "rest_reaged"]
+
+CHUNK = 32  # blocks per call: small enough to stay in cache, large enough to hide the call
+
+
+@dataclass(frozen=True)
+class Block:
+    """One kind of block, mapped over CHUNK instances.
+
+    Slots, in order: state at the start (n_x,), state at the end (n_x,; absent in a rest), offset of the
+    start time [s], offset of the end time [s], then the search variables (n_p,). Constants, in order:
+    base values of the parameters (n_p,), row scales (n_x,), drive speed, normal force at the start and at the
+    end of the phase and its slope, reference duration of the phase, first and last fraction of it.
+    """
+
+    kind: BlockKind
+    n_slots: int
+    n_constants: int
+    n_rows: int
+    n_cells: int
+    order: int  # coefficients per cell: 2 linear, 4 cubic
+    values: ca.Function
+    derivatives: ca.Function
+
+    def evaluate(self, slots: Array, constants: Array, *, derivatives: bool) -> tuple[Array, ...]:
+        """Rows (B, n_rows) and curves (B, n_cells, order); with derivatives also their Jacobians
+        (B, n_rows, n_slots) and (B, n_cells, order, n_slots). slots (B, n_slots), constants (B, n_constants)."""
+        function = self.derivatives if derivatives else self.values
+        count = slots.shape[0]
+        n_curve = self.n_cells * self.order
+        sizes = [self.n_rows, n_curve]
+        if derivatives:
+            sizes += [self.n_rows * self.n_slots, n_curve * self.n_slots]
+        padded = -(-count // CHUNK) * CHUNK
+        given = [np.zeros((padded, self.n_slots)), np.zeros((padded, self.n_constants))]
+        for target, source in zip(given, (slots, constants), strict=True):
+            target[:count] = source
+            target[count:] = source[-1] if count else 0.0
+        out = [np.empty((padded, size)) for size in sizes]
+        for first in range(0, padded, CHUNK):
+            buffer, call = function.buffer()
+            for i, source in enumerate(given):
+                buffer.set_arg(i, memoryview(source[first : first + CHUNK].reshape(-1)))
+            for i, target in enumerate(out):
+                if target.size:
+                    buffer.set_res(i, memoryview(target[first : first + CHUNK].reshape(-1)))
+            call()
+        rows, curve = out[0][:count], out[1][:count].reshape(count, self.n_cells, self.order)
+        if not derivatives:
+            return rows, curve
+        # CasADi stores matrices by columns.
+        d_rows = out[2][:count].reshape(count, self.n_slots, self.n_rows).transpose(0, 2, 1)
+        d_curve = out[3][:count].reshape(count, self.n_slots, self.n_cells, self.order).transpose(0, 2, 3, 1)
+        return rows, curve, d_rows, d_curve
+
+
+@dataclass(frozen=True)
+class _Symbols:
+    """The symbols every block is written in."""
+
+    start: ca.SX
+    end: ca.SX
+    offset_start: ca.SX
+    offset_end: ca.SX
+    theta: ca.SX
+    base: ca.SX
+    row_scale: ca.SX
+    drive_speed: ca.SX
+    force_start: ca.SX
+    force_end: ca.SX
+    force_slope: ca.SX
+    reference: ca.SX
+    first: ca.SX
+    last: ca.SX
+
+    @staticmethod
+    def of(model: Model) -> _Symbols:
+        n_x, n_p = len(model.states), len(model.parameters)
+        sizes = {"start": n_x, "end": n_x, "theta": n_p, "base": n_p, "row_scale": n_x}
+        return _Symbols(**{name: ca.SX.sym(name, sizes.get(name, 1)) for name in _Symbols.__annotations__})
+
+    def slots(self, with_end: bool) -> ca.SX:
+        end = [self.end] if with_end else []
+        return ca.vertcat(self.start, *end, self.offset_start, self.offset_end, self.theta)
+
+    @property
+    def constants(self) -> ca.SX:
+        return ca.vertcat(
+            self.base,
+            self.row_scale,
+            self.drive_speed,
+            self.force_start,
+            self.force_end,
+            self.force_slope,
+            self.reference,
+            self.first,
+            self.last,
+        )
+
+    @property
+    def duration(self) -> ca.SX:
+        """Duration of the phase at the current event times [s]."""
+        return self.reference + self.offset_end - self.offset_start
+
+    def parameters(self, model: Model) -> ca.SX:
+        """p of the model: base + theta for a linear scale, base exp(theta) for a logarithmic one."""
+        return ca.vertcat(
+            *(
+                self.base[i] * ca.exp(self.theta[i]) if q.scale == "log" else self.base[i] + self.theta[i]
+                for i, q in enumerate(model.parameters)
+            )
+        )
+
+
+def constants_size(model: Model) -> int:
+    """Number of constants of a block."""
+    return len(model.parameters) + len(model.states) + 7
+
+
+def _resting_start(model: Model, s: _Symbols, p: ca.SX, reaged: bool) -> ca.SX:
+    """State at the start of a stick: at rest, and after a saturated slip re-aged in its last moment."""
+    start = ca.SX(s.start)
+    start[SPEED] = 0
+    if not reaged:
+        return start
+    u = ca.vertcat(s.drive_speed, s.force_start, 1)
+    deceleration = -model.saturated(start, p, u)[SPEED]
+    arrested = model.at_arrest(start, p, u, ca.fmax(deceleration, 1e-9))
+    for i, state in enumerate(model.states):
+        if state.lower is not None:
+            start[i] = arrested[i]
+    return start
+
+
+def _rest(model: Model, reaged: bool, with_end: bool) -> tuple[_Symbols, ca.SX, ca.SX]:
+    """A stick that ends with the onset guard, or (without end) the last rest of a log."""
+    s = _Symbols.of(model)
+    p = s.parameters(model)
+    start = _resting_start(model, s, p, reaged)
+    u = ca.vertcat(s.drive_speed, s.force_end + s.force_slope * s.offset_end, 1)
+    after = model.rest(start, p, u, s.duration)
+    before_force, after_force = model.load_cell(start, p, u), model.load_cell(after, p, u)
+    slope = (after_force - before_force) / s.duration
+    curve = ca.vertcat(before_force - slope * s.offset_start, slope * s.reference)
+    if not with_end:
+        return s, ca.SX(0, 1), curve
+    free = [i for i in range(len(model.states)) if i != SPEED]
+    end = ca.SX(s.end)
+    end[SPEED] = 0
+    rows = [(end[i] - after[i]) / s.row_scale[i] for i in free]
+    guard = (model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED]
+    return s, ca.vertcat(*rows, guard), curve
+
+
+def _slip(model: Model, saturated: bool, steps: int) -> tuple[_Symbols, ca.SX, ca.SX]:
+    """One shooting interval of a slip: RK4 steps, their defect at the end, a cubic Hermite curve per step."""
+    s = _Symbols.of(model)
+    p = s.parameters(model)
+    field = model.saturated if saturated else model.slip
+    held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
+
+    def inputs(t: ca.SX) -> ca.SX:
+        return ca.vertcat(s.drive_speed, s.force_start + s.force_slope * (s.offset_start + t), 1)
+
+    seed, state, inner = ca.SX.sym("rate", len(model.states)), ca.SX.sym("x", len(model.states)), ca.SX.sym("u", 3)
+    inner_p = ca.SX.sym("p", len(model.parameters))
+    sensor = model.load_cell(state, inner_p, inner)
+    sensor_rate = ca.Function("sensor_rate", [state, inner_p, inner, seed], [ca.jtimes(sensor, state, seed)])
+
+    x = ca.SX(s.start)
+    for i in held:
+        x[i] = model.states[i].lower
+    h = s.duration * (s.last - s.first) / steps
+    points: list[tuple[ca.SX, ca.SX]] = []
+    for j in range(steps):
+        t = s.duration * s.first + j * h
+
+        def motion(at: ca.SX, offset: ca.SX, t: ca.SX = t) -> ca.SX:
+            return field(at, p, inputs(t + offset))
+
+        before = x
+        x, _, stages = step(RK4, motion, x, h)
+        points.append((model.load_cell(before, p, inputs(t)), sensor_rate(before, p, inputs(t), stages[0])))
+    t = s.duration * s.last
+    points.append((model.load_cell(x, p, inputs(t)), sensor_rate(x, p, inputs(t), field(x, p, inputs(t)))))
+
+    curves = []
+    stretch = s.reference / s.duration
+    for j in range(steps):
+        fraction = s.first + (s.last - s.first) * j / steps
+        shift = -(s.offset_start + fraction * (s.duration - s.reference)) / h
+        curves.append(_composed(_hermite(points[j], points[j + 1], h), stretch, shift))
+    rows = [(s.end[i] - x[i]) / s.row_scale[i] for i in range(len(model.states)) if i not in held]
+    return s, ca.vertcat(*rows), ca.vertcat(*curves)
+
+
+def _hermite(left: tuple[ca.SX, ca.SX], right: tuple[ca.SX, ca.SX], h: ca.SX) -> list[ca.SX]:
+    """Coefficients in u of the cubic through two values and two rates at u = 0 and 1."""
+    (y0, d0), (y1, d1) = left, right
+    return [y0, h * d0, 3 * (y1 - y0) - h * (2 * d0 + d1), -2 * (y1 - y0) + h * (d0 + d1)]
+
+
+def _composed(c: list[ca.SX], stretch: ca.SX, shift: ca.SX) -> ca.SX:
+    """Coefficients of the cubic c(stretch * u + shift)."""
+    return ca.vertcat(
+        c[0] + shift * (c[1] + shift * (c[2] + shift * c[3])),
+        stretch * (c[1] + shift * (2 * c[2] + shift * 3 * c[3])),
+        stretch**2 * (c[2] + 3 * c[3] * shift),
+        stretch**3 * c[3],
+    )
+
+
+@lru_cache(maxsize=64)
+def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
+    """The block functions of one kind; `steps` RK4 steps per interval (slips only)."""
+    sliding = kind in ("slip", "saturated")
+    if sliding:
+        s, rows, curve = _slip(model, kind == "saturated", steps)
+    else:
+        s, rows, curve = _rest(model, kind.endswith("reaged"), with_end=kind.startswith("stick"))
+    slots = s.slots(with_end=not kind.startswith("rest"))
+    values = ca.Function(f"{kind}_values", [slots, s.constants], [rows, curve])
+    jacobians = [ca.densify(ca.jacobian(rows, slots)), ca.densify(ca.jacobian(curve, slots))]
+    derivatives = ca.Function(f"{kind}_derivatives", [slots, s.constants], [rows, curve, *jacobians])
+    cells, order = (steps, 4) if sliding else (1, 2)
+    return Block(
+        kind,
+        slots.numel(),
+        constants_size(model),
+        rows.numel(),
+        cells,
+        order,
+        values.map(CHUNK),
+        derivatives.map(CHUNK),
+    )

@@ -1,0 +1,77 @@
+"""A guess of the whole motion behind one log: event times and states at the shooting nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.drive import NormalForce
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Shooting intervals and RK4 steps per interval in the two parts of a slip: while the bounded state
+    falls (`slip`), and once it is at its bound (`saturated`)."""
+
+    slip: int = 8
+    saturated: int = 4
+    steps: int = 6
+
+
+@dataclass(frozen=True)
+class LogData:
+    """One log as the estimator sees it: samples in the fitted window, rig and what acts from outside.
+
+    time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked;
+    base (n_p,) base values of the parameters; drive_speed [m/s]; the fitted window [s].
+    """
+
+    time: Array
+    force: Array
+    weight: Array
+    base: Array
+    drive_speed: float
+    normal_force: NormalForce
+    begin: float
+    end: float
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that count."""
+        return int(np.count_nonzero(self.weight[(self.time >= self.begin) & (self.time <= self.end)]))
+
+    @property
+    def mean_normal_force(self) -> float:
+        """Mean normal force over the window [N]."""
+        return float(np.mean(self.normal_force.at(np.linspace(self.begin, self.end, 101))))
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Event times and node states of one log, c cycles.
+
+    start (n_x,): state at the begin of the window; onset, saturation, arrest (c,) [s], saturation NaN where
+    the bounded state never reaches its bound; at_onset (c, n_x); slip (c, n1 + 1, n_x) nodes from onset to
+    saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest.
+    """
+
+    start: Array
+    onset: Array
+    saturation: Array
+    arrest: Array
+    slip: Array
+    saturated: Array
+
+    @property
+    def cycles(self) -> int:
+        """Number of slips."""
+        return self.onset.size
+
+    @property
+    def saturates(self) -> NDArray[np.bool_]:
+        """Per cycle, whether the bounded state reaches its bound."""
+        return np.isfinite(self.saturation)

@@ -1,0 +1,226 @@
+"""Many stick-slip cycles at once, coarsely: the simulator behind starts and initial nodes.
+
+Every lane has its own parameters, drive speed, normal force and start state. Slips take fixed RK4 steps
+with the bounded state clamped after every step; events are roots of a parabola within it. Accurate to
+a fraction of a percent, which is what a start needs; answers come from `simulate` and the shooting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.model import SPEED, Model
+from identify.tableaus import RK4, step
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+CHUNK = 64
+LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
+NEWTON_STEPS = 40
+
+
+@dataclass(frozen=True)
+class Slips:
+    """One slip per lane. `h` (n,) step lengths [s]; `states` (s+1, n, n_x) and `rates` (s+1, n, n_x) at the
+    steps (constant after the arrest); `saturation`, `arrest` (n,) [s] from the onset, NaN where they never
+    happen; `at_saturation`, `at_arrest` (n, n_x) states there; `rested` (n,) whether the mass came to rest."""
+
+    h: Array
+    states: Array
+    rates: Array
+    saturation: Array
+    arrest: Array
+    at_saturation: Array
+    at_arrest: Array
+
+    @property
+    def rested(self) -> Bools:
+        """Whether each lane came to rest."""
+        return np.isfinite(self.arrest)
+
+    def at(self, times: Array) -> Array:
+        """States (n, m, n_x) at times (n, m) [s] from the onset of each lane, cubic Hermite; held outside."""
+        steps, lanes = self.states.shape[0] - 1, np.arange(self.h.size)[:, None]
+        u = np.clip(times / self.h[:, None], 0.0, steps * (1 - 1e-12))
+        i = np.minimum(u.astype(int), steps - 1)
+        w = (u - i)[..., None]
+        h = self.h[:, None, None]
+        y0, y1, d0, d1 = (
+            self.states[i, lanes],
+            self.states[i + 1, lanes],
+            self.rates[i, lanes],
+            self.rates[i + 1, lanes],
+        )
+        return np.asarray(
+            y0 * (1 + 2 * w) * (1 - w) ** 2
+            + y1 * w**2 * (3 - 2 * w)
+            + h * (d0 * w * (1 - w) ** 2 - d1 * w**2 * (1 - w))
+        )
+
+
+@lru_cache(maxsize=16)
+def _functions(model: Model) -> dict[str, ca.Function]:
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", 3)
+    h = ca.SX.sym("h")
+
+    def clamp(state: ca.SX) -> ca.SX:
+        out = ca.SX(state)
+        for i, q in enumerate(model.states):
+            if q.lower is not None:
+                out[i] = ca.fmax(state[i], q.lower)
+        return out
+
+    def motion(state: ca.SX, _t: object) -> ca.SX:
+        return model.slip(clamp(state), p, u)
+
+    after, _, stages = step(RK4, motion, x, h)
+    t = ca.SX.sym("t")
+    rested = model.rest(x, p, u, t)
+    spare = model.grip(rested, p, u) - model.driving_force(rested, p, u)
+    slope = ca.jacobian(spare, t)
+    return {
+        "step": ca.Function("lane_step", [x, p, u, h], [clamp(after), after, stages[0]]).map(CHUNK),
+        "spare": ca.Function("lane_spare", [x, p, u, t], [spare, slope, rested]).map(CHUNK),
+        "force": ca.Function("lane_force", [x, p, u], [model.load_cell(x, p, u)]).map(CHUNK),
+    }
+
+
+def _call(function: ca.Function, arguments: list[Array], sizes: list[int]) -> list[Array]:
+    """A mapped function over any number of lanes; arguments (n, size_i), results (n, size_j)."""
+    n = arguments[0].shape[0]
+    padded = -(-n // CHUNK) * CHUNK
+    given = []
+    for a in arguments:
+        full = np.empty((padded, a.shape[1] if a.ndim > 1 else 1))
+        full[:n] = a.reshape(n, -1)
+        full[n:] = full[n - 1]
+        given.append(full)
+    out = [np.empty((padded, size)) for size in sizes]
+    buffer, call = function.buffer()
+    for first in range(0, padded, CHUNK):
+        for i, a in enumerate(given):
+            buffer.set_arg(i, memoryview(a[first : first + CHUNK].reshape(-1)))
+        for i, o in enumerate(out):
+            buffer.set_res(i, memoryview(o[first : first + CHUNK].reshape(-1)))
+        call()
+    return [o[:n] for o in out]
+
+
+def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
+    """What the load cell sees [N], shape (n,); x (n, n_x), p (n, n_p), u (n, 3)."""
+    return _call(_functions(model)["force"], [x, p, u], [1])[0][:, 0]
+
+
+def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
+    """Rest each lane until the drive overcomes its grip.
+
+    The spare grip falls convexly at late times, so Newton from a late time converges monotonically.
+
+    Returns:
+        stick time (n,) [s] (0 where the lane is moved at once, NaN where nothing ever moves it), state at
+        the onset (n, n_x).
+    """
+    functions, n_x = _functions(model), len(model.states)
+    k = p[:, model.parameter_names.index("stiffness")]
+    x = x.copy()
+    x[:, SPEED] = 0.0
+    saturated = _call(functions["spare"], [x, p, u, np.full(x.shape[0], 1e12)], [1, 1, n_x])[0][:, 0]
+    with np.errstate(all="ignore"):
+        t = (saturated + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact saturated for ever
+        t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
+        for _ in range(NEWTON_STEPS):
+            spare, slope, _state = _call(functions["spare"], [x, p, u, t], [1, 1, n_x])
+            move = -spare[:, 0] / slope[:, 0]
+            t_new = np.maximum(np.where(np.isfinite(move), t + move, t), 0.0)
+            done = np.all(np.abs(t_new - t) <= 1e-12 * np.maximum(t, 1e-9))
+            t = t_new
+            if done:
+                break
+    state = _call(functions["spare"], [x, p, u, t], [1, 1, n_x])[2]
+    return t, state
+
+
+def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Slips:
+    """Slide every lane from x (n, n_x) until it rests, with steps of half a natural period / per_half_period.
+
+    Args:
+        p: (n, n_p); u: (n, 3) drive speed, normal force, direction +1.
+    """
+    functions, n, n_x = _functions(model), x.shape[0], len(model.states)
+    names = model.parameter_names
+    half = np.pi * np.sqrt(p[:, names.index("mass")] / p[:, names.index("stiffness")])
+    h = half / per_half_period
+    states, rates = [x.copy()], []
+    arrest, saturation = np.full(n, np.nan), np.full(n, np.nan)
+    at_arrest, at_saturation = np.full((n, n_x), np.nan), np.full((n, n_x), np.nan)
+    active = np.arange(n)
+    current, last_rate = x.copy(), np.zeros((n, n_x))
+    pending: list[tuple[int, Indices, Array, Array, Bools]] = []
+    for s in range(int(LONGEST * per_half_period)):
+        after, free, rate = _call(
+            functions["step"], [current[active], p[active], u[active], h[active]], [n_x, n_x, n_x]
+        )
+        finite = np.all(np.isfinite(after), axis=1)
+        last_rate[active] = np.where(finite[:, None], rate, 0.0)
+        rates.append(last_rate.copy())
+        before = current[active]
+        stopped = finite & (after[:, SPEED] <= 0.0)
+        pending.append((s, active, before, free, stopped))
+        current[active] = np.where(finite[:, None], after, before)
+        states.append(current.copy())
+        active = active[finite & ~stopped]
+        if active.size == 0:
+            break
+    rates.append(last_rate.copy())
+    result = Slips(h, np.stack(states), np.stack(rates), saturation, arrest, at_saturation, at_arrest)
+    for s, lanes, before, free, stopped in pending:
+        _mark(model, result, s, lanes, before, free, stopped)
+    return result
+
+
+def _mark(model: Model, out: Slips, s: int, lanes: Indices, before: Array, free: Array, stopped: Bools) -> None:
+    """Record the events of step s: arrest where the speed fell to zero, saturation where the state clamped."""
+    rate = out.rates[s, lanes] * out.h[lanes, None]
+    bend = free - before - rate  # the states within the step: before + rate w + bend w^2
+
+    def put(which: Bools, component: int, level: float, time: Array, state: Array) -> None:
+        j = lanes[which]
+        w = _first_root(before[which, component] - level, rate[which, component], bend[which, component])
+        time[j] = (s + w) * out.h[j]
+        at = before[which] + rate[which] * w[:, None] + bend[which] * (w**2)[:, None]
+        at[:, component] = level
+        if model.clamped is not None:
+            at[:, model.clamped] = np.maximum(at[:, model.clamped], model.states[model.clamped].lower or 0.0)
+        state[j] = at
+
+    if np.any(stopped):
+        put(stopped, SPEED, 0.0, out.arrest, out.at_arrest)
+    if model.clamped is not None:
+        g, low = model.clamped, model.states[model.clamped].lower or 0.0
+        hit = (before[:, g] > low) & (free[:, g] <= low) & np.isnan(out.saturation[lanes]) & ~stopped
+        if np.any(hit):
+            put(hit, g, low, out.saturation, out.at_saturation)
+
+
+def _first_root(y: Array, slope: Array, bend: Array) -> Array:
+    """The first root in (0, 1] of y + slope w + bend w^2, which is not negative at 0 and not positive at 1."""
+    root = np.sqrt(np.maximum(slope**2 - 4 * bend * y, 0.0))
+    with np.errstate(all="ignore"):
+        w = np.where(slope < 0, 2 * y / (root - slope), -(slope + root) / (2 * bend))
+    return np.asarray(np.clip(np.where(np.isfinite(w), w, 1.0), 1e-9, 1.0))
+
+
+def elongation_of(model: Model, force: Array, p: Array, u: Array) -> Array:
+    """Elongation [m] at which a resting lane shows this load cell force [N]; shapes (n,)."""
+    x = np.zeros((force.size, len(model.states)))
+    offset = load_cell(model, x, p, u)
+    k = p[:, model.parameter_names.index("stiffness")]
+    out: Array = (force - offset) / k
+    return out

@@ -1,0 +1,206 @@
+"""From parameters and detected falls to a guess of the whole motion: simulate every cycle, place it on the data.
+
+Each cycle starts from the arrest of the one before and is shifted rigidly in time onto its fall; shapes are
+never bent. What does not join up is left to the shooting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify import lanes
+from identify.guess import Grid, Guess, LogData
+from identify.model import Model
+
+Array = NDArray[np.float64]
+
+SWEEPS = 4  # how often arrests are handed on: the return map contracts
+PER_HALF_PERIOD = 60  # RK4 steps of a placed slip per half natural period
+WINDOW = 48  # samples of a slip that vote on its shift
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A guess per log, or None where the model does not come to rest in one of its cycles (it slides)."""
+
+    guesses: tuple[Guess | None, ...]
+
+
+@dataclass(frozen=True)
+class _Lanes:
+    """All cycles of all logs side by side: which log, whether first of its log, fall times, inputs."""
+
+    log: NDArray[np.int64]
+    first: NDArray[np.bool_]
+    fall: Array
+    p: Array
+    u: Array
+
+
+def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array], grid: Grid) -> Placement:
+    """Guess the motion of every log.
+
+    Args:
+        p: parameter values of each log (n_p,).
+        falls: per log, the mid-fall times of its cycles (c,) [s].
+    """
+    if not logs or not sum(f.size for f in falls):
+        return Placement(tuple(None for _ in logs))
+    side = _side_by_side(logs, p, falls)
+    starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
+    x = _first_arrests(model, side, starts)
+    for _sweep in range(SWEEPS):
+        _, at_onset = lanes.stick(model, x, side.p, side.u)
+        slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD // 2)
+        handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
+        handed = np.roll(handed, 1, axis=0)
+        x = np.where(side.first[:, None], x, handed)
+    _, at_onset = lanes.stick(model, x, side.p, side.u)
+    slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD)
+    onset = side.fall - _mid_fall(model, slips, side)
+    for _ in range(2):
+        onset = onset + _shift(model, slips, side, logs, onset)
+    guesses = []
+    for number, (log, falling) in enumerate(zip(logs, falls, strict=True)):
+        mine = np.flatnonzero(side.log == number)
+        if not falling.size or not np.all(slips.rested[mine]):
+            guesses.append(None)
+            continue
+        guesses.append(_guess(model, log, p[number], starts[number], slips, mine, onset[mine], grid))
+    return Placement(tuple(guesses))
+
+
+def _side_by_side(logs: list[LogData], p: list[Array], falls: list[Array]) -> _Lanes:
+    counts = [f.size for f in falls]
+    log = np.repeat(np.arange(len(logs)), counts)
+    first = np.concatenate([np.arange(c) == 0 for c in counts])
+    fall = np.concatenate(falls)
+    force = np.concatenate([log_.normal_force.at(f) for log_, f in zip(logs, falls, strict=True)])
+    speed = np.array([log_.drive_speed for log_ in logs])[log]
+    u = np.stack([speed, force, np.ones_like(force)], axis=1)
+    return _Lanes(log, first, fall, np.stack(p)[log], u)
+
+
+def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
+    """State at the begin of the window: elongation from the first stick's samples, bounded states half way."""
+    x = np.array([s.start for s in model.states])
+    for i, s in enumerate(model.states):
+        if s.lower is not None and s.upper is not None:
+            x[i] = 0.5 * (s.lower + s.upper)
+    if falls.size:
+        end = log.begin + 0.8 * max(falls[0] - log.begin, 0.0)
+        mine = (log.time >= log.begin) & (log.time <= max(end, log.time[0])) & (log.weight > 0)
+        if np.any(mine):
+            k = p[model.parameter_names.index("stiffness")]
+            level = np.median(log.force[mine] - k * log.drive_speed * (log.time[mine] - log.begin))
+            u = np.array([[log.drive_speed, float(log.normal_force.at(log.begin)), 1.0]])
+            x[0] = lanes.elongation_of(model, np.array([level]), p[None, :], u)[0]
+    return x
+
+
+def _first_arrests(model: Model, side: _Lanes, starts: list[Array]) -> Array:
+    """Where the first sweep starts every cycle: the begin of the record, else the kinetic level less half a drop."""
+    names = model.parameter_names
+    mu_s, mu_k0 = side.p[:, names.index("mu_s")], side.p[:, names.index("mu_k0")]
+    level = np.maximum(2 * mu_k0 - mu_s, 0.05 * mu_k0) * side.u[:, 1]
+    x = np.zeros((side.fall.size, len(model.states)))
+    x[:, 0] = lanes.elongation_of(model, level, side.p, side.u)
+    x[side.first] = np.stack([s for i, s in enumerate(starts) if np.any(side.log == i)])
+    return x
+
+
+def _sensor(model: Model, states: Array, side: _Lanes) -> Array:
+    """Load cell force (n, m) of states (n, m, n_x), one row per lane."""
+    n, m, n_x = states.shape
+    p, u = np.repeat(side.p, m, axis=0), np.repeat(side.u, m, axis=0)
+    return lanes.load_cell(model, states.reshape(n * m, n_x), p, u).reshape(n, m)
+
+
+def _mid_fall(model: Model, slips: lanes.Slips, side: _Lanes) -> Array:
+    """Time from onset to the middle of the force fall of each slip (n,) [s]."""
+    duration = np.where(slips.rested, slips.arrest, slips.h)
+    times = np.linspace(0.0, 1.0, 200)[None, :] * duration[:, None]
+    force = _sensor(model, slips.at(times), side)
+    top = np.argmax(force, axis=1)
+    rows = np.arange(force.shape[0])
+    middle = 0.5 * (force[rows, top] + np.min(force, axis=1))
+    below = (force <= middle[:, None]) & (np.arange(200)[None, :] > top[:, None])
+    after = np.clip(np.argmax(below, axis=1), 1, 199)
+    f0, f1 = force[rows, after - 1], force[rows, after]
+    w = np.where(f0 > f1, (f0 - middle) / np.where(f0 > f1, f0 - f1, 1.0), 0.5)
+    return np.asarray(times[rows, after - 1] + np.clip(w, 0, 1) * (times[rows, after] - times[rows, after - 1]))
+
+
+def _shift(model: Model, slips: lanes.Slips, side: _Lanes, logs: list[LogData], onset: Array) -> Array:
+    """One Gauss-Newton step of each cycle's time shift on its own samples (n,) [s]."""
+    n = onset.size
+    duration = np.where(slips.rested, slips.arrest, slips.h)
+    sample_t, sample_y, weight = np.zeros((n, WINDOW)), np.zeros((n, WINDOW)), np.zeros((n, WINDOW))
+    for number, log in enumerate(logs):
+        mine = np.flatnonzero(side.log == number)
+        if mine.size == 0:
+            continue
+        first = np.searchsorted(log.time, onset[mine])
+        last = np.maximum(np.searchsorted(log.time, onset[mine] + duration[mine]), first + 1)
+        stride = np.maximum((last - first - 1) // WINDOW + 1, 1)
+        index = first[:, None] + stride[:, None] * np.arange(WINDOW)[None, :]
+        valid = (index < last[:, None]) & (index < log.time.size)
+        index = np.minimum(index, log.time.size - 1)
+        sample_t[mine], sample_y[mine] = log.time[index], log.force[index]
+        weight[mine] = np.where(valid, log.weight[index], 0.0)
+    sample_y = np.where(weight > 0, sample_y, 0.0)
+    local = sample_t - onset[:, None]
+    eps = 0.02 * slips.h[:, None]
+    force = _sensor(model, slips.at(local), side)
+    slope = (_sensor(model, slips.at(local + eps), side) - _sensor(model, slips.at(local - eps), side)) / (2 * eps)
+    residual = sample_y - force
+    with np.errstate(all="ignore"):
+        move = -np.sum(weight * residual * slope, axis=1) / np.sum(weight * slope**2, axis=1)
+    move = np.where(np.isfinite(move), move, 0.0)
+    limit = 0.15 * duration
+    return np.asarray(np.clip(move, -limit, limit))
+
+
+def _guess(
+    model: Model, log: LogData, p: Array, start: Array, slips: lanes.Slips, mine: NDArray[np.int64], onset: Array,
+    grid: Grid,
+) -> Guess:
+    saturation, arrest = slips.saturation[mine], slips.arrest[mine]
+    picked = lanes.Slips(
+        slips.h[mine], slips.states[:, mine], slips.rates[:, mine], saturation, arrest, slips.at_saturation[mine],
+        slips.at_arrest[mine],
+    )
+    middle = np.where(np.isfinite(saturation), saturation, arrest)
+    first = picked.at(np.linspace(0.0, 1.0, grid.slip + 1)[None, :] * middle[:, None])
+    second = picked.at(
+        middle[:, None] + np.linspace(0.0, 1.0, grid.saturated + 1)[None, :] * (arrest - middle)[:, None]
+    )
+    ends = np.isfinite(saturation)
+    first[:, -1] = np.where(ends[:, None], picked.at_saturation, picked.at_arrest)
+    second[:, -1] = picked.at_arrest
+    return Guess(start, onset, onset + saturation, onset + arrest, first, second)
+
+
+def start_state(model: Model, log: LogData, p: Array, guess: Guess) -> Array:
+    """The state at the begin with its bounded state chosen so that the first onset comes when it was seen."""
+    if model.clamped is None or guess.cycles == 0:
+        return guess.start
+    g = model.clamped
+    candidates = np.linspace(0.0, 1.0, 21)
+    x = np.repeat(guess.start[None, :], candidates.size, axis=0)
+    x[:, g] = candidates
+    force = float(log.normal_force.at(guess.onset[0]))
+    u = np.tile([log.drive_speed, force, 1.0], (candidates.size, 1))
+    times, _ = lanes.stick(model, x, np.repeat(p[None, :], candidates.size, axis=0), u)
+    best = int(np.argmin(np.abs(times - (guess.onset[0] - log.begin))))
+    out = guess.start.copy()
+    # Where the first stick is so long that its start is forgotten, half way is as good as any.
+    spread = float(np.ptp(times))
+    out[g] = candidates[best] if spread > 1e-3 * (guess.onset[0] - log.begin) else 0.5
+    return out
+
+
+__all__ = ["Placement", "place", "start_state"]

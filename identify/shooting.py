@@ -1,0 +1,255 @@
+"""The multiple-shooting problem as numbers: objective, rows and their derivatives, ready for any solver.
+
+The samples are compressed exactly: in each cell the model's curve is a polynomial in reference time, so
+sums of powers of the sample times and of the residuals against the starting curve are all that is needed.
+The cost of an evaluation does not depend on the sampling rate. Hessian: Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from identify.guess import Grid, Guess, LogData
+from identify.layout import Family, Indices, Layout, lay_out
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moments:
+    """The compressed samples of one family: with w = weight, r = force - reference curve, u in [0, 1]:
+    curvature (B, cells, order, order) = sum w u^(i+j); pull (B, cells, order) = sum w u^i r;
+    reference (B, cells, order) coefficients; square (B,) = sum w r^2; count (B,) samples that count."""
+
+    curvature: Array
+    pull: Array
+    reference: Array
+    square: Array
+    count: Array
+
+
+@dataclass(frozen=True)
+class Point:
+    """Everything at one point z (scaled unknowns): cost, rows, and with derivatives the gradient (n,),
+    the Jacobian (m, n) sparse and the Gauss-Newton Hessian (n, n) sparse, upper triangle."""
+
+    cost: float
+    rows: Array
+    gradient: Array | None = None
+    jacobian: sp.csc_matrix | None = None
+    hessian: sp.csc_matrix | None = None
+
+
+class Problem:
+    """min 1/2 sum w (force - curve)^2 + 1/2 sum ((x - mean)/sd)^2  subject to rows(x) = 0.
+
+    Works on scaled unknowns z = x / scale. Holds its pattern of nonzeros and the last point evaluated.
+    """
+
+    def __init__(self, logs: list[LogData], layout: Layout) -> None:
+        self.layout = layout
+        self.logs = logs
+        self.moments = [self._compress(f) for f in layout.families]
+        self._scatter = [_scatter(f, layout) for f in layout.families]
+        self._pattern()
+        self._last: tuple[bytes, bool, Point] | None = None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that count."""
+        return int(sum(m.count.sum() for m in self.moments))
+
+    @cached_property
+    def start(self) -> Array:
+        """The scaled starting point (n,)."""
+        return self.layout.start / self.layout.scale
+
+    def _slots(self, family: Family, x: Array) -> Array:
+        return np.where(family.slots >= 0, x[family.slots], family.fixed)
+
+    def _compress(self, family: Family) -> Moments:
+        order, n_cells = family.block.order, family.block.n_cells
+        count = family.slots.shape[0]
+        _, reference = family.block.evaluate(
+            self._slots(family, self.layout.start), family.constants, derivatives=False
+        )
+        n = count * n_cells
+        powers = np.zeros((n, 2 * order - 1))
+        pull = np.zeros((n, order))
+        square, number = np.zeros(n), np.zeros(n)
+        flat = family.edges.reshape(n, 2)
+        curve = reference.reshape(n, order)
+        for index, log in enumerate(self.logs):
+            mine = np.flatnonzero(np.repeat(family.log == index, n_cells))
+            if mine.size == 0:
+                continue
+            sorted_cells = mine[np.argsort(flat[mine, 0], kind="stable")]
+            first, last = np.searchsorted(log.time, flat[sorted_cells].T, side="left")
+            final = flat[sorted_cells, 1] >= log.end
+            last = np.where(final, np.searchsorted(log.time, log.end, side="right"), last)
+            lengths = last - first
+            cell = np.repeat(sorted_cells, lengths)
+            sample = np.arange(lengths.sum()) + np.repeat(
+                first - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths
+            )
+            w, y = log.weight[sample], log.force[sample]
+            t0, t1 = flat[cell].T
+            u = (log.time[sample] - t0) / (t1 - t0)
+            fit = np.zeros_like(u)
+            for i in range(order - 1, -1, -1):
+                fit = fit * u + curve[cell, i]
+            r = np.where(w > 0, y - fit, 0.0)
+            weight = w
+            for i in range(2 * order - 1):
+                powers[:, i] += np.bincount(cell, weights=weight, minlength=n)
+                if i < order:
+                    pull[:, i] += np.bincount(cell, weights=weight * r, minlength=n)
+                weight = weight * u
+            square += np.bincount(cell, weights=w * r * r, minlength=n)
+            number += np.bincount(cell, weights=(w > 0).astype(float), minlength=n)
+        hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
+        shape = (count, n_cells)
+        return Moments(
+            powers[:, hankel].reshape(*shape, order, order),
+            pull.reshape(*shape, order),
+            reference,
+            square.reshape(shape).sum(axis=1),
+            number.reshape(shape).sum(axis=1),
+        )
+
+    def _pattern(self) -> None:
+        n, m = self.layout.size, self.layout.rows
+        d_row = np.concatenate([s.jacobian_rows for s in self._scatter])
+        d_col = np.concatenate([s.jacobian_columns for s in self._scatter])
+        order = np.lexsort((d_row, d_col))
+        self._jacobian_order = order
+        self._jacobian_rows, columns = d_row[order].astype(np.int32), d_col[order]
+        self._jacobian_starts = np.searchsorted(columns, np.arange(n + 1)).astype(np.int32)
+        h_row = np.concatenate([*(s.hessian_rows for s in self._scatter), np.arange(n)])
+        h_col = np.concatenate([*(s.hessian_columns for s in self._scatter), np.arange(n)])
+        keys, self._hessian_slot = np.unique(h_col * n + h_row, return_inverse=True)
+        self._hessian_rows = (keys % n).astype(np.int32)
+        self._hessian_starts = np.searchsorted(keys // n, np.arange(n + 1)).astype(np.int32)
+        self._shape = (m, n)
+
+    def block_costs(self, z: Array) -> list[Array]:
+        """Per family, the sum of squared weighted residuals of each block (B,)."""
+        x = z * self.layout.scale
+        out = []
+        for family, moments in zip(self.layout.families, self.moments, strict=True):
+            _, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
+            out.append(_squares(moments, curve))
+        return out
+
+    def evaluate(self, z: Array, *, derivatives: bool) -> Point:
+        """Cost and rows at z, with derivatives on request; the last point is remembered."""
+        key = z.tobytes()
+        if self._last is not None and self._last[0] == key and (self._last[1] or not derivatives):
+            return self._last[2]
+        with np.errstate(all="ignore"):
+            point = self._derivatives(z) if derivatives else self._values(z)
+        self._last = (key, derivatives, point)
+        return point
+
+    def _prior(self, x: Array) -> Array:
+        return (x - self.layout.prior_mean) / self.layout.prior_sd
+
+    def _values(self, z: Array) -> Point:
+        x = z * self.layout.scale
+        rows, cost = np.zeros(self.layout.rows), 0.5 * float(np.sum(self._prior(x) ** 2))
+        for family, moments in zip(self.layout.families, self.moments, strict=True):
+            block_rows, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
+            rows[family.rows] = block_rows
+            cost += 0.5 * float(np.sum(_squares(moments, curve)))
+        return Point(cost, rows)
+
+    def _derivatives(self, z: Array) -> Point:
+        layout = self.layout
+        x, scale = z * layout.scale, layout.scale
+        prior = self._prior(x)
+        rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
+        gradient = prior / layout.prior_sd * scale
+        jacobian_parts, hessian_parts = [], []
+        for family, moments, scatter in zip(layout.families, self.moments, self._scatter, strict=True):
+            block_rows, curve, d_rows, d_curve = family.block.evaluate(
+                self._slots(family, x), family.constants, derivatives=True
+            )
+            rows[family.rows] = block_rows
+            cost += 0.5 * float(np.sum(_squares(moments, curve)))
+            bend = np.matmul(moments.curvature, d_curve)  # (B, cells, order, n_slots)
+            count, n_slots = family.slots.shape
+            shape = (count, -1, n_slots)
+            tall = d_curve.reshape(shape)
+            step = np.matmul(moments.curvature, (curve - moments.reference)[..., None])[..., 0] - moments.pull
+            pull = np.matmul(tall.transpose(0, 2, 1), step.reshape(count, -1, 1))[..., 0]
+            hessian = np.matmul(tall.transpose(0, 2, 1), bend.reshape(shape))
+            gradient += (
+                np.bincount(
+                    family.slots.ravel()[scatter.known_slots],
+                    weights=pull.ravel()[scatter.known_slots],
+                    minlength=z.size,
+                )
+                * scale
+            )
+            jacobian_parts.append(d_rows.ravel()[scatter.jacobian_entries])
+            hessian_parts.append(hessian.ravel()[scatter.hessian_entries])
+        flat = np.concatenate(jacobian_parts)[self._jacobian_order]
+        columns = np.repeat(np.arange(z.size), np.diff(self._jacobian_starts))
+        jacobian = sp.csc_matrix((flat * scale[columns], self._jacobian_rows, self._jacobian_starts), self._shape)
+        diagonal = 1.0 / layout.prior_sd**2
+        summed = np.bincount(
+            self._hessian_slot, weights=np.concatenate([*hessian_parts, diagonal]), minlength=self._hessian_rows.size
+        )
+        h_columns = np.repeat(np.arange(z.size), np.diff(self._hessian_starts))
+        summed = summed * scale[h_columns] * scale[self._hessian_rows]
+        hessian_matrix = sp.csc_matrix((summed, self._hessian_rows, self._hessian_starts), (z.size, z.size))
+        return Point(cost, rows, gradient, jacobian, hessian_matrix)
+
+
+def _squares(moments: Moments, curve: Array) -> Array:
+    """Sum of squared weighted residuals of each block (B,) at these curve coefficients."""
+    d = curve - moments.reference
+    bent = np.matmul(moments.curvature, d[..., None])[..., 0]
+    out: Array = moments.square + np.sum(d * (bent - 2 * moments.pull), axis=(1, 2))
+    return out
+
+
+@dataclass(frozen=True)
+class _Scatter:
+    """Constant index maps from a family's dense block derivatives to the global nonzeros."""
+
+    jacobian_entries: Indices
+    jacobian_rows: Indices
+    jacobian_columns: Indices
+    hessian_entries: Indices
+    hessian_rows: Indices
+    hessian_columns: Indices
+    known_slots: NDArray[np.bool_]
+
+
+def _scatter(family: Family, layout: Layout) -> _Scatter:
+    count, n_slots = family.slots.shape
+    n_rows = family.block.n_rows
+    rows = np.broadcast_to(family.rows[:, :, None], (count, n_rows, n_slots)).ravel()
+    columns = np.broadcast_to(family.slots[:, None, :], (count, n_rows, n_slots)).ravel()
+    entries = np.flatnonzero(columns >= 0)
+    left = np.broadcast_to(family.slots[:, :, None], (count, n_slots, n_slots)).ravel()
+    right = np.broadcast_to(family.slots[:, None, :], (count, n_slots, n_slots)).ravel()
+    # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
+    upper = np.flatnonzero((left >= 0) & (right >= 0) & (left <= right))
+    return _Scatter(
+        entries, rows[entries], columns[entries], upper, left[upper], right[upper], (family.slots >= 0).ravel()
+    )
+
+
+def transcribe(
+    logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, grid: Grid, *, free: Indices | None = None
+) -> Problem:
+    """The multiple-shooting problem of several logs around their guesses; see `lay_out`."""
+    return Problem(logs, lay_out(logs, guesses, unknowns, grid, free=free))

@@ -1,0 +1,163 @@
+"""Solve a transcribed problem with IPOPT; the only file that spells its options."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from identify.shooting import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, multipliers of the bounds (n,),
+    its own words, whether they mean success, iterations, cost, largest row."""
+
+    z: Array
+    x: Array
+    bound_multipliers: Array
+    words: str
+    success: bool
+    iterations: int
+    cost: float
+    infeasibility: float
+
+
+class _Port(ca.Callback):
+    """One function of the problem as CasADi sees it; the problem itself holds the numbers."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: Sequence[tuple[str, ca.Sparsity]],
+        outputs: Sequence[tuple[str, ca.Sparsity]],
+        function: Any,
+    ) -> None:
+        ca.Callback.__init__(self)
+        self._in, self._out, self._function = inputs, outputs, function
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._in)
+
+    def get_n_out(self) -> int:
+        return len(self._out)
+
+    def get_name_in(self, i: int) -> str:
+        return self._in[i][0]
+
+    def get_name_out(self, i: int) -> str:
+        return self._out[i][0]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return self._in[i][1]
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return self._out[i][1]
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[Any]:
+        return list(self._function(np.array(arguments[0]).ravel(), arguments))
+
+
+def _sparsity(matrix: sp.csc_matrix) -> ca.Sparsity:
+    return ca.Sparsity(*matrix.shape, matrix.indptr.tolist(), matrix.indices.tolist())
+
+
+def _ports(problem: Problem) -> dict[str, _Port]:
+    """The four functions IPOPT asks for."""
+    first = problem.evaluate(problem.start, derivatives=True)
+    assert first.jacobian is not None and first.hessian is not None
+    n, m = problem.layout.size, problem.layout.rows
+    jacobian, hessian = _sparsity(first.jacobian), _sparsity(first.hessian)
+    vector, none, rows, one = ca.Sparsity.dense(n), ca.Sparsity.dense(0, 1), ca.Sparsity.dense(m), ca.Sparsity.dense(1)
+    xp = [("x", vector), ("p", none)]
+
+    def nlp(z: Array, _a: Any) -> tuple[Any, ...]:
+        point = problem.evaluate(z, derivatives=False)
+        return point.cost, point.rows
+
+    def grad_f(z: Array, _a: Any) -> tuple[Any, ...]:
+        point = problem.evaluate(z, derivatives=True)
+        return point.cost, point.gradient
+
+    def jac_g(z: Array, _a: Any) -> tuple[Any, ...]:
+        point = problem.evaluate(z, derivatives=True)
+        assert point.jacobian is not None
+        return point.rows, ca.DM(jacobian, point.jacobian.data)
+
+    def hess(z: Array, arguments: Any) -> tuple[Any, ...]:
+        point = problem.evaluate(z, derivatives=True)
+        assert point.hessian is not None
+        return (ca.DM(hessian, point.hessian.data * float(arguments[2])),)
+
+    return {
+        "nlp": _Port("nlp", xp, [("f", one), ("g", rows)], nlp),
+        "grad_f": _Port("grad_f", xp, [("f", one), ("grad_f_x", vector)], grad_f),
+        "jac_g": _Port("jac_g", xp, [("g", rows), ("jac_g_x", jacobian)], jac_g),
+        "hess_lag": _Port("hess_lag", [*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", hessian)], hess),
+    }
+
+
+def solve(
+    problem: Problem, *, tolerance: float = 1e-8, barrier: float = 1e-4, iterations: int = 60, log: Path | None = None
+) -> Solution:
+    """Solve the problem from its starting point.
+
+    Args:
+        tolerance: on the scaled optimality conditions.
+        barrier: IPOPT's first barrier parameter: small from a good start.
+        iterations: give up after this many.
+        log: file for the solver's own words; default none.
+    """
+    ports = _ports(problem)
+    layout = problem.layout
+    options: dict[str, Any] = {
+        "print_time": False,
+        "no_nlp_grad": True,
+        "calc_lam_p": False,
+        "calc_lam_x": False,
+        "calc_f": False,
+        "calc_g": False,
+        "grad_f": ports["grad_f"],
+        "jac_g": ports["jac_g"],
+        "hess_lag": ports["hess_lag"],
+        "ipopt.sb": "yes",
+        "ipopt.print_level": 0,
+        "ipopt.tol": tolerance,
+        "ipopt.constr_viol_tol": 1e-9,
+        "ipopt.dual_inf_tol": 1e-3,
+        "ipopt.acceptable_iter": 0,
+        "ipopt.mu_init": barrier,
+        "ipopt.nlp_scaling_method": "none",
+        "ipopt.bound_push": 1e-8,
+        "ipopt.bound_frac": 1e-8,
+        "ipopt.max_iter": iterations,
+    }
+    if log is not None:
+        options |= {"ipopt.output_file": str(log), "ipopt.file_print_level": 5}
+    solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
+    result = solver(
+        x0=problem.start, lbx=layout.lower / layout.scale, ubx=layout.upper / layout.scale, lbg=0.0, ubg=0.0
+    )
+    z = np.array(result["x"]).ravel()
+    stats = solver.stats()
+    point = problem.evaluate(z, derivatives=False)
+    return Solution(
+        z,
+        z * layout.scale,
+        np.array(result["lam_x"]).ravel(),
+        str(stats["return_status"]),
+        bool(stats["success"]),
+        int(stats["iter_count"]),
+        point.cost,
+        float(np.max(np.abs(point.rows), initial=0.0)),
+    )
