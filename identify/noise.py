@@ -1,0 +1,125 @@
+"""White noise and isolated spikes of a measured force, from the samples alone."""
+
+from __future__ import annotations
+
+from math import comb, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BLOCK = 16
+ORDERS = (2, 3, 4, 5)
+# Median over blocks of the mean square of 16 overlapping differences of unit white noise, by order.
+MEDIAN_OF_BLOCK = {2: 0.913, 3: 0.898, 4: 0.886, 5: 0.878}
+SPIKE_LENGTHS = (1, 2, 3)
+SPIKE_SD = 6.0
+SPIKE_SD_OVER_SIDES = 4.5
+MOST_SPIKES = 0.05
+
+
+def white_noise(force: Array) -> float:
+    """Standard deviation of the white part of a force (n,), robust to sticks, slips, steps and spikes [N].
+
+    Differences of order 2 to 5 remove ramps and slow waves; the median over blocks of their mean square
+    ignores the few blocks with slips, and unlike a median of single samples does not vanish where a
+    quantised signal mostly repeats itself. Quantisation itself counts as noise of step/sqrt(12).
+    """
+    force = np.asarray(force, dtype=np.float64)
+    if force.size < BLOCK:
+        return _few(force)
+    estimates = []
+    for order in ORDERS:
+        squares = np.diff(force, order) ** 2
+        blocks = squares.size // BLOCK
+        if blocks < 4:
+            estimates.append(sqrt(float(np.median(squares)) / 0.455 / comb(2 * order, order)))
+            continue
+        means = squares[: blocks * BLOCK].reshape(blocks, BLOCK).mean(axis=1)
+        estimates.append(sqrt(float(np.median(means)) / MEDIAN_OF_BLOCK[order] / comb(2 * order, order)))
+    return max(min(estimates), quantum(force) / sqrt(12.0))
+
+
+def _few(force: Array) -> float:
+    if force.size < 3:
+        return 0.0
+    return sqrt(float(np.median(np.diff(force, 2) ** 2)) / 0.455 / 6.0)
+
+
+def quantum(force: Array) -> float:
+    """The step of a quantised force [N]; next to nothing where the force is not quantised."""
+    levels = np.unique(force[: 1 << 17])
+    if levels.size < 2:
+        return 0.0
+    steps = np.diff(levels)
+    real = steps[steps > 1e-9 * (levels[-1] - levels[0])]
+    return float(real.min()) if real.size else 0.0
+
+
+def spikes(force: Array, noise: float) -> Mask:
+    """Marks isolated outliers of one to three samples, shape (n,).
+
+    A spike leaves both the chord between its neighbours and the lines through three samples on either
+    side, to the same side, and the signal is back on its level after it: a sharp corner of a saw-tooth
+    or a crest sampled a few times is none.
+
+    Args:
+        force: finite values (n,) [N].
+        noise: standard deviation of the white noise [N].
+    """
+    marked = np.zeros(force.size, dtype=bool)
+    limit = SPIKE_SD * max(noise, 1e-12 * float(np.ptp(force)) if force.size else 0.0)
+    if force.size < 12 or limit == 0.0:
+        return marked
+    for _ in range(6):
+        marked = _spikes_above(force, limit)
+        if np.count_nonzero(marked) <= MOST_SPIKES * force.size:
+            break
+        limit *= 2.0
+    return marked
+
+
+def _spikes_above(force: Array, limit: float) -> Mask:
+    marked, clean = np.zeros(force.size, dtype=bool), force.copy()
+    for length in SPIKE_LENGTHS:
+        first = _candidates(clean, length, limit)
+        if first.size == 0:
+            continue
+        before, after = clean[first - 1], clean[first + length]
+        left = clean[first[:, None] + np.array([-3, -2, -1])]
+        right = clean[first[:, None] + length + np.array([0, 1, 2])]
+        inside = np.arange(1, length + 1)
+        body = clean[first[:, None] + inside - 1]
+        chord = before[:, None] + (after - before)[:, None] * inside / (length + 1)
+        from_left = left.mean(axis=1)[:, None] + (left[:, 2] - left[:, 0])[:, None] / 2 * (inside + 1)
+        from_right = right.mean(axis=1)[:, None] - (right[:, 2] - right[:, 0])[:, None] / 2 * (length - inside + 2)
+        off = body - chord
+        sides = SPIKE_SD_OVER_SIDES / SPIKE_SD * limit
+        side = np.sign(off)
+        good = (np.abs(off) > limit) & (side * (body - from_left) > sides) & (side * (body - from_right) > sides)
+        back = np.abs(after - before) < 0.5 * np.abs(off).min(axis=1)
+        found = first[good.all(axis=1) & back]
+        for k in range(length):
+            marked[found + k] = True
+        clean = bridged(clean, marked)
+    return marked
+
+
+def _candidates(force: Array, length: int, limit: float) -> NDArray[np.int64]:
+    """First samples of runs of the given length that are entered and left by a jump."""
+    jump = np.abs(np.diff(force)) > 0.6 * limit
+    first = np.flatnonzero(jump[:-length] & jump[length:]) + 1
+    return first[(first >= 3) & (first + length + 2 < force.size)]
+
+
+def bridged(force: Array, holes: Mask) -> Array:
+    """The force with the marked or non-finite samples replaced by straight lines between their neighbours."""
+    bad = holes | ~np.isfinite(force)
+    if not bad.any() or bad.all():
+        return force
+    out, good = force.copy(), np.flatnonzero(~bad)
+    wrong = np.flatnonzero(bad)
+    out[wrong] = np.interp(wrong, good, force[good])
+    return out

@@ -1,0 +1,158 @@
+"""Peaks and valleys of a noisy force: which falls of it are slips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its own
+SECOND_LOOK_SD = 4.0
+LONG_INTERVAL = 1.6  # times the median: look again there
+WIDEST_SHARE = 0.45  # of the time from peak to valley: smoothing wider than this bends the slip
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Falls of the smoothed force: sample indices of peak and valley, each shape (c,), and how they were found.
+
+    Every peak has a rise before it and every valley a rise after it, both higher than `hysteresis` [N],
+    except that the first peak may be the first sample. `width` is the smoothing [samples].
+    """
+
+    peaks: Indices
+    valleys: Indices
+    width: int
+    hysteresis: float
+    starts_falling: bool
+
+    @property
+    def count(self) -> int:
+        """Number of falls."""
+        return int(self.peaks.size)
+
+
+def smooth(force: Array, width: int) -> Array:
+    """Centred moving average over an odd number of samples; shorter, still centred, at the ends."""
+    half = width // 2
+    if half < 1 or force.size < 3:
+        return force
+    total = np.concatenate(([0.0], np.cumsum(force - force[0])))
+    index = np.arange(force.size)
+    reach = np.minimum(np.minimum(half, index), force.size - 1 - index)
+    return force[0] + (total[index + reach + 1] - total[index - reach]) / (2 * reach + 1)
+
+
+def zigzag(values: Array, hysteresis: float) -> tuple[list[int], list[int], int]:
+    """Alternating turning points of values (n,), each confirmed by a move of at least `hysteresis` after it.
+
+    Returns: indices of the peaks, of the valleys, and the direction of the first confirmed move (0: none).
+    """
+    if values.size < 3:
+        return [], [], 0
+    slope = np.diff(values)
+    slope[slope == 0.0] = 1e-300
+    turning = np.concatenate(([0], np.flatnonzero(slope[1:] * slope[:-1] < 0) + 1, [values.size - 1]))
+    peaks: list[int] = []
+    valleys: list[int] = []
+    way = first = 0
+    low = high = float(values[0])
+    at_low = at_high = 0
+    for i, value in zip(turning.tolist(), values[turning].tolist(), strict=True):
+        if value > high:
+            high, at_high = value, i
+        if value < low:
+            low, at_low = value, i
+        if way <= 0 and value - low > hysteresis:
+            first = first or 1
+            if way:
+                valleys.append(at_low)
+            way, high, at_high = 1, value, i
+        elif way >= 0 and high - value > hysteresis:
+            first = first or -1
+            if way:
+                peaks.append(at_high)
+            way, low, at_low = -1, value, i
+    return peaks, valleys, first
+
+
+def _falls(values: Array, hysteresis: float) -> tuple[Indices, Indices, int]:
+    """Complete falls: peaks paired with the valleys after them."""
+    peaks, valleys, first = zigzag(values, hysteresis)
+    if first < 0:
+        valleys = valleys[1:]  # the fall before it began outside the record
+    n = min(len(peaks), len(valleys))
+    return np.array(peaks[:n], dtype=np.int64), np.array(valleys[:n], dtype=np.int64), first
+
+
+def _strict(samples: int, width: int) -> float:
+    """How many standard deviations white noise alone hardly ever spans in so many samples."""
+    return 2.0 * sqrt(2.0 * log(max(samples / width, 8.0))) + 1.0
+
+
+def typical(drops: Array) -> float:
+    """The drop that small ones are compared with [N]: the median of the larger half."""
+    return float(np.median(drops[drops >= np.median(drops)])) if drops.size else 0.0
+
+
+def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
+    """Slips of a force (n,) with white noise of the given sd [N]; half_period in samples where it is known.
+
+    The smoothing grows until the hysteresis is a fifth of the typical drop, or a slip would be bent.
+    """
+    best: Turns | None = None
+    widest = force.size / 20 if half_period is None else WIDEST_SHARE * half_period
+    width = 1 if half_period is None else max(1, int(0.2 * half_period)) | 1
+    while True:
+        values = smooth(force, width)
+        hysteresis = max(_strict(force.size, width) * noise / sqrt(width), 1e-9 * float(np.ptp(force)))
+        peaks, valleys, first = _falls(values, hysteresis)
+        turns = Turns(peaks, valleys, width, hysteresis, first < 0)
+        if best is None or turns.count >= best.count:
+            best = turns
+        if turns.count:
+            if hysteresis <= SMALLEST_SHARE * typical(values[peaks] - values[valleys]):
+                break
+            widest = min(widest, WIDEST_SHARE * float(np.median(valleys - peaks)))
+        width = 2 * width + 1
+        if width > widest:
+            break
+    return _second_look(force, noise, _without_small(force, best))
+
+
+def _without_small(force: Array, turns: Turns) -> Turns:
+    """Without falls below a fifth of the typical one."""
+    values = smooth(force, turns.width)
+    drops = values[turns.peaks] - values[turns.valleys]
+    hysteresis = SMALLEST_SHARE * typical(drops)
+    if hysteresis <= turns.hysteresis:
+        return turns
+    peaks, valleys, first = _falls(values, hysteresis)
+    return Turns(peaks, valleys, turns.width, hysteresis, first < 0)
+
+
+def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
+    """Searches again, less strictly, where the interval between falls is suspiciously long."""
+    if turns.count < 3:
+        return turns
+    values = smooth(force, turns.width)
+    drops = values[turns.peaks] - values[turns.valleys]
+    lenient = max(SECOND_LOOK_SD * noise / sqrt(turns.width), 2 * SMALLEST_SHARE * typical(drops))
+    if lenient >= turns.hysteresis:
+        return turns
+    edges = np.concatenate((turns.valleys, [force.size - 1]))
+    gaps = np.append(turns.peaks[1:], force.size - 1) - turns.valleys
+    usual = float(np.median(gaps[:-1]))
+    peaks, valleys = turns.peaks.tolist(), turns.valleys.tolist()
+    for start, gap in zip(edges[:-1].tolist(), gaps.tolist(), strict=True):
+        if gap < LONG_INTERVAL * usual:
+            continue
+        more_peaks, more_valleys, _ = _falls(values[start : start + gap + 1], lenient)
+        peaks += (more_peaks + start).tolist()
+        valleys += (more_valleys + start).tolist()
+    return Turns(np.sort(np.array(peaks)), np.sort(np.array(valleys)), turns.width, lenient, turns.starts_falling)
