@@ -1,0 +1,128 @@
+"""The paper's closed forms for a scene, in SI, each beside the nonlinear model's answer and judged by it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from identify import amplitude, stability
+from identify.groups import Groups, groups
+from identify.steady import FrictionLike, RigLike
+
+AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
+ROUNDS = 60  # of the stick that saturates the contact only in part
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Rig and friction of a scene as the calculators take them; effects a model lacks stand at their null."""
+
+    rig: RigLike
+    friction: FrictionLike
+
+
+def contact(values: dict[str, float]) -> Contact:
+    """The rig and friction of named parameter values; what is absent is null (no damping, ageing, weakening)."""
+    rig = {name: values.get(name, 0.0) for name in ("mass", "stiffness", "damping")}
+    friction = {name: values.get(name, 0.0) for name in ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")}
+    return Contact(SimpleNamespace(**rig), SimpleNamespace(**friction))
+
+
+@dataclass(frozen=True)
+class ClosedForms:
+    """The closed forms at one operating point, SI, NaN where they have no answer; `status` says why.
+
+    status: "restick", "steady", "no_slip", "runaway" (of the linearised slip); critical_speed [m/s] is the drive
+    speed below which that slip sticks again; friction_parameter and its critical values decide whether steady
+    sliding is stable (below: stable), by the derived and by the printed eq. (25).
+    """
+
+    groups: Groups
+    status: str
+    drop: float
+    period: float
+    slip_duration: float
+    peak_speed: float
+    saturation: float
+    critical_speed: float
+    friction_parameter: float
+    critical_friction: float
+    critical_friction_printed: float
+    critical_frequency: float
+    worn: bool
+
+
+def _slip(g: Groups, t_cr: float) -> tuple[amplitude.Slip, float]:
+    """The slip whose stick saturates the contact as far as it lasts, and that saturation."""
+    share, slip = 1.0, amplitude.slip(g.alpha, g.overshoot)
+    for _ in range(ROUNDS):
+        if t_cr == 0 or str(slip.status) != "restick":
+            break
+        new = float(-np.expm1(-float(slip.drop) / g.tau_cr))
+        if abs(new - share) < 1e-12:
+            break
+        share = new
+        slip = amplitude.slip(g.alpha, share * g.loading - 2 * g.alpha)
+    return slip, share
+
+
+def closed_forms(pair: Contact, drive_speed: float, normal_force: float) -> ClosedForms:
+    """The closed forms at drive speed [m/s], positive, and normal force [N] (EQUATIONS sections 4-6)."""
+    rig, friction = pair.rig, pair.friction
+    g = groups(rig, friction, drive_speed, normal_force)
+    slip, share = _slip(g, friction.t_cr)
+    unit = drive_speed / g.omega_n
+    limit = float(stability.critical_loading(g.alpha))
+    fall = (friction.mu_s - friction.mu_k0) * normal_force / np.sqrt(rig.mass * rig.stiffness)
+    critical_speed = float("nan") if np.isnan(limit) else fall / limit if limit > 0 else float("inf")
+    ageing = friction.D > 0 and friction.t_cr > 0
+    return ClosedForms(
+        groups=g,
+        status=str(slip.status),
+        drop=float(slip.drop) * unit * rig.stiffness,
+        period=float(slip.period) / g.omega_n,
+        slip_duration=float(slip.duration) / g.omega_n,
+        peak_speed=float(slip.peak_speed) * drive_speed,
+        saturation=share,
+        critical_speed=critical_speed,
+        friction_parameter=g.Pi,
+        critical_friction=float(stability.critical_friction(g.z / 2, g.tau_cr)) if ageing else float("nan"),
+        critical_friction_printed=(
+            float(stability.critical_friction(g.zeta, g.tau_cr, form="printed")) if ageing else float("nan")
+        ),
+        critical_frequency=float(stability.critical_frequency(g.z / 2, g.tau_cr)) if ageing else float("nan"),
+        worn=not ageing or g.v_acr > 1,
+    )
+
+
+def judged(value: float, answer: float | None, status: str, alpha: float) -> str:
+    """Whether a closed form holds here: it is compared with the nonlinear model's `answer` (None: there is none)."""
+    if status == "runaway":
+        return f"not valid here: the linear law runs away (alpha = {alpha:.3g}, at or below -1)"
+    if not np.isfinite(value) and answer is None:
+        return "valid here: like the nonlinear model it has no such motion"
+    if not np.isfinite(value):
+        return "not valid here: it has no answer where the nonlinear model has one"
+    if answer is None or not np.isfinite(answer):
+        return "not valid here: the nonlinear model has no such motion"
+    off = abs(value / answer - 1)
+    return f"valid here: within {_percent(off)}" if off <= AGREES else f"not valid here: off by {_percent(off)}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
+
+
+def number(value: Any, unit: str, validity: str, interval: tuple[float, float] | None = None) -> dict[str, Any]:
+    """One number of an answer as the interface writes it; what is not finite becomes null."""
+    finite = value is not None and np.isfinite(value)
+    known = finite and interval is not None and bool(np.all(np.isfinite(interval)))
+    return {
+        "value": float(value) if finite else None,
+        "unit": unit,
+        "interval": [float(q) for q in interval] if known and interval is not None else None,
+        "validity": validity,
+    }
