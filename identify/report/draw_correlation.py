@@ -19,11 +19,12 @@ def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawi
     count = len(names)
     size = max(2.6, min(HALF, 1.3 + 0.58 * count))
     figure = Figure(figsize=(HALF, size * 0.86))
-    axes = figure.add_axes((0.16, 0.10, 0.70, 0.87))
+    axes = figure.add_axes((0.13, 0.08, 0.74, 0.85))
     image = axes.pcolormesh(
         np.ma.masked_invalid(matrix), cmap=COLOURS, vmin=-1, vmax=1, edgecolors="white", linewidth=1.5
     )
     axes.invert_yaxis()
+    axes.set_title("correlation (1)", y=1.0, pad=5)
     middles = np.arange(count) + 0.5
     axes.set_xticks(middles, names)
     axes.set_yticks(middles, names)
@@ -35,9 +36,8 @@ def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawi
         text = f"{value:.2f}".replace("-", "−") if np.isfinite(value) else "–"
         colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
         axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
-    bar = figure.colorbar(image, cax=figure.add_axes((0.885, 0.10, 0.022, 0.87)), ticks=[-1, -0.5, 0, 0.5, 1])
+    bar = figure.colorbar(image, cax=figure.add_axes((0.89, 0.08, 0.022, 0.85)), ticks=[-1, -0.5, 0, 0.5, 1])
     bar.outline.set_visible(False)
-    bar.set_label("correlation (1)")
     table: Columns = {"parameter": np.array(names), **{name: matrix[:, i] for i, name in enumerate(names)}}
     return Drawing(
         name="correlation",

@@ -84,4 +84,5 @@ def _scatter(axes: Axes, values: Array, unit: str, name: str, colour: str) -> No
     if unit and mean:
         note = f"SD {number(100 * spread / abs(mean), 2)} %"
         axes.set_title(note, loc="right", fontweight="normal", color=QUIET, y=1.0, pad=5)
-    axes.locator_params(axis="y", nbins=5)
+    axes.locator_params(axis="y", nbins=4)
+    axes.locator_params(axis="x", nbins=6, integer=True)

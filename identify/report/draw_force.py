@@ -130,6 +130,7 @@ def _fill_column(
     overview = span is None
     low, high = span or (float(curves.time[0]), float(curves.time[-1]))
     force, normal = axes[0], axes[-1]
+    force.locator_params(axis="y", nbins=6)
     _band(force, seen.measured, BEHIND if seen.fitted else MEASURED, "measured", 2.4 if seen.fitted else 0.9)
     if seen.fitted is not None:
         _band(force, seen.fitted, FITTED, "fitted" if accepted else "last iterate (not accepted)")
@@ -147,7 +148,7 @@ def _fill_column(
     frame(normal, "time (s)", "Fₙ (N)" if overview else "")
     for panel in axes:
         panel.set_xlim(low, high)
-        panel.locator_params(axis="x", nbins=9 if overview else 5)
+        panel.locator_params(axis="x", nbins=8 if overview else 4)
         _shade_unused(panel, curves, low, high)
 
 
@@ -187,6 +188,8 @@ def _marks(axes: Axes, curves: LogCurves, low: float, high: float) -> None:
         (curves.cycles[:, 1], curves.cycles[:, 3], "^", ARREST, "arrest"),
     ):
         inside = np.flatnonzero((time >= low) & (time <= high) & np.isfinite(force))
+        if not len(inside):
+            continue
         chosen = inside[extremes(force[inside], MOST_MARKS // 2)]
         axes.plot(
             time[chosen],

@@ -99,6 +99,7 @@ def draw_phase_plane(curves: LogCurves, slip: SlipDetail, position: int) -> Draw
             axes.plot(x[index], y[index], marker=marker, markersize=7, color=colour, linestyle="none", label=label)
         axes.legend(loc="lower right", borderaxespad=0.2)
     headroom(axes, 0.06)
+    axes.locator_params(nbins=6)
     frame(axes, f"spring elongation ({along.unit})", f"elongation rate ({pace.unit})", "phase plane")
     return Drawing(
         name=f"log_{position}_phase_plane",
@@ -124,7 +125,8 @@ def _measured(curves: LogCurves, slip: SlipDetail, origin: float, unit: float) -
 def _limits(axes: Axes, time: Array, values: Array, moving: tuple[int, int] | None) -> None:
     padded(axes, values)
     axes.set_xlim(float(time[0]), float(time[-1]))
-    axes.locator_params(axis="y", nbins=4)
+    axes.locator_params(axis="y", nbins=3)
+    axes.locator_params(axis="x", nbins=6)
     for index in moving or ():
         axes.axvline(float(time[index]), color=QUIET, linewidth=0.8, linestyle=(0, (1, 2)))
 

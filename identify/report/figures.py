@@ -76,7 +76,9 @@ def _named_matrix(correlation: Mapping[str, Any]) -> tuple[list[str], np.ndarray
 def _render(log: int | None, drawing: Drawing) -> Picture:
     svg, png = io.StringIO(), io.BytesIO()
     drawing.figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
-    drawing.figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
+    drawing.figure.savefig(
+        png, format="png", dpi=PNG_DPI, metadata={"Software": None}, pil_kwargs={"compress_level": 4}
+    )
     return Picture(
         log=log,
         name=drawing.name,

@@ -47,7 +47,7 @@ def write_result_h5(fit: Fit, path: Path) -> None:
 
 
 def _put_curves(group: h5py.Group, curves: LogCurves) -> None:
-    group.attrs["name"] = curves.name
+    group.attrs["name"] = _storable(curves.name)
     group.attrs["noise_N"] = curves.noise
     group.attrs["drive_speed_m_per_s"] = curves.drive_speed
     for name, unit in CURVE_UNITS.items():
@@ -75,7 +75,7 @@ def _array(group: h5py.Group, name: str, values: np.ndarray[Any, Any], unit: str
 
 def _put(parent: h5py.Group, name: str, value: Any) -> None:
     """One item of the document below `parent`; a list that is no plain array becomes a group of 1, 2, ..."""
-    key = name.replace("/", "|") or "-"
+    key = _storable(name).replace("/", "|") or "-"
     if isinstance(value, list) and (array := _as_array(value)) is not None:
         parent.create_dataset(key, data=array)
     elif isinstance(value, Mapping | list):
@@ -86,9 +86,14 @@ def _put(parent: h5py.Group, name: str, value: Any) -> None:
     elif value is None:
         parent.create_dataset(key, data=h5py.Empty("f8"))
     elif isinstance(value, str):
-        parent.create_dataset(key, data=value.replace("\0", "\N{REPLACEMENT CHARACTER}"), dtype=h5py.string_dtype())
+        parent.create_dataset(key, data=_storable(value), dtype=h5py.string_dtype())
     else:
         parent.create_dataset(key, data=value)
+
+
+def _storable(text: str) -> str:
+    """HDF5 ends a text at the first zero character."""
+    return text.replace("\0", "\N{REPLACEMENT CHARACTER}")
 
 
 def _as_array(value: list[Any]) -> np.ndarray[Any, Any] | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from identify.report.quantity_text import DASH, finite, number, quantity, scale_for, split_key
 from identify.report.table_csv import classical_rows, column_names
+from identify.report.words import plain_symbol
 
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
@@ -88,7 +89,7 @@ def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Any]]) -> Table:
         Row(f"{quantity_name.replace('_', ' ')} + 1 %", tuple(_shift_cell(shifts.get(name)) for name in names))
         for quantity_name, shifts in sensitivity.items()
     )
-    return Table("", tuple(Cell(name) for name in names), rows)
+    return Table("", tuple(Cell(plain_symbol(name)) for name in names), rows)
 
 
 def _told(value: Any) -> bool:
@@ -125,25 +126,27 @@ def _leaves(
 
 
 def _entry_row(key: str, entries: Sequence[Mapping[str, Any] | None]) -> Row:
+    """A row; what all its entries say of their validity stands once, beside the head."""
     known = [entry for entry in entries if entry is not None]
     label = next((str(entry["label"]) for entry in known if entry.get("label")), split_key(key)[0])
-    meaning = next((str(entry["meaning"]) for entry in known if entry.get("meaning")), "")
-    return Row(label, tuple(entry_cell(entry) for entry in entries), note=meaning)
+    notes = [next((str(entry["meaning"]) for entry in known if entry.get("meaning")), "")]
+    said = {str(entry.get("validity") or "") for entry in known}
+    shared = said.pop() if len(said) == 1 and len(known) > 1 else ""
+    cells = tuple(_entry_cell(entry, shared) for entry in entries)
+    return Row(label, cells, note=" · ".join(note for note in (*notes, shared) if note))
 
 
-def entry_cell(entry: Mapping[str, Any] | None) -> Cell:
+def _entry_cell(entry: Mapping[str, Any] | None, shared: str) -> Cell:
     """One entry as a cell: value with unit, below it the interval and how far it may be trusted."""
     if entry is None:
         return Cell(DASH)
     value, unit = entry.get("value"), str(entry.get("unit") or "")
-    shown = finite(value)
-    notes = []
-    if (interval := interval_text(entry.get("interval"), shown, unit)) and shown is not None:
-        notes.append(interval)
-    notes += [str(entry[key]) for key in ("validity", "reason") if entry.get(key)]
-    validity = str(entry.get("validity") or "").lower()
-    kind = "doubt" if "not valid" in validity or "invalid" in validity else ""
-    return Cell(quantity(shown, unit) if shown is not None else _text(value), " · ".join(notes), kind)
+    shown, validity = finite(value), str(entry.get("validity") or "")
+    notes = [interval_text(entry.get("interval"), shown, unit) if shown is not None else ""]
+    notes += ["" if validity == shared else validity, str(entry.get("reason") or "")]
+    kind = "doubt" if "not valid" in validity.lower() else ""
+    text = quantity(shown, unit) if shown is not None else _text(value)
+    return Cell(text, " · ".join(note for note in notes if note), kind)
 
 
 def interval_text(interval: Any, value: float | None, unit: str) -> str:

@@ -24,6 +24,7 @@ from identify.report.words import (
     SYMBOLS,
     VERDICT_CLASS,
     VERDICT_MARK,
+    plain_symbol,
 )
 
 
@@ -93,7 +94,7 @@ def banner(fit: Fit) -> Banner:
     ]
     if fit.converged and doubtful:
         kind = "fair"
-        headline += f" But it does not tell every parameter: see {_listed([_symbol_text(n) for n in doubtful])}."
+        headline += f" These logs do not tell {_listed([plain_symbol(n) for n in doubtful])}."
     return Banner(kind, words.badge, headline, str(fit.result.get("message", "")), _tiles(fit.result))
 
 
@@ -211,10 +212,6 @@ def _facts(log: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     if log.get("friction_sign") == -1:
         facts.append(("sign", "friction force turned over"))
     return tuple(fact for fact in facts if fact[1] != DASH)
-
-
-def _symbol_text(name: str) -> str:
-    return "".join(SYMBOLS.get(name, (name, "")))
 
 
 def _listed(names: Sequence[str]) -> str:

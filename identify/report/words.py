@@ -89,9 +89,18 @@ TIMING_WORDS: Mapping[str, str] = {
     "solve": "solving",
     "total": "together",
 }
-COLUMN_WORDS: Mapping[str, str] = {}
+# Unicode has no subscript c, so that t_cr keeps its underscore where there is no markup.
+PLAIN_SYMBOLS: Mapping[str, str] = {
+    "mu_s": "μₛ",
+    "mu_k0": "μₖ₀",
+    "delta_mu_k": "Δμₖ",
+    "drive_speed": "v₀",
+    "mass": "m",
+    "stiffness": "k",
+    "damping": "h",
+}
 
 
 def plain_symbol(name: str) -> str:
-    """The symbol of a parameter as plain text, for figures: "mu_s" -> "μs"."""
-    return "".join(SYMBOLS.get(name, (name, "")))
+    """The symbol of a parameter without markup, for figures and sentences: "mu_s" -> "μₛ"."""
+    return PLAIN_SYMBOLS.get(name, name)
