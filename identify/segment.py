@@ -236,9 +236,7 @@ class _Phases:
         time, force, peaks, valleys = self.time, self.force, self.peaks, self.valleys
         if peaks.size == 0:
             return
-        slopes = np.array(
-            [_slope(time, force, v, p, self.noise) for v, p in zip(valleys[:-1], peaks[1:], strict=True)]
-        )
+        slopes = np.array([_slope(time, force, v, p, self.noise) for v, p in zip(valleys[:-1], peaks[1:], strict=True)])
         drops = self.coarse[peaks] - self.coarse[valleys]
         first_rise = float(self.coarse[peaks[0]] - self.coarse[0])
         loading = not self.turns.starts_falling and first_rise > 1.3 * float(np.median(drops))

@@ -13,6 +13,7 @@ Indices = NDArray[np.int64]
 
 SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its own
 SECOND_LOOK_SD = 4.0
+CONFIRMED_SD = 5.0
 LONG_INTERVAL = 1.6  # times the median: look again there
 WIDEST_SHARE = 0.45  # of the time from peak to valley: smoothing wider than this bends the slip
 
@@ -38,18 +39,19 @@ class Turns:
 
 
 def smooth(force: Array, width: int) -> Array:
-    """Centred moving average over an odd number of samples; shorter, still centred, at the ends."""
-    half = width // 2
-    if half < 1 or force.size < 3:
+    """Centred moving average over an odd number of samples; constant where the window would leave the record,
+    so that the ends are no noisier than the rest."""
+    width = min(width, force.size if force.size % 2 else force.size - 1)
+    if width < 3:
         return force
     total = np.concatenate(([0.0], np.cumsum(force - force[0])))
-    index = np.arange(force.size)
-    reach = np.minimum(np.minimum(half, index), force.size - 1 - index)
-    return force[0] + (total[index + reach + 1] - total[index - reach]) / (2 * reach + 1)
+    inner = force[0] + (total[width:] - total[:-width]) / width
+    return np.concatenate((np.full(width // 2, inner[0]), inner, np.full(width // 2, inner[-1])))
 
 
-def zigzag(values: Array, hysteresis: float) -> tuple[list[int], list[int], int]:
-    """Alternating turning points of values (n,), each confirmed by a move of at least `hysteresis` after it.
+def zigzag(values: Array, hysteresis: float, confirmation: float) -> tuple[list[int], list[int], int]:
+    """Alternating turning points of values (n,), each confirmed by a move of more than `hysteresis` after it;
+    for a last valley the smaller `confirmation` is enough.
 
     Returns: indices of the peaks, of the valleys, and the direction of the first confirmed move (0: none).
     """
@@ -78,12 +80,14 @@ def zigzag(values: Array, hysteresis: float) -> tuple[list[int], list[int], int]
             if way:
                 peaks.append(at_high)
             way, low, at_low = -1, value, i
+    if way < 0 and float(values[at_low:].max()) - low > confirmation:
+        valleys.append(at_low)
     return peaks, valleys, first
 
 
-def _falls(values: Array, hysteresis: float) -> tuple[Indices, Indices, int]:
+def _falls(values: Array, hysteresis: float, confirmation: float) -> tuple[Indices, Indices, int]:
     """Complete falls: peaks paired with the valleys after them."""
-    peaks, valleys, first = zigzag(values, hysteresis)
+    peaks, valleys, first = zigzag(values, hysteresis, confirmation)
     if first < 0:
         valleys = valleys[1:]  # the fall before it began outside the record
     n = min(len(peaks), len(valleys))
@@ -111,7 +115,7 @@ def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
     while True:
         values = smooth(force, width)
         hysteresis = max(_strict(force.size, width) * noise / sqrt(width), 1e-9 * float(np.ptp(force)))
-        peaks, valleys, first = _falls(values, hysteresis)
+        peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * noise / sqrt(width))
         turns = Turns(peaks, valleys, width, hysteresis, first < 0)
         if best is None or turns.count >= best.count:
             best = turns
@@ -122,17 +126,17 @@ def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
         width = 2 * width + 1
         if width > widest:
             break
-    return _second_look(force, noise, _without_small(force, best))
+    return _second_look(force, noise, _without_small(force, noise, best))
 
 
-def _without_small(force: Array, turns: Turns) -> Turns:
+def _without_small(force: Array, noise: float, turns: Turns) -> Turns:
     """Without falls below a fifth of the typical one."""
     values = smooth(force, turns.width)
     drops = values[turns.peaks] - values[turns.valleys]
     hysteresis = SMALLEST_SHARE * typical(drops)
     if hysteresis <= turns.hysteresis:
         return turns
-    peaks, valleys, first = _falls(values, hysteresis)
+    peaks, valleys, first = _falls(values, hysteresis, min(hysteresis, CONFIRMED_SD * noise / sqrt(turns.width)))
     return Turns(peaks, valleys, turns.width, hysteresis, first < 0)
 
 
@@ -152,7 +156,7 @@ def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
     for start, gap in zip(edges[:-1].tolist(), gaps.tolist(), strict=True):
         if gap < LONG_INTERVAL * usual:
             continue
-        more_peaks, more_valleys, _ = _falls(values[start : start + gap + 1], lenient)
+        more_peaks, more_valleys, _ = _falls(values[start : start + gap + 1], lenient, lenient)
         peaks += (more_peaks + start).tolist()
         valleys += (more_valleys + start).tolist()
     return Turns(np.sort(np.array(peaks)), np.sort(np.array(valleys)), turns.width, lenient, turns.starts_falling)
