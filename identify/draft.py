@@ -60,9 +60,8 @@ def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, Any]) -> tup
     """
     told = [look(piece) for piece in pieces]
     used = [t for t in told if t.cycles >= FEWEST_CYCLES] or told
-    names = ", ".join(dict.fromkeys(piece.path.name for piece in pieces))
     lines = [
-        f"# A first scene for {names}, written by: stickslip scene",
+        "# A first scene, written from the logs below by: stickslip scene",
         "# Everything marked TODO is for you to fill in. A quantity is text with a unit, or a bare SI number.",
         f"effects = [{', '.join(json.dumps(name) for name in NAMES)}]",
         "",
@@ -83,11 +82,9 @@ def look(piece: Piece) -> Told:
     record = piece.record
     force = record.friction_force * (np.sign(np.nanmedian(record.friction_force)) or 1.0)
     found = segment(record.time, force)
-    cycles = found.cycles
-    rises = (cycles.onset_force[1:] - cycles.arrest_force[:-1]) / (cycles.onset[1:] - cycles.arrest[:-1])
-    slope = float(np.median(rises)) if rises.size else None
+    slope = found.stick_slope
     speed, source = _speed(record)
-    return Told(piece, speed, source, int(cycles.onset.size), slope, float(found.noise))
+    return Told(piece, speed, source, found.count, slope and slope[0], found.noise)
 
 
 def _speed(record: Record) -> tuple[float | None, str]:

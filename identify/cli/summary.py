@@ -22,9 +22,9 @@ def columns(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
-def wrapped(text: str, indent: str = "") -> str:
-    """Text broken at 79 columns."""
-    return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ")
+def wrapped(text: str, indent: str = "", hang: str = "  ") -> str:
+    """Text broken at 79 columns; lines after the first hang further in."""
+    return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent + hang)
 
 
 def say_fit(fit: Fit, terminal: Terminal) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
+from identify.cli.results import read_result
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
@@ -45,23 +45,6 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(f"reproduced: {again['status']}, every value within {ALLOWED} standard errors")
     status = "differs" if differences else "reproduced"
     return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
-
-
-def read_result(path: Path) -> dict[str, Any]:
-    """The document of a stored result.
-
-    Raises:
-        CommandLineError: no such file, or no result of ours.
-    """
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise CommandLineError(f"{path}: no such file; give the result.json of a fit") from None
-    except (UnicodeDecodeError, ValueError):
-        raise CommandLineError(f"{path}: this is not JSON; give the result.json of a fit") from None
-    if not isinstance(document, dict) or not {"status", "logs", "provenance"} <= set(document):
-        raise CommandLineError(f"{path}: this is no result of a fit; give a result.json that stickslip fit wrote")
-    return document
 
 
 def check_unchanged(path: Path, sha256: str) -> None:

@@ -1,0 +1,173 @@
+"""Operating points of a scene or of a finished fit, for the calculators."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.cli.common import Answer, CommandLineError, Terminal, quantity
+from identify.cli.results import read_result
+from identify.cli.summary import wrapped
+from identify.outlook import outlook
+from identify.scene import LogEntry, Scene
+from identify.scene.tables import nearest
+
+if TYPE_CHECKING:
+    from identify.model import Model
+
+Array = NDArray[np.float64]
+POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
+
+
+@dataclass(frozen=True)
+class Point:
+    """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known."""
+
+    name: str
+    model: Model
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    covariance: Array | None
+    names: tuple[str, ...]
+
+    def outlook(self) -> dict[str, Any]:
+        """The answers here, as `identify.outlook` gives them."""
+        answer = outlook(self.model, self.values, self.drive_speed, self.normal_force, self.covariance, self.names)
+        return {"name": self.name, **answer}
+
+
+def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
+    """Say one part ("stability" or "amplitude") of the outlook of every operating point; plot it where asked.
+
+    Raises:
+        CommandLineError, SceneError, SimulationError, LogError: one sentence each.
+    """
+    points = operating_points(arguments)
+    documents = []
+    for point in points:
+        document = point.outlook()
+        documents.append(document)
+        terminal.say(f"{point.name}:")
+        terminal.say(wrapped(document[part]["text"], "  ", ""))
+        terminal.say(wrapped(document["closed_forms"]["text"], "  ", ""))
+    if arguments.plot:
+        from identify.cli.point_plot import draw
+
+        draw(points[0], [p.drive_speed for p in points], part, Path(arguments.plot))
+        terminal.say(f"plot: {arguments.plot}")
+    return Answer(document={"status": "done", "points": documents})
+
+
+def operating_points(arguments: Namespace) -> list[Point]:
+    """One point per log, changed by --at; a drive speed given there makes it one point.
+
+    Raises:
+        CommandLineError, SceneError, LogError: one sentence each.
+    """
+    if arguments.result:
+        document = read_result(Path(arguments.result))
+        if document["status"] != "converged":
+            raise CommandLineError(
+                f"{arguments.result}: this fit has no values ({document['status']}); mend the fit first"
+            )
+        scene = Scene.from_document(document["provenance"]["scene"])
+    else:
+        document, scene = None, Scene.from_toml(arguments.scene)
+    changes = at_values(arguments.at, scene)
+    points = _points(scene, changes, document)
+    if "drive_speed" in changes or len({(p.drive_speed, p.normal_force) for p in points}) == 1:
+        return [replace(points[0], name="the operating point")] if len(points) > 1 else points
+    return points
+
+
+def at_values(items: list[str], scene: Scene) -> dict[str, float]:
+    """ "drive_speed=1 mm/s" and the like as SI numbers by name.
+
+    Raises:
+        CommandLineError: no KEY=VALUE, an unknown key, or a value that cannot be read.
+    """
+    units = POINT_UNITS | {p.name: p.unit for p in scene.model.parameters}
+    values = {}
+    for item in items:
+        key, equals, text = item.partition("=")
+        if not equals:
+            raise CommandLineError(f'--at has {item!r}; expected KEY=VALUE: write --at drive_speed="1 mm/s"')
+        if key.strip() not in units:
+            raise CommandLineError(
+                f"--at names {key!r}, which is not known; did you mean {nearest(key, units)!r}? "
+                f"Known are {', '.join(units)}"
+            )
+        values[key.strip()] = quantity(text, units[key.strip()], f"--at {key}")
+    return values
+
+
+def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[Point]:
+    estimates = _estimates(document)
+    covariance, names = _covariance(document)
+    parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
+    kept = [i for i, name in enumerate(names) if name not in parameters]
+    points = []
+    for number, entry in enumerate(scene.logs or (None,)):
+        said = document["logs"][number] if document and entry else {}
+        name = entry.path.name if entry else "the rig of the scene"
+        for speed in _speeds(scene, entry, changes):
+            points.append(
+                Point(
+                    name=name,
+                    model=scene.model,
+                    values=scene.values(entry) | estimates | parameters,
+                    drive_speed=speed,
+                    normal_force=_normal_force(scene, entry, changes, said),
+                    covariance=None if covariance is None else covariance[np.ix_(kept, kept)],
+                    names=tuple(names[i] for i in kept),
+                )
+            )
+    return points
+
+
+def _speeds(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float]) -> list[float]:
+    """The drive speeds [m/s] of a log: one, or those of its programme that move."""
+    speed = changes.get("drive_speed", (scene.rig_for(entry) if entry else scene.rig).drive_speed)
+    speeds = [v for _, v in speed] if isinstance(speed, tuple) else [] if speed is None else [speed]
+    moving = list(dict.fromkeys(abs(v) for v in speeds if v))
+    if not moving:
+        raise CommandLineError('the drive speed is zero; give one that moves: --at drive_speed="1 mm/s"')
+    return moving
+
+
+def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float], said: Mapping[str, Any]) -> float:
+    """The normal force [N] of a log: as asked, as fitted, as the scene says, else the median of the log itself."""
+    rig = scene.rig_for(entry) if entry else scene.rig
+    for force in (changes.get("normal_force"), said.get("normal_force_N"), rig.normal_force):
+        if force is not None:
+            return float(force)
+    if entry is None:
+        raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
+    from data_io import read_log
+
+    record = read_log(entry.path, entry.step, entry.units, entry.columns)
+    return float(np.nanmedian(record.normal_force))
+
+
+def _estimates(document: Mapping[str, Any] | None) -> dict[str, float]:
+    parameters = document["parameters"] if document else {}
+    return {name: entry["value"] for name, entry in parameters.items() if entry["value"] is not None}
+
+
+def _covariance(document: Mapping[str, Any] | None) -> tuple[Array | None, tuple[str, ...]]:
+    """Covariance of the estimates, SI; None where one of them has no standard error."""
+    if not document or not (document.get("correlation") or {}).get("names"):
+        return None, ()
+    names = tuple(document["correlation"]["names"])
+    errors = [document["parameters"][name]["standard_error"] for name in names]
+    matrix = np.array(document["correlation"]["matrix"], dtype=float)
+    if any(error is None for error in errors) or not np.all(np.isfinite(matrix)):
+        return None, ()
+    return np.outer(errors, errors) * matrix, names

@@ -1,0 +1,96 @@
+"""Stability or amplitude over drive speed as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from data_io.atomic import atomic_path
+from identify.cli.common import CommandLineError
+from identify.cycle import CycleMap
+from identify.orbit import settle
+from identify.prospect import Prospect, prospect
+from identify.sensitivity import QUANTITIES, quantities
+from identify.sliding import sliding
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from identify.cli.operating import Point
+
+ENDINGS = (".png", ".svg", ".pdf")
+MM = 1e3
+GRID = 24  # drive speeds at which the orbit is found, beside those of its branch
+
+
+def draw(point: Point, speeds: Sequence[float], part: str, path: Path) -> None:
+    """Draw `part` ("stability" or "amplitude") for the pair and load of `point`; `speeds` [m/s] are marked.
+
+    Raises:
+        CommandLineError: the file would be of a kind that is not drawn.
+    """
+    if path.suffix not in ENDINGS:
+        raise CommandLineError(
+            f"--plot {path} ends in {path.suffix!r}; expected one of {', '.join(ENDINGS)}: rename it"
+        )
+    p = np.array([point.values[name] for name in point.model.parameter_names])
+    map_ = CycleMap(point.model, point.normal_force, p)
+    answer = prospect(map_, min(speeds))
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    (_stability if part == "stability" else _amplitude)(axes, map_, answer, speeds)
+    for number, speed in enumerate(dict.fromkeys(speeds)):
+        axes.axvline(MM * speed, color="0.6", lw=0.8, ls=":", label=None if number else "asked for")
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("drive speed [mm/s]")
+    axes.set_title(f"normal force {point.normal_force:.3g} N", fontsize=10)
+    axes.legend(frameon=False, fontsize=8)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=150)
+
+
+def _stability(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[float]) -> None:
+    """Growth rate of a disturbance of steady sliding, and where stick-slip exists."""
+    fastest = 3.0 * max(*speeds, answer.end or 0.0, *(stop for _, stop in answer.unstable if stop < answer.searched[1]))
+    grid = np.geomspace(0.3 * min(speeds), fastest, 200)
+    steady = [sliding(map_.model, map_.p, float(v), map_.normal_force) for v in grid]
+    worn = np.array([state.worn for state in steady])
+    growth = np.array([state.growth for state in steady])
+    for part, label in ((~worn, "growth rate of a disturbance of steady sliding"), (worn, None)):
+        axes.plot(MM * grid[part], growth[part], color="C0", label=label)  # it jumps where the contact wears out
+    axes.axhline(0.0, color="0.3", lw=0.8)
+    if answer.branch is not None:
+        end = answer.end if answer.end is not None else fastest
+        axes.axvspan(MM * grid[0], MM * end, color="C1", alpha=0.15, label="stick-slip exists")
+    axes.set_xlim(MM * grid[0], MM * fastest)
+    axes.set_ylabel("growth rate [1/s]; below 0: steady sliding is stable")
+
+
+def _amplitude(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[float]) -> None:
+    """Force drop of a jump, and its onset and arrest levels, up to where stick-slip ends."""
+    if answer.branch is None:
+        raise CommandLineError("there is no stick-slip at any drive speed, so there is no amplitude to draw")
+    last = answer.branch.orbits[-1].drive_speed
+    grid = np.geomspace(0.3 * min(*speeds, last), last, GRID)[:-1]
+    slower = [settle(map_, float(v)).orbit for v in grid]
+    orbits = sorted([o for o in slower if o is not None] + list(answer.branch.orbits), key=lambda o: o.drive_speed)
+    names = list(QUANTITIES)
+    rows = np.array([quantities(map_, orbit.cycle, orbit.drive_speed) for orbit in orbits])
+    v = MM * np.array([orbit.drive_speed for orbit in orbits])
+    for name, label, style in (
+        ("onset_force", "force at the onset of a jump", "C0-"),
+        ("arrest_force", "force at its end", "C2-"),
+        ("drop", "drop", "C1-"),
+    ):
+        axes.plot(v, rows[:, names.index(name)], style, label=label)
+    if answer.end is not None:
+        axes.axvline(MM * answer.end, color="C3", lw=1.0, label="stick-slip ends")
+    axes.set_ylabel("force [N]")
+    axes.set_ylim(bottom=0.0)
