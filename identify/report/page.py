@@ -12,11 +12,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identify.outcome import Fit
+from identify.report.answers import answer_table, sentences
 from identify.report.document import plain
 from identify.report.figures import Picture
 from identify.report.quantity_text import finite, quantity
 from identify.report.svg import inline_svg
-from identify.report.tables import Cell, classical_tables, entry_table, sensitivity_table
+from identify.report.tables import Cell, classical_tables, sensitivity_table
 from identify.report.views import banner, last_iterate_rows, log_views, parameter_views
 from identify.report.words import TIMING_WORDS
 
@@ -67,12 +68,13 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         derived=[
             table
             for table in (
-                entry_table([(Cell("value"), result.get("derived") or {})], "friction pair"),
-                entry_table([(head, log.get("derived") or {}) for head, log in heads], "each log"),
+                answer_table([(Cell("value"), result.get("derived") or {})], "friction pair"),
+                answer_table([(head, log.get("derived") or {}) for head, log in heads], "each log"),
             )
             if table is not None
         ],
-        quality=entry_table([(head, (log.get("quality") or {}).get("figures") or {}) for head, log in heads], ""),
+        told=[(view, sentences(log.get("derived") or {})) for view, (_, log) in zip(logs, heads, strict=True)],
+        quality=answer_table([(head, (log.get("quality") or {}).get("figures") or {}) for head, log in heads], ""),
         sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
         timings=_timings(result.get("timing_s") or {}),
         last_iterate=last_iterate_rows(result.get("last_iterate")),

@@ -1,0 +1,123 @@
+"""Derived quantities of several logs side by side: any nesting of entries {"value", "unit", "interval", "validity"}."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from identify.report.quantity_text import DASH, decimals, finite, number, places_for, quantity, scale_for, split_key
+from identify.report.tables import Cell, Row, Table, plain_text
+from identify.report.words import ANSWER_ORDER, ANSWER_WORDS
+
+Path = tuple[str, ...]
+Entry = Mapping[str, Any]
+Column = Mapping[Path, Entry]
+SAID_ONCE = ":"  # of a long validity only what stands before this is said again
+
+
+def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Any]]], corner: str) -> Table | None:
+    """A table with one column per (head, entries) and one row per quantity; None without any entry.
+
+    Nested mappings become parts of the table; plain numbers, texts and truth values are taken too, lists and
+    whole sentences (key "text") are not. What all entries of a part or row say of their validity stands once.
+    """
+    found: list[Column] = [dict(_leaves(entries)) for _, entries in columns]
+    paths = list(dict.fromkeys(path for entries in found for path in entries))
+    parts = sorted(dict.fromkeys(path[:-1] for path in paths), key=_rank)
+    rows: list[Row] = []
+    for part in parts:
+        inside = [path for path in paths if path[:-1] == part]
+        rows += _part_rows(part, inside, found)
+    return Table(corner, tuple(head for head, _ in columns), tuple(rows)) if rows else None
+
+
+def sentences(entries: Mapping[str, Any]) -> tuple[str, ...]:
+    """What the entries say in whole sentences (key "text" of their parts, or their own)."""
+    parts = [part for name, part in entries.items() if isinstance(part, Mapping) and name not in ("closed_forms",)]
+    told = [str(part["text"]) for part in parts if part.get("text")]
+    return tuple(told or [line for line in str(entries.get("text") or "").splitlines() if line])
+
+
+def interval_text(interval: Any, value: float | None, unit: str) -> str:
+    """ "0.618 to 0.622" in the unit in which the value is shown; open ends as "above" and "below"; "" for none."""
+    if not isinstance(interval, Sequence) or isinstance(interval, str) or len(interval) != 2:
+        return ""
+    low, high = finite(interval[0]), finite(interval[1])
+    scale = scale_for(value if value is not None else low if low is not None else high, unit)
+    if low is not None and high is not None:
+        low, high = low / scale.factor, high / scale.factor
+        if max(abs(low), abs(high)) >= 1e6 or high - low < 1e-6:
+            return f"{number(low, 5)} to {number(high, 5)}"
+        places = places_for((high - low) / 4, None)
+        return f"{decimals(low, places)} to {decimals(high, places)}"
+    if low is not None:
+        return f"above {number(low / scale.factor, 3)}"
+    return f"below {number(high / scale.factor, 3)}" if high is not None else ""
+
+
+def _leaves(entries: Mapping[str, Any], above: Path = ()) -> Iterator[tuple[Path, Entry]]:
+    for key, entry in entries.items():
+        if isinstance(entry, Mapping) and "value" not in entry:
+            yield from _leaves(entry, (*above, str(key)))
+        elif isinstance(entry, Mapping):
+            yield (*above, str(key)), entry
+        elif not isinstance(entry, list) and key != "text":
+            yield (*above, str(key)), {"value": entry, "unit": split_key(str(key))[1]}
+
+
+def _rank(part: Path) -> tuple[int, int]:
+    known = ANSWER_ORDER.index(part[0]) if part and part[0] in ANSWER_ORDER else len(ANSWER_ORDER)
+    return (known if part else -1, len(part))
+
+
+def _part_rows(part: Path, paths: Sequence[Path], found: Sequence[Column]) -> list[Row]:
+    entries = {path: [column.get(path) for column in found] for path in paths}
+    said = _validities(entry for row in entries.values() for entry in row)
+    shared = next(iter(said)) if len(said) == 1 and len(paths) > 1 else ""
+    rows = [Row(" · ".join(_word(name) for name in part), note=shared, heading=True)] if part else []
+    heard: list[set[str]] = [set() for _ in found]
+    for path in paths:
+        rows.append(_row(path[-1], entries[path], shared, heard))
+    return rows
+
+
+def _row(key: str, entries: Sequence[Entry | None], shared: str, heard: Sequence[set[str]]) -> Row:
+    known = [entry for entry in entries if entry is not None]
+    label = next((str(entry["label"]) for entry in known if entry.get("label")), _word(key))
+    meaning = next((str(entry["meaning"]) for entry in known if entry.get("meaning")), "")
+    said = _validities(known)
+    alike = next(iter(said)) if len(said) == 1 and len(known) == len(entries) > 1 else ""
+    notes = (meaning, "" if alike == shared else alike)
+    cells = []
+    for entry, before in zip(entries, heard, strict=True):
+        validity = str(entry.get("validity") or "") if entry is not None else ""
+        cells.append(_cell(entry, "" if validity in (shared, alike) else _again(validity, before), validity))
+    return Row(label, tuple(cells), note=" · ".join(note for note in notes if note))
+
+
+def _validities(entries: Any) -> set[str]:
+    return {str(entry.get("validity") or "") for entry in entries if entry is not None}
+
+
+def _again(validity: str, heard: set[str]) -> str:
+    """The validity, cut to its verdict where the same column has given the reason already."""
+    if validity in heard:
+        return validity.split(SAID_ONCE, 1)[0]
+    heard.add(validity)
+    return validity
+
+
+def _cell(entry: Entry | None, said: str, validity: str) -> Cell:
+    """Value with unit; below it the interval and how far it may be trusted."""
+    if entry is None:
+        return Cell(DASH)
+    value, unit = entry.get("value"), str(entry.get("unit") or "")
+    shown = finite(value)
+    text = quantity(shown, unit) if shown is not None else plain_text(value)
+    interval = interval_text(entry.get("interval"), shown, unit) if shown is not None else ""
+    notes = [note for note in (interval, said, str(entry.get("reason") or "")) if note]
+    return Cell(text, " · ".join(notes), "doubt" if "not valid" in validity.lower() else "")
+
+
+def _word(key: str) -> str:
+    return ANSWER_WORDS.get(key) or split_key(key)[0]
