@@ -60,7 +60,8 @@ def _part(
             run = int(match[1])
             target = runs.setdefault(run, {})
         elif match := _STEP.match(line):
-            number, target = int(match[1]), parameters
+            number, parameters = int(match[1]), {}
+            target = parameters
         else:
             key, value = _item(line)
             target[_free(key, target)] = value

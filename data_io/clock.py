@@ -22,7 +22,10 @@ _REPEATS_ALLOWED: Final = 0.01
 
 @dataclass(frozen=True)
 class StepClock:
-    """The clock of one step [s] as the file has it, shape (n,), with NaN where it fails; when the step was started."""
+    """The clock of one step [s] as the file has it, shape (n,), with NaN where it fails; when the step was started.
+
+    label: "step 2" where there are several steps, else "".
+    """
 
     label: str
     time: FloatArray
@@ -55,28 +58,29 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, npt.NDArr
     falls, or repeats itself in more than 1 % of the rows, is an error.
     """
     findings: list[Finding] = []
+    of_step = f" of {clock.label}" if clock.label else ""
     finite = np.isfinite(clock.time)
     known = np.flatnonzero(finite)
     if known.size == 0:
-        raise source.error(f"the time column{clock.label} holds no number; a clock in every row was expected; check it")
+        raise source.error(f"the time column{of_step} holds no number; a clock in every row was expected; check it")
     rows = np.arange(known[0], known[-1] + 1)
     lost = clock.time.size - known.size
     if longest_run(~finite) > LONGEST_GAP:
         row = int(np.argmin(finite))
         raise source.error(
-            f"the time column{clock.label} holds no number in {longest_run(~finite)} rows in a row (first such row: "
+            f"the time column{of_step} holds no number in {longest_run(~finite)} rows in a row (first such row: "
             f"{row + 1}); at most {LONGEST_GAP} are accepted; cut the log there or export it again"
         )
     time = clock.time[rows]
     if lost:
         time = np.interp(rows, known, clock.time[known])
-        text = f"{lost} row(s){clock.label} hold no time; they get no weight"
+        text = f"{lost} row(s){of_step} hold no time; they get no weight"
         findings.append(Finding("missing_time", "warning", text))
     change = np.diff(time)
     if (change < 0).any():
         row = int(np.argmax(change < 0))
         raise source.error(
-            f"the clock{clock.label} falls from {time[row]:.9g} s to {time[row + 1]:.9g} s in row {row + 2} of the "
+            f"the clock{of_step} falls from {time[row]:.9g} s to {time[row + 1]:.9g} s in row {row + 2} of the "
             "numbers; a rising clock was expected, restarting only below a step header; cut or repair the log there"
         )
     repeated = int(np.count_nonzero(change == 0))
@@ -84,10 +88,10 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, npt.NDArr
         share = repeated / time.size
         if share > _REPEATS_ALLOWED and repeated > LONGEST_GAP:
             raise source.error(
-                f"the clock{clock.label} repeats itself in {100 * share:.0f} % of the rows; a rising one was expected; "
+                f"the clock{of_step} repeats itself in {100 * share:.0f} % of the rows; a rising one was expected; "
                 "export the time with more digits"
             )
-        text = f"{repeated} row(s){clock.label} repeat the time of the row before; they were left out"
+        text = f"{repeated} row(s){of_step} repeat the time of the row before; they were left out"
         findings.append(Finding("repeated_time", "warning", text))
         keep = np.concatenate(([True], change > 0))
         time, rows = time[keep], rows[keep]
@@ -116,10 +120,10 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
                 offsets.append(offset)
                 anchor = i
                 continue
-            text = f"by the starting times the step{here.label} begins before the last one ended; it was put behind it"
+            text = f"by the starting times {here.label} begins before the last one ended; it was put behind it"
             findings.append(Finding("step_overlap", "warning", text))
         else:
-            text = f"the pause before the step{here.label} is not told by the log; one sampling interval was assumed"
+            text = f"the pause before {here.label} is not told by the log; one sampling interval was assumed"
             findings.append(Finding("step_gap_unknown", "warning", text))
         offsets.append(end + gap - float(here.time[0]))
         anchor = i

@@ -31,7 +31,8 @@ def convert(
     source: Source, request: Request, part: Part, *, several: bool, settled: bool
 ) -> tuple[SiStep, list[Finding]]:
     """Return one step in SI and what was noticed; `settled` keeps empty columns as well. Raises `LogError`."""
-    label = f" of step {part.number}" if several else ""
+    label = f"step {part.number}" if several else ""
+    _check_roles(source, request, part, label)
     raw_time = _role(source, request, part, "time")
     time, rows, notes = usable_rows(source, StepClock(label, raw_time))
     notes += [Finding("column_choice", "info", remark) for remark in part.header.remarks]
@@ -46,39 +47,66 @@ def convert(
     return SiStep(label, time, roles, channels), notes
 
 
+def _check_roles(source: Source, request: Request, part: Part, label: str) -> None:
+    """Name a missing column, or all missing units at once."""
+    needed = [role for role in COLUMN_ROLES[:3] if role != "normal_force" or request.normal_force is None]
+    needed += ["drive_speed"] if "drive_speed" in part.header.roles else []
+    for role in needed:
+        if role not in part.header.roles:
+            raise source.error(_missing(role, part, label))
+    bare = [role for role in needed if not _unit(request, part, role)]
+    if bare:
+        shown = ", ".join(f"{part.header.names[part.header.roles[role]].raw!r} ({words(role)})" for role in bare)
+        example = ",".join(f"{role}={SI_UNIT[KIND[role]]}" for role in bare)
+        raise source.error(
+            f"no unit was found for column {shown}; a unit in the header was expected; give it, as in --units {example}"
+        )
+
+
+def _missing(role: str, part: Part, label: str) -> str:
+    shown = ", ".join(repr(name.name) for name in part.header.names[:40])
+    text = (
+        f"no {words(role)} column was found among {shown}{' in ' if label else ''}{label}; a name such as "
+        f"{EXAMPLES.get(role, role)} was expected; say which one it is with --columns {role}=<name>"
+    )
+    text += ', or give a constant load with --normal-force "3 N"' if role == "normal_force" else ""
+    return text + (", or choose another step with --step" if label else "")
+
+
+def _unit(request: Request, part: Part, role: str) -> str | None:
+    name = part.header.names[part.header.roles[role]]
+    return _asked_unit(request, role, name) or name.unit
+
+
+def _asked_unit(request: Request, role: str, name: Name) -> str | None:
+    return request.units.get(role) or request.units.get(name.name) or request.units.get(name.raw)
+
+
 def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray:
     """Return one role of a part in SI, shape (rows,)."""
     if role == "normal_force" and request.normal_force is not None:
         return np.full(part.rows, request.normal_force)
-    index = part.header.roles.get(role)
-    if index is None:
-        raise source.error(_missing(role, part))
-    name = part.header.names[index]
-    if index not in part.columns:
-        raise source.error(f"column {name.raw!r} ({words(role)}) holds no numbers; name another one with --columns")
-    unit = request.units.get(role) or request.units.get(name.name) or request.units.get(name.raw) or name.unit
-    kind = KIND[role]
-    if not unit:
-        example = {"time": "s", "force": "N", "speed": "mm/s"}[kind]
+    name = part.header.names[part.header.roles[role]]
+    values = _filled(part, part.header.roles[role])
+    if values is None:
         raise source.error(
-            f"column {name.raw!r} ({words(role)}) has no unit; a unit such as {example} was expected; "
-            f"give it with --units {role}={example}"
+            f"column {name.raw!r} ({words(role)}) holds no numbers; a column of numbers was expected; "
+            f"name another one with --columns {role}=<name>"
         )
     try:
-        return to_si(part.columns[index], unit, kind)
+        return to_si(values, _unit(request, part, role) or "", KIND[role])
     except UnitError as error:
         where = f"column {name.raw!r} ({words(role)})"
         raise source.error(f"{where}: {error}; or give it with --units {role}=...") from error
 
 
-def _missing(role: str, part: Part) -> str:
-    shown = ", ".join(repr(name.name) for name in part.header.names[:40])
-    step = f" in step {part.number}" if part.number > 1 else ""
-    text = (
-        f"no {words(role)} column was found among {shown}{step}; a name such as {EXAMPLES.get(role, role)} "
-        f"was expected; say which one it is with --columns {role}=<name>"
-    )
-    return text + (' or give a constant load with --normal-force "3 N"' if role == "normal_force" else "")
+def _filled(part: Part, index: int) -> FloatArray | None:
+    """Return a column; where it is empty and another of the same name and unit is not, that one."""
+    name = part.header.names[index]
+    for other in (index, *(i for i, column in enumerate(part.header.names) if column == name)):
+        if other in part.columns and np.isfinite(part.columns[other]).any():
+            return part.columns[other]
+    return None
 
 
 def origin(request: Request, part: Part, role: str) -> str:
@@ -86,7 +114,7 @@ def origin(request: Request, part: Part, role: str) -> str:
     if role == "normal_force" and request.normal_force is not None:
         return f"constant {request.normal_force:g} N, given by the user"
     name = part.header.names[part.header.roles[role]]
-    unit = request.units.get(role) or request.units.get(name.name) or request.units.get(name.raw)
+    unit = _asked_unit(request, role, name)
     return f"column {name.name}" + (f" in {unit}, given by the user" if unit else f" in {name.unit}")
 
 

@@ -156,7 +156,8 @@ def _units_row(line: str, delimiter: str, names: int) -> list[str]:
 
 
 def _trimmed(fields: Sequence[str]) -> list[str]:
-    last = max((i for i, field in enumerate(fields) if field), default=-1)
+    """Return the fields without empty ones at the end; LabVIEW names a Comment there that its rows do not hold."""
+    last = max((i for i, field in enumerate(fields) if field and field != "Comment"), default=-1)
     return list(fields[: last + 1])
 
 

@@ -1,14 +1,19 @@
 """Open a log of any known format."""
 
+import difflib
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
 from data_io.errors import LogError, UnitError
 from data_io.readers import READERS
-from data_io.record import Record
+from data_io.record import COLUMN_ROLES, Record
 from data_io.source import Request, load
 from data_io.units import parse_quantity
+
+ROLES: Final = (*COLUMN_ROLES, "position")
+"""What a column can be named for."""
 
 
 def read_log(
@@ -23,11 +28,12 @@ def read_log(
 
     step: the number of a step; None joins all steps of the run on one clock. run: which run, where there are several.
     units: unit by role (time, normal_force, friction_force) or column name, e.g. {"friction_force": "N"}; overrides
-    the file. columns: column (or HDF5 dataset) by role, e.g. {"time": "T"}; other names become channels.
+    the file. columns: column (or HDF5 dataset) by role, e.g. {"time": "T"}; `drive_speed` and `position` are roles too.
     normal_force: a constant load [N] or "3 N", instead of a column. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
     """
     path = Path(path)
+    _check_roles(path, columns or {})
     request = Request(step, run, dict(units or {}), dict(columns or {}), _load_force(path, normal_force))
     source = load(path)
     for reader in READERS:
@@ -38,6 +44,14 @@ def read_log(
         f"the file begins with {source.head[:12]!r}, which no reader knows ({names}); a text or HDF5 log was expected; "
         "export it as text"
     )
+
+
+def _check_roles(path: Path, columns: Mapping[str, str]) -> None:
+    for role in columns:
+        if role not in ROLES:
+            near = difflib.get_close_matches(role, ROLES, n=1)
+            hint = f"did you mean {near[0]}?" if near else "use one of these"
+            raise LogError(f"{path}: a column was named for {role!r}; {', '.join(ROLES)} were expected; {hint}")
 
 
 def _load_force(path: Path, given: float | str | None) -> float | None:

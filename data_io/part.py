@@ -58,6 +58,9 @@ def chosen(source: Source, request: Request, run: Sequence[Part]) -> list[Part]:
 def check_request(source: Source, request: Request, header: Header) -> None:
     """Raise the source's `LogError` where the user names a column that the header does not have."""
     shown = ", ".join(repr(name.name) for name in header.names[:40])
+    twice = [column for column in request.columns.values() if list(request.columns.values()).count(column) > 1]
+    if twice:
+        raise source.error(f"the column {twice[0]!r} was named for two purposes; one was expected; name another one")
     for role, column in request.columns.items():
         if find_column(header.names, column) is None:
             raise source.error(f"no column {column!r} was found for {words(role)}; there are {shown}; name one of them")

@@ -39,7 +39,8 @@ def looks_like_text(head: bytes) -> bool:
     """Tell text from binary by the first bytes: a Unicode mark, or hardly any control characters and some print."""
     if any(head.startswith(mark) for mark, _ in _BOMS):
         return True
-    return len(_CONTROL.findall(head)) <= len(head) // 200 and b"\x00\x00" not in head
+    head = head.rstrip(b"\0")  # space reserved and never written
+    return len(head) > 0 and len(_CONTROL.findall(head)) <= len(head) // 200 and b"\0\0" not in head
 
 
 def decode(data: bytes) -> str:
@@ -49,7 +50,8 @@ def decode(data: bytes) -> str:
             text = data[len(mark) :].decode(encoding, errors="data_io.cp1252" if encoding == "utf-8" else "replace")
             break
     else:
-        text = data.decode("utf-8", errors="data_io.cp1252")
+        text = data.rstrip(b"\0").decode("utf-8", errors="data_io.cp1252")
+    text = text.replace("\u2212", "-") if "\u2212" in text else text
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 

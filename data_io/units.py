@@ -88,6 +88,7 @@ def factor(unit: str, si_unit: str) -> float:
     return 1.0 if unit == si_unit else _factor(unit, si_unit)
 
 
+@functools.lru_cache(maxsize=1024)
 def kind_of(unit: str) -> str | None:
     """Name the kind of quantity a unit measures (a key of `SI_UNIT`; mass units count as force), None if no such."""
     si = next((kind for kind in _LOG_KINDS if unit == SI_UNIT[kind]), None)
