@@ -21,6 +21,7 @@ LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains s
 SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
 LAST_RISE = 0.6  # of the last fall's duration must follow it, else the slip may not be over
 LINE_BLOCK = 24
+MOST_POINTS = 400
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,10 @@ def _slope(time: Array, force: Array, start: int, stop: int, noise: float) -> fl
     first = start + int(STRAIGHT[0] * (stop - start))
     last = max(start + int(np.ceil(STRAIGHT[1] * (stop - start))), first + 1)
     t, f = time[first : last + 1], force[first : last + 1]
+    per = t.size // MOST_POINTS
+    if per > 1:
+        t, f = (column[: per * MOST_POINTS].reshape(-1, per).mean(axis=1) for column in (t, f))
+        noise = noise / sqrt(per)
     if t.size < 2:
         return 0.0
     t, f = t - t.mean(), f - f.mean()
@@ -204,7 +209,9 @@ class _Phases:
         self.time, self.force, self.noise, self.turns = time, force, noise, turns
         self.coarse = smooth(force, turns.width)
         self.begins_in_slip = self.ends_sliding = False
-        self.stick_slopes, self.loading_slope = np.empty(0), None
+        self.reference = 0.0
+        self.stick_slopes: Array = np.empty(0)
+        self.loading_slope: float | None = None
         self.kept = np.ones(turns.count, dtype=bool)
         self.peaks, self.valleys = self._fine_turns()
         self._judge()
@@ -284,7 +291,7 @@ class _Phases:
         if not self.kept.any():
             self._label_without_cycles(phase)
             return phase
-        start = int(valleys[0]) if False else 0
+        start = 0
         if self.begins_in_slip:
             start = int(np.argmin(self.coarse[: peaks[0] + 1]))
             phase[:start] = SLIP

@@ -15,6 +15,7 @@ SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its o
 SECOND_LOOK_SD = 4.0
 CONFIRMED_SD = 5.0
 LONG_INTERVAL = 1.6  # times the median: look again there
+REDUCED = 32
 WIDEST_SHARE = 0.45  # of the time from peak to valley: smoothing wider than this bends the slip
 
 
@@ -49,21 +50,32 @@ def smooth(force: Array, width: int) -> Array:
     return np.concatenate((np.full(width // 2, inner[0]), inner, np.full(width // 2, inner[-1])))
 
 
+def _corners(values: Array, hysteresis: float) -> Indices:
+    """The samples that can be turning points of a zigzag: of a block that spans less than the hysteresis only
+    its lowest and highest one, which changes nothing but the time it takes."""
+    blocks = values.size // REDUCED
+    table = values[: blocks * REDUCED].reshape(blocks, REDUCED)
+    ends = np.sort(np.stack([table.argmin(axis=1), table.argmax(axis=1)]), axis=0)
+    rows = np.arange(blocks)
+    quiet = np.abs(table[rows, ends[1]] - table[rows, ends[0]]) < hysteresis
+    candidate = np.ones(values.size, dtype=bool)
+    candidate[: blocks * REDUCED] = np.repeat(~quiet, REDUCED)
+    candidate[(rows * REDUCED + ends).ravel()] = True
+    candidate[:1] = candidate[-1:] = True
+    return np.flatnonzero(candidate)
+
+
 def zigzag(values: Array, hysteresis: float, confirmation: float) -> tuple[list[int], list[int], int]:
     """Alternating turning points of values (n,), each confirmed by a move of more than `hysteresis` after it;
     for a last valley the smaller `confirmation` is enough.
 
     Returns: indices of the peaks, of the valleys, and the direction of the first confirmed move (0: none).
     """
-    if values.size < 3:
-        return [], [], 0
-    slope = np.diff(values)
-    slope[slope == 0.0] = 1e-300
-    turning = np.concatenate(([0], np.flatnonzero(slope[1:] * slope[:-1] < 0) + 1, [values.size - 1]))
+    turning = _corners(values, hysteresis)
     peaks: list[int] = []
     valleys: list[int] = []
     way = first = 0
-    low = high = float(values[0])
+    low = high = float(values[0]) if values.size else 0.0
     at_low = at_high = 0
     for i, value in zip(turning.tolist(), values[turning].tolist(), strict=True):
         if value > high:
