@@ -88,8 +88,8 @@ def follow(map_: CycleMap, start: Orbit, highest: float, patience: Callable[[flo
         orbits, end = _advance(map_, orbits, highest, patience)
         if end is None:
             break
-        tries = [(end * 1.01, orbits[-1].y), (end * 1.05, None)]
-        found = (settle(map_, v, y, patience=patience(v)).orbit for v, y in tries if v < highest)
+        tries = [(end * 1.05, orbits[-1].y), (end * 1.1, None)]
+        found = (settle(map_, v, y, patience=patience(v), cycles=6).orbit for v, y in tries if v < highest)
         beyond = next((o for o in found if o is not None), None)
         if beyond is None:
             break

@@ -113,6 +113,8 @@ def judged(value: float, answer: float | None, status: str, alpha: float) -> str
 
 
 def _percent(share: float) -> str:
+    if share > 3:
+        return f"a factor {share + 1:.0f}"
     return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
 
 

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-7  # of the closure of a cycle, in units of normal force / stiffness
 DIFFERENCE = 1e-5  # step of the difference quotients, in the same units
 MAX_STEPS = 12
-SETTLING = 60  # plain cycles before a motion that has not settled is called irregular
+SETTLING = 40  # plain cycles before a motion that has not settled is called irregular
 
 
 @dataclass(frozen=True)
@@ -119,19 +119,26 @@ class Settled:
     sticks: bool
 
 
-def settle(map_: CycleMap, drive_speed: float, y: Array | None = None, *, patience: float = SLIDES_AFTER) -> Settled:
+def settle(
+    map_: CycleMap,
+    drive_speed: float,
+    y: Array | None = None,
+    *,
+    patience: float = SLIDES_AFTER,
+    cycles: int = SETTLING,
+) -> Settled:
     """What the motion from rest state y (default: spring unloaded, contact saturated) settles on.
 
-    Plain cycles, with `close` tried now and then, until it succeeds or SETTLING cycles are over.
+    Plain cycles, with `close` tried now and then, until it succeeds or that many `cycles` are over.
     """
     y = map_.rested() if y is None else y
-    for i in range(SETTLING):
+    for i in range(cycles):
         cycle = map_.run(y, drive_speed, patience=patience)
         if cycle is None:
             return Settled(None, sticks=False)
         before, y = y, rest_state(cycle.end)
         still = float(np.max(np.abs((y - before) / map_.scale)))
-        if still < 1e-3 or i in (2, 9, 29):
+        if still < TOLERANCE or i in (2, 9, 24, cycles - 1):
             orbit = close(map_, y, drive_speed, patience=patience)
             if orbit is not None:
                 return Settled(orbit, sticks=True)

@@ -75,11 +75,12 @@ def amplitude_text(document: Document) -> str:
     part = document["amplitude"]
     if part["drop"]["value"] is None:
         return f"Amplitude: none; {part['drop']['validity']}."
+    plain = {name: said(entry["value"], entry["unit"]) for name, entry in part.items() if name != "text"}
     return (
         f"Each jump drops the force by {_with_interval(part['drop'])}, every {_with_interval(part['period'])}: "
-        f"{said(part['stick_duration']['value'], 's')} of stick, {said(part['slip_duration']['value'], 's')} of slip over "
-        f"{said(part['slip_distance']['value'], 'm')}, at up to {_with_interval(part['peak_speed'])}; the force rises to "
-        f"{said(part['onset_force']['value'], 'N')} and falls to {said(part['arrest_force']['value'], 'N')}."
+        f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
+        f"at up to {_with_interval(part['peak_speed'])}; "
+        f"the force rises to {plain['onset_force']} and falls to {plain['arrest_force']}."
     )
 
 
@@ -87,10 +88,13 @@ def closed_form_text(document: Document) -> str:
     """What the paper's closed forms would have said."""
     part = document["closed_forms"]
     reach = part["a_V_max"]["value"]
-    head = "The paper's closed forms need a V_max far below 1"
-    head += "." if reach is None else f"; here it is {reach:.2g}."
+    head = "The paper's closed forms need a V_max far below 1" + (
+        "." if reach is None else f"; here it is {reach:.2g}."
+    )
+    if part["slip"] == "runaway":
+        return f"{head} They are {part['drop']['validity']}."
     words = [f"{name} {said(part[key]['value'], part[key]['unit'])} ({part[key]['validity']})" for name, key in ROWS]
     return f"{head} They give: {'; '.join(words)}."
 
 
-ROWS = (("drop", "drop"), ("period", "period"), ("end of stick-slip", "critical_speed"))
+ROWS = (("drop", "drop"), ("period", "period"), ("end of stick-slip, of a saturated contact,", "critical_speed"))

@@ -78,7 +78,7 @@ def prospect(map_: CycleMap, drive_speed: float) -> Prospect:
 
     steady = sliding(map_.model, map_.p, drive_speed, map_.normal_force)
     here = settle(map_, drive_speed, patience=patience(drive_speed))
-    seed, highest = here.orbit, 1e3 * max(typical, drive_speed)
+    seed, highest = here.orbit, 30.0 * max(typical, drive_speed)
     if seed is None and not here.sticks:
         slower = drive_speed * np.array([0.3, 0.1, 0.03, 0.01, 1e-3])
         tries = np.unique(np.concatenate([slower, typical * np.array([1.0, 0.3, 0.1, 0.03, 0.01, 1e-3])]))
