@@ -12,7 +12,7 @@ from data_io.errors import UnitError
 from data_io.part import Part
 from data_io.record import COLUMN_ROLES, Finding, FloatArray
 from data_io.source import Request, Source
-from data_io.units import SI_UNIT, kind_of, to_si
+from data_io.units import SI_UNIT, factor, kind_of, to_si
 
 _CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
 
@@ -52,6 +52,9 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
     needed = [role for role in COLUMN_ROLES[:3] if role != "normal_force" or request.normal_force is None]
     needed += ["drive_speed"] if "drive_speed" in part.header.roles else []
     for role in needed:
+        if role in part.header.roles and (unit := _unit(request, part, role)):
+            _check_unit(source, part, role, unit)
+    for role in needed:
         if role not in part.header.roles:
             raise source.error(_missing(role, part, label))
     bare = [role for role in needed if not _unit(request, part, role)]
@@ -61,6 +64,14 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
         raise source.error(
             f"no unit was found for column {shown}; a unit in the header was expected; give it, as in --units {example}"
         )
+
+
+def _check_unit(source: Source, part: Part, role: str, unit: str) -> None:
+    try:
+        factor(unit, SI_UNIT[KIND[role]])
+    except UnitError as error:
+        where = f"column {part.header.names[part.header.roles[role]].raw!r} ({words(role)})"
+        raise source.error(f"{where}: {error}; or give it with --units {role}=...") from error
 
 
 def _missing(role: str, part: Part, label: str) -> str:
@@ -93,11 +104,7 @@ def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray
             f"column {name.raw!r} ({words(role)}) holds no numbers; a column of numbers was expected; "
             f"name another one with --columns {role}=<name>"
         )
-    try:
-        return to_si(values, _unit(request, part, role) or "", KIND[role])
-    except UnitError as error:
-        where = f"column {name.raw!r} ({words(role)})"
-        raise source.error(f"{where}: {error}; or give it with --units {role}=...") from error
+    return to_si(values, _unit(request, part, role) or "", KIND[role])
 
 
 def _filled(part: Part, index: int) -> FloatArray | None:

@@ -1,0 +1,141 @@
+"""Record: refuses what a fit could not trust, cannot be changed, goes through frames and processes unchanged."""
+
+import pickle
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from data_io import LogError, Record, Step
+
+
+def ramp(n=20, **changes):
+    values = {"time": np.arange(n) * 0.1, "normal_force": np.full(n, 3.0), "friction_force": np.linspace(0, 1, n)}
+    return Record(**{**values, **changes})
+
+
+def with_gap(length, n=40):
+    friction = np.linspace(0, 1, n)
+    friction[10 : 10 + length] = np.nan
+    return friction
+
+
+def test_columns_are_read_only_copies_of_float64():
+    source = np.arange(20, dtype=np.int64)
+    record = ramp(friction_force=source, channels={"Z": source})
+    source[0] = 99
+    assert record.friction_force[0] == 0 and record.friction_force.dtype == np.float64
+    for values in (*record.columns().values(), *record.channels.values()):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 1.0
+    with pytest.raises(FrozenInstanceError):
+        record.time = source
+    with pytest.raises(TypeError):
+        record.metadata["path"] = "x"
+
+
+def test_a_frozen_column_is_not_copied_again():
+    record = ramp()
+    assert replace(record, drive_speed=1e-3).friction_force is record.friction_force
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"time": np.arange(19) * 0.1}, "equal lengths"),
+        ({"time": np.arange(20) * 0.1 + 1}, "starts at 1 s"),
+        ({"time": np.zeros(20)}, "does not rise"),
+        ({"time": np.r_[np.arange(19) * 0.1, 0.5]}, "does not rise from row 19"),
+        ({"time": np.r_[0, np.nan, np.arange(2, 20)]}, "row 2"),
+        ({"normal_force": np.ones((20, 1))}, "shape"),
+        ({"friction_force": ["a"] * 20}, "numbers were expected"),
+        ({"drive_speed": np.nan}, "drive speed"),
+        ({"drive_speed": np.ones(3)}, "shape"),
+        ({"channels": {"time": np.ones(20)}}, "called 'time'"),
+        ({"channels": {"a\nb": np.ones(20)}}, "called"),
+        ({"channels": {"Z": np.ones(3)}}, "channel 'Z'"),
+        ({"steps": (Step(1, 1, 0, 10),)}, "cover"),
+        ({"steps": (Step(1, 1, 0, 10), Step(1, 1, 10, 20))}, "same run and number"),
+    ],
+)
+def test_wrong_input_is_refused_with_a_sentence(changes, words):
+    with pytest.raises(LogError, match=words):
+        ramp(**changes)
+
+
+def test_one_row_is_refused_and_the_path_named():
+    with pytest.raises(LogError, match=r"^a\.csv: 1 row"):
+        Record([0.0], [1.0], [1.0], metadata={"path": "a.csv"})
+
+
+@pytest.mark.parametrize("length", [1, 5])
+def test_up_to_five_missing_rows_stay_with_a_finding(length):
+    record = ramp(40, friction_force=with_gap(length))
+    assert np.count_nonzero(np.isnan(record.friction_force)) == length
+    assert [finding.code for finding in record.findings] == ["missing_rows"]
+    assert [finding.code for finding in replace(record, drive_speed=1.0).findings] == ["missing_rows"]
+
+
+def test_six_missing_rows_are_refused():
+    with pytest.raises(LogError, match="rows 11 to 16"):
+        ramp(40, friction_force=with_gap(6))
+
+
+def test_missing_normal_and_friction_rows_count_together():
+    normal = np.full(40, 3.0)
+    normal[15:18] = np.inf
+    with pytest.raises(LogError, match="rows 11 to 18"):
+        ramp(40, friction_force=with_gap(5), normal_force=normal)
+
+
+def test_infinity_becomes_missing():
+    assert np.isnan(ramp(friction_force=np.r_[np.zeros(19), np.inf]).friction_force[-1])
+
+
+def test_a_process_gets_the_same_frozen_record():
+    record = ramp(drive_speed=1e-3, channels={"Z": np.ones(20)}, metadata={"path": "p"})
+    other = pickle.loads(pickle.dumps(record))
+    assert other.about() == record.about() and not other.time.flags.writeable
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(
+    st.lists(st.tuples(st.floats(1e-6, 1e3), numbers, numbers, st.floats()), min_size=2, max_size=30),
+    st.one_of(st.none(), numbers),
+)
+def test_frames_bring_everything_back(rows, drive_speed):
+    steps, normal, friction, channel = np.array(rows).T
+    time = np.concatenate(([0.0], np.cumsum(steps)[:-1]))
+    record = Record(
+        time,
+        normal,
+        friction,
+        drive_speed,
+        {"Z": channel},
+        {"Z": "m"},
+        (Step(1, 4, 0, len(rows), {"a": "b"}),),
+        {"k": 1.5},
+    )
+    other = Record.from_frame(record.to_frame())
+    for name, values in record.columns().items():
+        assert other.columns()[name].tobytes() == values.tobytes()
+    assert other.about() == record.about()
+
+
+def test_a_bare_frame_is_shifted_to_zero():
+    frame = pd.DataFrame({"time": [5.0, 6.0], "normal_force": [1, 1], "friction_force": [0.1, 0.2], "V1": [1, 2]})
+    record = Record.from_frame(frame)
+    assert record.time.tolist() == [0, 1] and record.metadata["file_time_start"] == 5.0 and "V1" in record.channels
+
+
+@pytest.mark.parametrize(
+    "frame", [{"time": [0, 1]}, {"time": [0, 1], "normal_force": ["a", "b"], "friction_force": [0, 1]}]
+)
+def test_wrong_frames_are_refused(frame):
+    with pytest.raises(LogError, match="column"):
+        Record.from_frame(pd.DataFrame(frame))
