@@ -15,6 +15,7 @@ from identify.cli import fit as fit_command
 from identify.cli import main as cli
 from identify.cli.common import CommandLineError
 from identify.cli.folder import check_replaceable, result_folder
+from identify.scene import Scene
 
 RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
 LOG = "T,Fz,Fx\ns,N,N\n" + "".join(f"{0.01 * i:.2f},1.0,{0.3 + 0.001 * (i % 7)}\n" for i in range(200))
@@ -200,6 +201,75 @@ def test_a_reader_that_leaves_early_is_no_error(folder):
 
 def environment():
     return {**os.environ, "PYTHONPATH": str(Path(cli.__file__).resolve().parents[2])}
+
+
+# ---- inspect and scene
+
+
+def test_inspect_tells_what_is_in_the_logs(folder, capsys):
+    slow, stepped = examples.FOLDER / "0.1_mm_per_s.txt.gz", examples.FOLDER / "1_mm_per_s.txt.gz"
+    code, words, _ = stickslip(capsys, "inspect", slow, stepped, "--plot", "logs.png")
+    assert code == 0 and "5 stick-slip cycles" in words and "column Fx in g" in words
+    assert Path("logs.png").stat().st_size > 10_000
+    code, out, _ = stickslip(capsys, "inspect", slow, stepped, "--json")
+    one, two = json.loads(out)["logs"]
+    assert one["rows"] == 10001 and [step["cycles"] for step in two["steps"]] == [0, 13]
+    assert one["steps"][0]["noise_N"] == pytest.approx(5e-3, rel=0.05)
+    assert two["steps"][1]["stick_slope_N_per_s"][0] == pytest.approx(1470 * 1e-3, rel=0.02)
+    assert max(len(line) for line in words.splitlines() if "/" not in line) <= 80
+
+
+def test_a_first_scene_is_drafted_from_the_logs(folder, capsys):
+    logs = sorted(examples.FOLDER.glob("*.txt.gz"))
+    code, words, _ = stickslip(capsys, "scene", *logs, "--out", "pair.toml")
+    assert code == 0 and "rig.mass, rig.damping" in words
+    sentence = refused(capsys, "fit", "--scene", "pair.toml")
+    assert "still to fill in: rig.mass, rig.damping" in sentence
+    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace("TODO N/m", "147 N/m")
+    Path("pair.toml").write_text(text)
+    scene = Scene.from_toml("pair.toml")
+    assert scene.rig.stiffness == pytest.approx(1470, rel=0.01), "force per drive distance while it sticks"
+    truth = json.loads(examples.TRUTH.read_text())["logs"]
+    for entry in scene.logs:
+        assert entry.drive_speed == pytest.approx(truth[entry.path.name]["drive_speed"], rel=1e-3)
+        assert entry.path.resolve() == examples.FOLDER / entry.path.name
+    assert [entry.step for entry in scene.logs] == [None, None, None, 2, None], "the hold before the test is left out"
+
+
+def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
+    rise = (0.4 * (i % 50) / 50 for i in range(500))
+    rows = "".join(f"{0.01 * i:.2f},{force:.5f}\n" for i, force in enumerate(rise))
+    write("bare.csv", "T,Fx\ns,N\n" + rows)
+    code, out, _ = stickslip(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml", "--json")
+    assert code == 0
+    assert json.loads(out)["to_fill_in"] == ["rig.mass", "rig.stiffness", "rig.damping", "logs.1.drive_speed"]
+    assert 'normal_force = "2 N"' in Path("pair.toml").read_text()
+    assert "exists" in refused(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml")
+
+
+# ---- calculators
+
+
+def test_calculators_answer_for_each_log(folder, capsys):
+    code, out, words = stickslip(capsys, "amplitude", "--scene", examples.SCENE, "--json")
+    points = json.loads(out)["points"]
+    speeds = [point["operating_point"]["drive_speed"]["value"] for point in points]
+    assert code == 0 and speeds == pytest.approx([1e-4 / 60, 1e-4, 1e-3, 5e-3])
+    assert "Each jump drops the force" in words and "not valid here" in words
+
+
+def test_an_operating_point_is_asked_for(folder, capsys):
+    at = ["--at", "drive_speed=2 mm/s", "--at", "normal_force=1 N", "--at", "stiffness=2 N/mm"]
+    code, out, _ = stickslip(capsys, "stability", "--scene", examples.SCENE, *at, "--plot", "s.svg", "--json")
+    (point,) = json.loads(out)["points"]
+    assert code == 0 and Path("s.svg").read_text().startswith("<?xml")
+    assert point["operating_point"]["drive_speed"]["value"] == 0.002
+    assert point["groups"]["omega_n"]["value"] == pytest.approx((2000 / 0.2) ** 0.5)
+    assert "'stiffness'" in refused(capsys, "stability", "--scene", examples.SCENE, "--at", "stifness=3")
+    assert "KEY=VALUE" in refused(capsys, "stability", "--scene", examples.SCENE, "--at", "stiffness")
+    assert "zero" in refused(capsys, "stability", "--scene", examples.SCENE, "--at", "drive_speed=0")
+    assert ".png" in refused(capsys, "stability", "--scene", examples.SCENE, "--plot", "s.txt")
+    assert "no such file" in refused(capsys, "stability", "--result", "none.json")
 
 
 # ---- the output folder

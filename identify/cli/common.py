@@ -6,6 +6,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -40,6 +41,22 @@ class Terminal:
     def note(self, text: str) -> None:
         """Words beside the answer: progress, warnings."""
         print(text, file=self.notes, flush=True)
+
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def picture(path: str | None) -> Path | None:
+    """The file of --plot, asked for before the work.
+
+    Raises:
+        CommandLineError: an ending that is no picture.
+    """
+    if path is not None and Path(path).suffix not in PICTURES:
+        raise CommandLineError(
+            f"--plot {path} is no picture; expected a name that ends in {', '.join(PICTURES)}: rename it"
+        )
+    return Path(path) if path is not None else None
 
 
 def add_log_options(parser: ArgumentParser) -> None:

@@ -52,7 +52,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     _say_truth(joint, json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"], terminal)
     terminal.say(f"report: {out / 'report.html'}")
     terminal.say()
-    terminal.say("The same pair, one speed, sampled at 50 Hz: about three samples in each slip")
+    terminal.say("The same pair, one speed, sampled at 50 Hz: about four samples in each slip")
     say_fit(slow, terminal)
     terminal.say(f"report: {out / SECOND / 'report.html'}")
     return Answer(DONE if joint.converged else NOT_SUCCEEDED, {**joint.result, SECOND: slow.result})

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from types import FrameType, ModuleType
 from typing import NoReturn
 
-from identify.cli import amplitude, convert, demo, fit, scene, simulate, stability, verify
+from identify.cli import amplitude, convert, demo, fit, inspect, scene, simulate, stability, verify
 from identify.cli.common import (
     DEFECT,
     INTERRUPTED,
@@ -24,7 +24,7 @@ from identify.cli.common import (
 )
 from identify.errors import IdentifyError
 
-COMMANDS: tuple[ModuleType, ...] = (demo, scene, fit, verify, simulate, stability, amplitude, convert)
+COMMANDS: tuple[ModuleType, ...] = (demo, inspect, scene, fit, verify, simulate, stability, amplitude, convert)
 
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
 EPILOG = """\

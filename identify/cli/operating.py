@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.cli.common import Answer, CommandLineError, Terminal, quantity
+from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
 from identify.cli.results import read_result
 from identify.cli.summary import wrapped
 from identify.outlook import outlook
@@ -49,6 +49,7 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     Raises:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
+    plot = picture(arguments.plot)
     points = operating_points(arguments)
     documents = []
     for point in points:
@@ -57,11 +58,11 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         terminal.say(f"{point.name}:")
         terminal.say(wrapped(document[part]["text"], "  ", ""))
         terminal.say(wrapped(document["closed_forms"]["text"], "  ", ""))
-    if arguments.plot:
+    if plot:
         from identify.cli.point_plot import draw
 
-        draw(points[0], [p.drive_speed for p in points], part, Path(arguments.plot))
-        terminal.say(f"plot: {arguments.plot}")
+        draw(points[0], [p.drive_speed for p in points], part, plot)
+        terminal.say(f"plot: {plot}")
     return Answer(document={"status": "done", "points": documents})
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     from identify.cli.operating import Point
 
-ENDINGS = (".png", ".svg", ".pdf")
 MM = 1e3
 GRID = 24  # drive speeds at which the orbit is found, beside those of its branch
 
@@ -32,12 +31,8 @@ def draw(point: Point, speeds: Sequence[float], part: str, path: Path) -> None:
     """Draw `part` ("stability" or "amplitude") for the pair and load of `point`; `speeds` [m/s] are marked.
 
     Raises:
-        CommandLineError: the file would be of a kind that is not drawn.
+        CommandLineError: there is nothing to draw.
     """
-    if path.suffix not in ENDINGS:
-        raise CommandLineError(
-            f"--plot {path} ends in {path.suffix!r}; expected one of {', '.join(ENDINGS)}: rename it"
-        )
     p = np.array([point.values[name] for name in point.model.parameter_names])
     map_ = CycleMap(point.model, point.normal_force, p)
     answer = prospect(map_, min(speeds))

@@ -1,0 +1,149 @@
+"""What `stickslip inspect` finds in one log, in words and as a document."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from data_io import Record, Step
+from data_io.quality import Quality, assess
+from identify.cli.common import Terminal
+from identify.cli.summary import columns, wrapped
+from identify.report.quantity_text import number, quantity
+from identify.segment import SLIDING, SLIP, STICK, Segmentation, segment
+
+FEW_SAMPLES = 10.0  # per slip: with fewer, what happens within a slip is hardly seen
+
+
+@dataclass(frozen=True)
+class StepSeen:
+    """One step of a log and its phases; `sign` is that of its sliding force."""
+
+    step: Step
+    sign: int
+    phases: Segmentation
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """One log: its record, its quality, its steps."""
+
+    path: str
+    record: Record
+    quality: Quality
+    steps: tuple[StepSeen, ...]
+
+
+def inspection(path: str, record: Record) -> Inspection:
+    """Look at a record: quality of clock and forces, then phases step by step."""
+    return Inspection(path, record, assess(record), tuple(_seen(record, step) for step in record.steps))
+
+
+def _seen(record: Record, step: Step) -> StepSeen:
+    rows = slice(step.start, step.stop)
+    force = record.friction_force[rows]
+    finite = force[np.isfinite(force)]
+    sign = -1 if finite.size and np.median(finite) < 0 else 1
+    return StepSeen(step, sign, segment(record.time[rows], sign * force))
+
+
+def say(seen: Inspection, terminal: Terminal) -> None:
+    """The inspection in words."""
+    record, quality = seen.record, seen.quality
+    terminal.say(f"{seen.path}")
+    kind = record.metadata.get("format", "unknown format")
+    terminal.say(
+        f"  {kind}, {len(record)} rows in {len(record.steps)} step(s), {quantity(float(record.time[-1]), 's')}, "
+        f"{quality.sampling.rate:.4g} Hz"
+    )
+    for role in ("time", "normal_force", "friction_force"):
+        if source := record.metadata.get(f"{role}_source"):
+            terminal.say(f"  {role.replace('_', ' ')}: {source}")
+    terminal.say(wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  "))
+    terminal.say(f"  normal force: {quantity(quality.load, 'N')}, drift {100 * quality.load_drift:+.1f} %")
+    terminal.say(f"  drive speed: {_speed(record)}")
+    terminal.say(f"  quality: {quality.verdict}")
+    for finding in quality.findings:
+        terminal.say(wrapped(f"{finding.severity}: {finding.message}", "    "))
+    for step in seen.steps:
+        _say_step(step, len(seen.steps) > 1, terminal)
+    terminal.say()
+
+
+def _speed(record: Record) -> str:
+    if record.drive_speed is None:
+        return "not in the log"
+    return quantity(float(np.median(record.drive_speed)), "m/s")
+
+
+def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
+    phases, step = seen.phases, seen.step
+    if several:
+        given = ", ".join(f"{key} = {value}" for key, value in list(step.parameters.items())[:6])
+        terminal.say(wrapped(f"step {step.number}: rows {step.start + 1} to {step.stop}; {given}", "  "))
+    shares = ", ".join(
+        f"{100 * phases.share(phase):.1f} % {word}"
+        for phase, word in ((STICK, "stick"), (SLIP, "slip"), (SLIDING, "sliding"))
+    )
+    terminal.say(f"  {phases.count} stick-slip cycles; {shares}; noise {quantity(phases.noise, 'N', 3)}")
+    if not phases.count:
+        return
+    samples = f"{number(phases.samples_per_slip, 2)} samples per slip"
+    if phases.samples_per_slip < FEW_SAMPLES:
+        samples += " (few: what depends on fast sliding, a and delta_mu_k, is hardly told)"
+    terminal.say(wrapped(f"{samples}, {number(phases.samples_per_cycle, 4)} per cycle", "  "))
+    rows = [["", "mean", "sd"]]
+    for name, pair, unit in (("drop", phases.drop, "N"), ("period", phases.period, "s")):
+        if pair is not None:
+            rows.append([name, quantity(pair[0], unit, 3), quantity(pair[1], unit, 2)])
+    terminal.say(columns(rows))
+
+
+def document(seen: Inspection) -> dict[str, Any]:
+    """The inspection as a JSON-able document, SI."""
+    record, quality = seen.record, seen.quality
+    speed = record.drive_speed
+    return {
+        "path": seen.path,
+        "format": record.metadata.get("format"),
+        "sha256": record.metadata.get("sha256"),
+        "rows": len(record),
+        "duration_s": float(record.time[-1]),
+        "columns": dict(record.units()),
+        "drive_speed_m_per_s": None if speed is None else float(np.median(speed)),
+        "sampling": asdict(quality.sampling),
+        "quality": {
+            "verdict": quality.verdict,
+            "load_N": quality.load,
+            "load_drift": quality.load_drift,
+            "findings": [asdict(finding) for finding in quality.findings],
+        },
+        "steps": [_step_document(step) for step in seen.steps],
+    }
+
+
+def _step_document(seen: StepSeen) -> Mapping[str, Any]:
+    phases, step = seen.phases, seen.step
+    return {
+        "run": step.run,
+        "step": step.number,
+        "rows": step.stop - step.start,
+        "parameters": dict(step.parameters),
+        "friction_sign": seen.sign,
+        "cycles": phases.count,
+        "noise_N": phases.noise,
+        "share": {"stick": phases.share(STICK), "slip": phases.share(SLIP), "sliding": phases.share(SLIDING)},
+        "samples_per_slip": phases.samples_per_slip,
+        "samples_per_cycle": phases.samples_per_cycle,
+        "spikes": phases.spike_count,
+        "begins_in_slip": phases.begins_in_slip,
+        "ends_sliding": phases.ends_sliding,
+        "drop_N": phases.drop,
+        "period_s": phases.period,
+        "stick_slope_N_per_s": phases.stick_slope,
+        "onsets_s": phases.cycles.onset,
+        "arrests_s": phases.cycles.arrest,
+    }
