@@ -17,6 +17,8 @@ ORDERS = (2, 3, 4, 5)
 # Median over blocks of the mean square of 16 overlapping differences of unit white noise, by order.
 MEDIAN_OF_BLOCK = {2: 0.913, 3: 0.898, 4: 0.886, 5: 0.878}
 SPIKE_LENGTHS = (1, 2, 3)
+SPIKE_PASSES = 2
+SIDE = 5
 SPIKE_SD = 6.0
 SPIKE_SD_OVER_SIDES = 4.5
 MOST_SPIKES = 0.05
@@ -73,7 +75,7 @@ def quantum(force: Array) -> float:
 def spikes(force: Array, noise: float) -> Mask:
     """Marks isolated outliers of one to three samples, shape (n,).
 
-    A spike leaves both the chord between its neighbours and the lines through three samples on either
+    A spike leaves both the chord between its neighbours and the lines through five samples on either
     side, to the same side, and the signal is back on its level after it: a sharp corner of a saw-tooth
     or a crest sampled a few times is none.
 
@@ -83,7 +85,7 @@ def spikes(force: Array, noise: float) -> Mask:
     """
     marked = np.zeros(force.size, dtype=bool)
     limit = SPIKE_SD * max(noise, 1e-12 * float(np.ptp(force)) if force.size else 0.0)
-    if force.size < 12 or limit == 0.0:
+    if force.size < 2 * SIDE + 2 or limit == 0.0:
         return marked
     for _ in range(6):
         marked = _spikes_above(force, limit)
@@ -94,32 +96,45 @@ def spikes(force: Array, noise: float) -> Mask:
 
 
 def _spikes_above(force: Array, limit: float) -> Mask:
+    """Spikes that leave their surroundings by more than the limit; one removed may uncover its neighbour."""
     marked, clean = np.zeros(force.size, dtype=bool), force
     jump = _jumps(clean, limit)
-    for length in SPIKE_LENGTHS:
+    for length in SPIKE_LENGTHS * SPIKE_PASSES:
         first = _candidates(jump, clean, length)
-        if first.size == 0:
+        found = first[_stands_out(clean, first, length, limit)] if first.size else first
+        if found.size == 0:
             continue
-        before, after = clean[first - 1], clean[first + length]
-        left = clean[first[:, None] + np.array([-3, -2, -1])]
-        right = clean[first[:, None] + length + np.array([0, 1, 2])]
-        inside = np.arange(1, length + 1)
-        body = clean[first[:, None] + inside - 1]
-        chord = before[:, None] + (after - before)[:, None] * inside / (length + 1)
-        from_left = left.mean(axis=1)[:, None] + (left[:, 2] - left[:, 0])[:, None] / 2 * (inside + 1)
-        from_right = right.mean(axis=1)[:, None] - (right[:, 2] - right[:, 0])[:, None] / 2 * (length - inside + 2)
-        off = body - chord
-        sides = SPIKE_SD_OVER_SIDES / SPIKE_SD * limit
-        side = np.sign(off)
-        good = (np.abs(off) > limit) & (side * (body - from_left) > sides) & (side * (body - from_right) > sides)
-        back = np.abs(after - before) < 0.5 * np.abs(off).min(axis=1)
-        found = first[good.all(axis=1) & back]
         for k in range(length):
             marked[found + k] = True
-        if found.size:
-            clean = bridged(clean, marked)
-            jump = _jumps(clean, limit)
+        clean = bridged(clean, marked)
+        jump = _jumps(clean, limit)
     return marked
+
+
+def _stands_out(force: Array, first: NDArray[np.int64], length: int, limit: float) -> Mask:
+    """Which of the runs that begin at `first` are spikes."""
+    inside = np.arange(1, length + 1)
+    body = force[first[:, None] + inside - 1]
+    before, after = force[first - 1], force[first + length]
+    off = body - before[:, None] - (after - before)[:, None] * inside / (length + 1)
+    reach = np.arange(SIDE)
+    left = _extrapolated(force[first[:, None] - 1 - reach], inside)
+    right = _extrapolated(force[first[:, None] + length + reach], length + 1 - inside)
+    side, sides = np.sign(off), SPIKE_SD_OVER_SIDES / SPIKE_SD * limit
+    good = (np.abs(off) > limit) & (side * (body - left) > sides) & (side * (body - right) > sides)
+    result: Mask = good.all(axis=1) & (np.abs(after - before) < 0.5 * np.abs(off).min(axis=1))
+    return result
+
+
+def _extrapolated(samples: Array, steps: NDArray[np.int64]) -> Array:
+    """A line through samples (c, SIDE), nearest first, continued beyond the nearest by steps (l,): shape (c, l).
+
+    Median slope and median level, so that another spike among the samples does not bend it.
+    """
+    i, j = np.triu_indices(SIDE, 1)
+    slope = np.median((samples[:, j] - samples[:, i]) / (j - i), axis=1)
+    level = np.median(samples - slope[:, None] * np.arange(SIDE), axis=1)
+    return level[:, None] - slope[:, None] * steps
 
 
 def _jumps(force: Array, limit: float) -> NDArray[np.int64]:
@@ -130,7 +145,7 @@ def _jumps(force: Array, limit: float) -> NDArray[np.int64]:
 def _candidates(jump: NDArray[np.int64], force: Array, length: int) -> NDArray[np.int64]:
     """First samples of runs of the given length that are entered and left by a jump."""
     entered = jump[np.isin(jump + length, jump, assume_unique=True)] + 1
-    return entered[(entered >= 3) & (entered + length + 2 < force.size)]
+    return entered[(entered >= SIDE) & (entered + length + SIDE <= force.size)]
 
 
 def bridged(force: Array, holes: Mask) -> Array:

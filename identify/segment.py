@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import sqrt
 
 import numpy as np
@@ -350,9 +351,7 @@ class _Phases:
         f = self.force[start : stop + 1]
         if f.size < 4:
             return float(self.force[at])
-        x = (np.arange(start, stop + 1) - at) / f.size
-        degree = 2 if stop - at >= 3 and at - start >= 3 else 1
-        return float(np.polynomial.polynomial.polyfit(x, f, degree)[0])
+        return float(_level_weights(at - start, stop - at) @ f)
 
     def _fall(self, peak: int, valley: int, high: float, low: float) -> float:
         """Time at which the fall crosses its middle [s]."""
@@ -372,6 +371,15 @@ class _Phases:
         step = self.force[i - 1] - self.force[i]
         share = (self.force[i - 1] - middle) / step if step > 0 else 0.5
         return float(self.time[i - 1] + min(max(share, 0.0), 1.0) * (self.time[i] - self.time[i - 1]))
+
+
+@lru_cache(maxsize=4096)
+def _level_weights(left: int, right: int) -> Array:
+    """Weights that give the value of a fitted parabola (a line where one side is short) at sample `left`."""
+    x = np.arange(-left, right + 1) / (left + right + 1)
+    degree = 2 if min(left, right) >= 3 else 1
+    weights: Array = np.linalg.pinv(np.vander(x, degree + 1, increasing=True))[0]
+    return weights
 
 
 def _span(rise: int) -> int:

@@ -16,6 +16,7 @@ SECOND_LOOK_SD = 4.0
 CONFIRMED_SD = 5.0
 LONG_INTERVAL = 1.6  # times the median: look again there
 REDUCED = 32
+WIDTH_SHARE = 0.2  # of the half period: impulses too weak to be masked vanish
 WIDEST_SHARE = 0.45  # of the time from peak to valley: smoothing wider than this bends the slip
 
 
@@ -116,28 +117,37 @@ def typical(drops: Array) -> float:
     return float(np.median(drops[drops >= np.median(drops)])) if drops.size else 0.0
 
 
+def _look(force: Array, noise: float, width: int) -> Turns:
+    values = smooth(force, width)
+    hysteresis = max(_strict(force.size, width) * noise / sqrt(width), 1e-9 * float(np.ptp(force)))
+    peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * noise / sqrt(width))
+    return Turns(peaks, valleys, width, hysteresis, first < 0)
+
+
 def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
     """Slips of a force (n,) with white noise of the given sd [N]; half_period in samples where it is known.
 
     The smoothing grows until the hysteresis is a fifth of the typical drop, or a slip would be bent.
     """
-    best: Turns | None = None
     widest = force.size / 20 if half_period is None else WIDEST_SHARE * half_period
-    width = 1 if half_period is None else max(1, int(0.2 * half_period)) | 1
+    width = 1 if half_period is None else max(1, int(WIDTH_SHARE * half_period)) | 1
+    best = _look(force, noise, width)
+    turns = best
     while True:
-        values = smooth(force, width)
-        hysteresis = max(_strict(force.size, width) * noise / sqrt(width), 1e-9 * float(np.ptp(force)))
-        peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * noise / sqrt(width))
-        turns = Turns(peaks, valleys, width, hysteresis, first < 0)
-        if best is None or turns.count >= best.count:
-            best = turns
         if turns.count:
-            if hysteresis <= SMALLEST_SHARE * typical(values[peaks] - values[valleys]):
+            values = smooth(force, width)
+            if turns.hysteresis <= SMALLEST_SHARE * typical(values[turns.peaks] - values[turns.valleys]):
+                best = turns
                 break
-            widest = min(widest, WIDEST_SHARE * float(np.median(valleys - peaks)))
+            widest = min(widest, 0.55 * float(np.median(turns.valleys - turns.peaks)))
         width = 2 * width + 1
         if width > widest:
             break
+        turns = _look(force, noise, width)
+        best = turns if turns.count >= best.count else best
+    if half_period is None and best.count:
+        usual = int(0.5 * WIDTH_SHARE * float(np.median(best.valleys - best.peaks))) | 1
+        best = _look(force, noise, usual) if usual > best.width else best
     return _second_look(force, noise, _without_small(force, noise, best))
 
 
@@ -158,17 +168,24 @@ def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
         return turns
     values = smooth(force, turns.width)
     drops = values[turns.peaks] - values[turns.valleys]
-    lenient = max(SECOND_LOOK_SD * noise / sqrt(turns.width), 2 * SMALLEST_SHARE * typical(drops))
+    usual = float(np.median(np.diff(turns.peaks)))
+    sds = max(SECOND_LOOK_SD, _strict(int(LONG_INTERVAL * usual), turns.width) - 1.0)
+    lenient = max(sds * noise / sqrt(turns.width), 2 * SMALLEST_SHARE * typical(drops))
     if lenient >= turns.hysteresis:
         return turns
-    edges = np.concatenate((turns.valleys, [force.size - 1]))
-    gaps = np.append(turns.peaks[1:], force.size - 1) - turns.valleys
-    usual = float(np.median(gaps[:-1]))
-    peaks, valleys = turns.peaks.tolist(), turns.valleys.tolist()
-    for start, gap in zip(edges[:-1].tolist(), gaps.tolist(), strict=True):
-        if gap < LONG_INTERVAL * usual:
-            continue
-        more_peaks, more_valleys, _ = _falls(values[start : start + gap + 1], lenient, lenient)
-        peaks += (more_peaks + start).tolist()
-        valleys += (more_valleys + start).tolist()
-    return Turns(np.sort(np.array(peaks)), np.sort(np.array(valleys)), turns.width, lenient, turns.starts_falling)
+    starts = np.concatenate(([0], turns.peaks))
+    stops = np.append(turns.peaks, force.size - 1)
+    peaks: list[int] = []
+    valleys: list[int] = []
+    known = [None, *turns.valleys.tolist()]
+    for start, stop, valley in zip(starts.tolist(), stops.tolist(), known, strict=True):
+        tops, bottoms, first = [start], [valley], -1
+        if stop - start > LONG_INTERVAL * usual:
+            inner_tops, inner_bottoms, first = zigzag(values[start : stop + 1], lenient, lenient)
+            tops = [start, *(start + i for i in inner_tops)] if first < 0 else [start + i for i in inner_tops]
+            bottoms = [start + i for i in inner_bottoms]
+        for top, bottom in zip(tops, bottoms, strict=False):
+            if bottom is not None and (top > 0 or first > 0):
+                peaks.append(top)
+                valleys.append(bottom)
+    return Turns(np.array(peaks), np.array(valleys), turns.width, lenient, turns.starts_falling)
