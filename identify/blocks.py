@@ -31,7 +31,8 @@ class Block:
     """One kind of block, mapped over CHUNK instances.
 
     Slots, in order: state at the start (n_x,), state at the end (n_x,; absent in a rest), offset of the
-    start time [s], offset of the end time [s], then the search variables (n_p,). Constants, in order:
+    start time [s], offset of the end time [s], deviation of the normal force in this cycle from its measured
+    course [N], then the search variables (n_p,). Constants, in order:
     base values of the parameters (n_p,), row scales (n_x,), drive speed, normal force at the start and at the
     end of the phase and its slope, reference duration of the phase, first and last fraction of it.
     """
@@ -85,6 +86,7 @@ class _Symbols:
     end: ca.SX
     offset_start: ca.SX
     offset_end: ca.SX
+    deviation: ca.SX
     theta: ca.SX
     base: ca.SX
     row_scale: ca.SX
@@ -104,7 +106,7 @@ class _Symbols:
 
     def slots(self, with_end: bool) -> ca.SX:
         end = [self.end] if with_end else []
-        return ca.vertcat(self.start, *end, self.offset_start, self.offset_end, self.theta)
+        return ca.vertcat(self.start, *end, self.offset_start, self.offset_end, self.deviation, self.theta)
 
     @property
     def constants(self) -> ca.SX:
@@ -160,7 +162,7 @@ def _rest(model: Model, reaged: bool, with_end: bool) -> tuple[_Symbols, ca.SX, 
     s = _Symbols.of(model)
     p = s.parameters(model)
     start = _resting_start(model, s, p, reaged)
-    u = ca.vertcat(s.drive_speed, s.force_end + s.force_slope * s.offset_end, 1)
+    u = ca.vertcat(s.drive_speed, s.force_end + s.force_slope * s.offset_end + s.deviation, 1)
     after = model.rest(start, p, u, s.duration)
     before_force, after_force = model.load_cell(start, p, u), model.load_cell(after, p, u)
     slope = (after_force - before_force) / s.duration
@@ -183,7 +185,8 @@ def _slip(model: Model, saturated: bool, steps: int) -> tuple[_Symbols, ca.SX, c
     held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
 
     def inputs(t: ca.SX) -> ca.SX:
-        return ca.vertcat(s.drive_speed, s.force_start + s.force_slope * (s.offset_start + t), 1)
+        force = s.force_start + s.force_slope * (s.offset_start + t) + s.deviation
+        return ca.vertcat(s.drive_speed, force, 1)
 
     seed, state, inner = ca.SX.sym("rate", len(model.states)), ca.SX.sym("x", len(model.states)), ca.SX.sym("u", 3)
     inner_p = ca.SX.sym("p", len(model.parameters))

@@ -27,7 +27,8 @@ class LogData:
     """One log as the estimator sees it: samples in the fitted window, rig and what acts from outside.
 
     time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked;
-    base (n_p,) base values of the parameters; drive_speed [m/s]; the fitted window [s].
+    base (n_p,) base values of the parameters; drive_speed [m/s]; normal_force its slow course, known to within
+    normal_force_sd [N] (0: exact); the fitted window [s].
     """
 
     time: Array
@@ -36,6 +37,7 @@ class LogData:
     base: Array
     drive_speed: float
     normal_force: NormalForce
+    normal_force_sd: float
     begin: float
     end: float
 
@@ -55,7 +57,8 @@ class Guess:
     """Event times and node states of one log, c cycles.
 
     start (n_x,): state at the begin of the window; onset, saturation, arrest (c,) [s], saturation NaN where
-    the bounded state never reaches its bound; at_onset (c, n_x); slip (c, n1 + 1, n_x) nodes from onset to
+    the bounded state never reaches its bound; deviation (c,) of the normal force from its measured course [N];
+    slip (c, n1 + 1, n_x) nodes from onset to
     saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest.
     """
 
@@ -63,6 +66,7 @@ class Guess:
     onset: Array
     saturation: Array
     arrest: Array
+    deviation: Array
     slip: Array
     saturated: Array
 

@@ -165,12 +165,23 @@ def _shift(model: Model, slips: lanes.Slips, side: _Lanes, logs: list[LogData], 
 
 
 def _guess(
-    model: Model, log: LogData, p: Array, start: Array, slips: lanes.Slips, mine: NDArray[np.int64], onset: Array,
+    model: Model,
+    log: LogData,
+    p: Array,
+    start: Array,
+    slips: lanes.Slips,
+    mine: NDArray[np.int64],
+    onset: Array,
     grid: Grid,
 ) -> Guess:
     saturation, arrest = slips.saturation[mine], slips.arrest[mine]
     picked = lanes.Slips(
-        slips.h[mine], slips.states[:, mine], slips.rates[:, mine], saturation, arrest, slips.at_saturation[mine],
+        slips.h[mine],
+        slips.states[:, mine],
+        slips.rates[:, mine],
+        saturation,
+        arrest,
+        slips.at_saturation[mine],
         slips.at_arrest[mine],
     )
     middle = np.where(np.isfinite(saturation), saturation, arrest)
@@ -181,7 +192,7 @@ def _guess(
     ends = np.isfinite(saturation)
     first[:, -1] = np.where(ends[:, None], picked.at_saturation, picked.at_arrest)
     second[:, -1] = picked.at_arrest
-    return Guess(start, onset, onset + saturation, onset + arrest, first, second)
+    return Guess(start, onset, onset + saturation, onset + arrest, np.zeros_like(onset), first, second)
 
 
 def start_state(model: Model, log: LogData, p: Array, guess: Guess) -> Array:

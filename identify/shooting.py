@@ -7,6 +7,7 @@ The cost of an evaluation does not depend on the sampling rate. Hessian: Gauss-N
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +16,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from identify.guess import Grid, Guess, LogData
-from identify.layout import Family, Indices, Layout, lay_out
+from identify.lay_out import lay_out
+from identify.layout import Family, Indices, Layout
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -73,46 +75,41 @@ class Problem:
     def _slots(self, family: Family, x: Array) -> Array:
         return np.where(family.slots >= 0, x[family.slots], family.fixed)
 
-    def _compress(self, family: Family) -> Moments:
-        order, n_cells = family.block.order, family.block.n_cells
-        count = family.slots.shape[0]
-        _, reference = family.block.evaluate(
-            self._slots(family, self.layout.start), family.constants, derivatives=False
-        )
-        n = count * n_cells
-        powers = np.zeros((n, 2 * order - 1))
-        pull = np.zeros((n, order))
-        square, number = np.zeros(n), np.zeros(n)
-        flat = family.edges.reshape(n, 2)
-        curve = reference.reshape(n, order)
-        for index, log in enumerate(self.logs):
-            mine = np.flatnonzero(np.repeat(family.log == index, n_cells))
-            if mine.size == 0:
+    def _assigned(self, family: Family) -> Iterator[tuple[int, Indices, Indices, Array]]:
+        """Per log: its number, and for each sample in a cell of the family its index, cell and u in [0, 1]."""
+        n_cells = family.block.n_cells
+        flat = family.edges.reshape(-1, 2)
+        for number, log in enumerate(self.logs):
+            cells = np.flatnonzero(np.repeat(family.log == number, n_cells))
+            if cells.size == 0:
                 continue
-            sorted_cells = mine[np.argsort(flat[mine, 0], kind="stable")]
-            first, last = np.searchsorted(log.time, flat[sorted_cells].T, side="left")
-            final = flat[sorted_cells, 1] >= log.end
+            first, last = np.searchsorted(log.time, flat[cells].T, side="left")
+            final = flat[cells, 1] >= log.end
             last = np.where(final, np.searchsorted(log.time, log.end, side="right"), last)
             lengths = last - first
-            cell = np.repeat(sorted_cells, lengths)
-            sample = np.arange(lengths.sum()) + np.repeat(
-                first - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths
-            )
-            w, y = log.weight[sample], log.force[sample]
+            before = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+            cell = np.repeat(cells, lengths)
+            sample = np.arange(int(lengths.sum())) + np.repeat(first - before, lengths)
             t0, t1 = flat[cell].T
-            u = (log.time[sample] - t0) / (t1 - t0)
-            fit = np.zeros_like(u)
-            for i in range(order - 1, -1, -1):
-                fit = fit * u + curve[cell, i]
-            r = np.where(w > 0, y - fit, 0.0)
-            weight = w
+            yield number, sample, cell, (log.time[sample] - t0) / (t1 - t0)
+
+    def _compress(self, family: Family) -> Moments:
+        order, n_cells, count = family.block.order, family.block.n_cells, family.slots.shape[0]
+        slots = self._slots(family, self.layout.start)
+        _, reference = family.block.evaluate(slots, family.constants, derivatives=False)
+        n = count * n_cells
+        powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
+        square, number = np.zeros(n), np.zeros(n)
+        for log, sample, cell, u in self._assigned(family):
+            weight, force = self.logs[log].weight[sample], self.logs[log].force[sample]
+            r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order), cell, u), 0.0)
+            square += np.bincount(cell, weights=weight * r * r, minlength=n)
+            number += np.bincount(cell, weights=(weight > 0).astype(float), minlength=n)
             for i in range(2 * order - 1):
                 powers[:, i] += np.bincount(cell, weights=weight, minlength=n)
                 if i < order:
                     pull[:, i] += np.bincount(cell, weights=weight * r, minlength=n)
                 weight = weight * u
-            square += np.bincount(cell, weights=w * r * r, minlength=n)
-            number += np.bincount(cell, weights=(w > 0).astype(float), minlength=n)
         hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
         shape = (count, n_cells)
         return Moments(
@@ -122,6 +119,18 @@ class Problem:
             square.reshape(shape).sum(axis=1),
             number.reshape(shape).sum(axis=1),
         )
+
+    def fitted(self, z: Array) -> list[Array]:
+        """What the load cell sees according to the point z, at every sample of every log (n,) [N]; NaN outside
+        the fitted windows."""
+        x = z * self.layout.scale
+        out = [np.full(log.time.size, np.nan) for log in self.logs]
+        for family in self.layout.families:
+            _, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
+            flat = curve.reshape(-1, family.block.order)
+            for log, sample, cell, u in self._assigned(family):
+                out[log][sample] = _polynomial(flat, cell, u)
+        return out
 
     def _pattern(self) -> None:
         n, m = self.layout.size, self.layout.rows
@@ -210,6 +219,14 @@ class Problem:
         summed = summed * scale[h_columns] * scale[self._hessian_rows]
         hessian_matrix = sp.csc_matrix((summed, self._hessian_rows, self._hessian_starts), (z.size, z.size))
         return Point(cost, rows, gradient, jacobian, hessian_matrix)
+
+
+def _polynomial(coefficients: Array, cell: Indices, u: Array) -> Array:
+    """The polynomial of each cell (cells, order) at u, by Horner's rule."""
+    value = np.zeros_like(u)
+    for i in range(coefficients.shape[1] - 1, -1, -1):
+        value = value * u + coefficients[cell, i]
+    return value
 
 
 def _squares(moments: Moments, curve: Array) -> Array:

@@ -17,6 +17,9 @@ from identify.shooting import Problem
 Array = NDArray[np.float64]
 
 
+STANDSTILL = 1e-3  # of half chi^2 per iteration
+
+
 @dataclass(frozen=True)
 class Solution:
     """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, multipliers of the bounds (n,),
@@ -134,8 +137,14 @@ def solve(
         "ipopt.print_level": 0,
         "ipopt.tol": tolerance,
         "ipopt.constr_viol_tol": 1e-9,
-        "ipopt.dual_inf_tol": 1e-3,
-        "ipopt.acceptable_iter": 0,
+        "ipopt.dual_inf_tol": 1e-2,
+        # On a ridge that the data hardly bend, Gauss-Newton creeps: stop where creeping gains nothing.
+        "ipopt.acceptable_iter": 4,
+        "ipopt.acceptable_tol": 1e10,
+        "ipopt.acceptable_dual_inf_tol": 1e10,
+        "ipopt.acceptable_constr_viol_tol": 1e-8,
+        "ipopt.acceptable_compl_inf_tol": 1e-2,
+        "ipopt.acceptable_obj_change_tol": STANDSTILL / max(1.0, problem.samples / 2),
         "ipopt.mu_init": barrier,
         "ipopt.nlp_scaling_method": "none",
         "ipopt.bound_push": 1e-8,

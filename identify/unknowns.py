@@ -8,14 +8,20 @@ the base is each log's own value, so one theta shared by all logs is a common de
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.errors import SceneError
 from identify.model import RIG_PARAMETERS, Model
+from identify.scene import Scene
 
 Array = NDArray[np.float64]
+
+SOFT_FACTOR = 3.0  # sd of a logarithm: a factor of twenty
+SOFT_LEVEL = 1.0  # sd of a coefficient
+RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays within a factor of three
 
 
 @dataclass(frozen=True)
@@ -63,3 +69,64 @@ class Unknowns:
         """Theta of parameter values (..., n_p)."""
         with np.errstate(all="ignore"):
             return np.where(self.logarithmic, np.log(values / base), values - base)
+
+    def softened(self) -> Unknowns:
+        """The same search with a very wide prior where there is none: it only keeps what the data do not tell
+        from wandering off; the information matrix never sees it."""
+        none = ~np.isfinite(self.prior_sd)
+        return replace(
+            self,
+            prior_mean=np.where(none, self.start, self.prior_mean),
+            prior_sd=np.where(none, np.where(self.logarithmic, SOFT_FACTOR, SOFT_LEVEL), self.prior_sd),
+        )
+
+
+def from_scene(scene: Scene) -> Unknowns:
+    """The search space a scene describes.
+
+    Friction parameters are free unless fixed; a rig quantity is free when it stands in [parameters], or when
+    [rig] gives it a tolerance, which then is its prior.
+
+    Raises:
+        SceneError: a rig quantity of zero that is to be estimated.
+    """
+    model = scene.model
+    rig = {name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS}
+    n = len(model.parameters)
+    free, start = np.zeros(n, bool), np.zeros(n)
+    lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
+    mean, sd = np.zeros(n), np.full(n, np.inf)
+    for i, declared in enumerate(model.parameters):
+        name, spec = declared.name, scene.parameters.get(declared.name)
+        base = rig[name] if name in RIG_PARAMETERS else 1.0 if declared.scale == "log" else 0.0
+        tolerance = scene.rig.tolerances.get(name, 0.0)
+        if name in RIG_PARAMETERS and base == 0.0 and (spec is not None or tolerance > 0.0):
+            raise SceneError(f"{name} of [rig] is 0 and is to be estimated; give a positive value to start from")
+        if name in RIG_PARAMETERS and spec is None:
+            if tolerance > 0.0:
+                free[i], sd[i], lower[i], upper[i] = True, tolerance, -RIG_REACH, RIG_REACH
+            continue
+        if spec is None:
+            raise SceneError(f"the scene says nothing of {name}, which its effects need; add it to [parameters]")
+
+        def search(value: float, base: float = base, logarithmic: bool = declared.scale == "log") -> float:
+            if not logarithmic:
+                return value - base
+            return float(np.log(value / base)) if value > 0.0 else -np.inf
+
+        value = next((v for v in (spec.fixed, spec.start, spec.prior_mean) if v is not None), None)
+        fallback = base if name in RIG_PARAMETERS else declared.default
+        start[i] = search(fallback if value is None else value)
+        free[i] = spec.fixed is None
+        lower[i], upper[i] = search(spec.lower), search(spec.upper)
+        if spec.prior_mean is not None and spec.prior_sd is not None:
+            mean[i] = search(spec.prior_mean)
+            sd[i] = spec.prior_sd / spec.prior_mean if declared.scale == "log" else spec.prior_sd
+        elif tolerance > 0.0:
+            sd[i] = tolerance
+    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd)
+
+
+def user_start(scene: Scene) -> bool:
+    """Whether the user gave a start value of any friction parameter."""
+    return any(spec.start is not None for spec in scene.parameters.values())

@@ -1,0 +1,122 @@
+"""The gate: an answer counts only if the solver succeeded, the misfit is noise, in every cycle, and events rest.
+
+All four tests are needed; each alone lets some wrong answer through.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.outcome import Status
+from identify.passes import SETTLED, Solved
+
+Array = NDArray[np.float64]
+
+OVERALL = 5.0  # standard deviations of chi^2 over all samples
+PER_CYCLE = 6.0  # standard deviations of chi^2 of one cycle
+NOISE_ERROR = 0.015  # relative error of an estimated noise level
+JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the gate found. chi2 per sample; z (c,) per cycle with log and cycle numbers (from 1); the status,
+    and a sentence that says what failed, where, and what to do."""
+
+    chi2_per_sample: float
+    z: Array
+    log: NDArray[np.int64]
+    cycle: NDArray[np.int64]
+    solver: str
+    event_shift: float
+    status: Status
+    message: str
+
+    @property
+    def worst(self) -> int:
+        """Index of the worst cycle."""
+        return int(np.argmax(np.abs(self.z))) if self.z.size else -1
+
+
+def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bool]) -> Gate:
+    """Judge a solution.
+
+    Args:
+        names: of the logs, for the sentence; noise_estimated: per log, whether its noise is from the data.
+    """
+    costs = solved.problem.block_costs(solved.solution.z)
+    squares, counts, log, cycle = _per_cycle(solved, costs)
+    total, samples = float(squares.sum()), float(counts.sum())
+    chi2 = total / max(samples, 1.0)
+    # chi^2 scales with the inverse square of the noise: an estimated noise widens what is credible.
+    slack = 2 * NOISE_ERROR * np.array([1.0 if e else 0.0 for e in noise_estimated])
+    by_log = np.array([float(counts[log == i].sum()) for i in range(len(names))])
+    allowed = OVERALL * np.sqrt(2 / max(samples, 1.0)) + float(slack @ by_log) / max(samples, 1.0)
+    spread = np.sqrt(2 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
+    z = (squares - counts) / spread
+    status, message = _judge(solved, chi2, allowed, z, log, cycle, names)
+    return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message)
+
+
+def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Sum of squared weighted residuals and number of samples of every cycle, its log and cycle (from 0).
+    What follows the last slip of a log counts to its last cycle."""
+    last = np.array([guess.cycles - 1 for guess in solved.guesses])
+    offsets = np.concatenate([[0], np.cumsum(last + 1)])
+    squares, counts = np.zeros(offsets[-1]), np.zeros(offsets[-1])
+    for family, moments, cost in zip(solved.problem.layout.families, solved.problem.moments, costs, strict=True):
+        index = offsets[family.log] + np.minimum(family.cycle, last[family.log])
+        squares += np.bincount(index, weights=cost, minlength=squares.size)
+        counts += np.bincount(index, weights=moments.count, minlength=squares.size)
+    log = np.repeat(np.arange(last.size), last + 1)
+    return squares, counts, log, np.arange(squares.size) - offsets[log]
+
+
+def _judge(
+    solved: Solved,
+    chi2: float,
+    allowed: float,
+    z: Array,
+    log: NDArray[np.int64],
+    cycle: NDArray[np.int64],
+    names: Sequence[str],
+) -> tuple[Status, str]:
+    solution = solved.solution
+    worst = int(np.argmax(np.abs(z))) if z.size else 0
+    where = f"{names[log[worst]]}, cycle {cycle[worst] + 1}"
+    if not np.isfinite(chi2):
+        return Status.SOLVER_FAILED, (
+            f"the solver left the region where the model can be computed ({solution.words}); "
+            "check mass, stiffness and drive speed, or give start values"
+        )
+    bad = abs(chi2 - 1.0) > allowed
+    if not solution.success and not bad and np.max(np.abs(z)) <= PER_CYCLE:
+        return Status.SOLVER_FAILED, (
+            f"the solver stopped with {solution.words} after {solved.iterations} iterations although the curve fits; "
+            "give start values, or fix a parameter that these logs cannot tell"
+        )
+    if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
+        others = np.delete(np.abs(z), worst)
+        typical = float(np.median(others)) if others.size else 0.0
+        if z[worst] > JUMP and typical < PER_CYCLE / 2:
+            return Status.WRONG_EVENT_COUNT, (
+                f"{where} misfits by {z[worst]:.0f} standard deviations while the others fit: a slip was missed "
+                "or invented there; look at it in the report and exclude that stretch"
+            )
+        failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
+        return Status.MODEL_MISFIT, (
+            f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, "
+            f"{failing} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst {where} ({z[worst]:.0f}); "
+            "friction that differs from cycle to cycle, a wrong rig value or a wrong noise level do this: "
+            "see the cycle scatter in the report"
+        )
+    if not solved.event_shift < SETTLED:
+        return Status.SOLVER_FAILED, (
+            f"the event times still move by {solved.event_shift:.2g} samples per pass; "
+            "give start values closer to the answer"
+        )
+    return Status.CONVERGED, f"the misfit is noise ({chi2:.3f} of its variance) in all {z.size} cycles"

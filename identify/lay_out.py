@@ -1,0 +1,308 @@
+"""Build a layout: walk along every log, stick by stick and slip by slip, and note unknowns and blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.blocks import BlockKind, block
+from identify.guess import Grid, Guess, LogData
+from identify.layout import KNOWN, Family, Indices, Layout, Places
+from identify.model import SPEED, Model
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+NO_OFFSET = np.array([KNOWN])
+ZERO = np.zeros(1)
+
+
+class Collector:
+    """Gathers unknowns, rows and blocks while a layout is built; thrown away afterwards."""
+
+    def __init__(self, model: Model, unknowns: Unknowns, free: Indices) -> None:
+        self.model, self.unknowns = model, unknowns
+        self.scale: list[Array] = [unknowns.spread[free]]
+        self.start: list[Array] = [unknowns.start[free]]
+        self.lower: list[Array] = [unknowns.lower[free]]
+        self.upper: list[Array] = [unknowns.upper[free]]
+        self.mean: list[Array] = [unknowns.prior_mean[free]]
+        self.sd: list[Array] = [unknowns.prior_sd[free]]
+        self.count, self.rows = free.size, 0
+        self.theta = np.full(len(unknowns.names), KNOWN)
+        self.theta[free] = np.arange(free.size)
+        self.events: list[int] = []
+        self.parts: dict[tuple[BlockKind, int], list[tuple[Array, ...]]] = {}
+
+    def add(
+        self,
+        start: Array,
+        scale: Array,
+        lower: Array | None = None,
+        upper: Array | None = None,
+        mean: Array | None = None,
+        sd: Array | None = None,
+    ) -> Indices:
+        """New unknowns; without bounds, without prior unless given. Returns their indices."""
+        n = start.size
+        infinite = np.full(n, np.inf)
+        self.start.append(start)
+        self.scale.append(scale)
+        self.lower.append(-infinite if lower is None else lower)
+        self.upper.append(infinite if upper is None else upper)
+        self.mean.append(np.zeros(n) if mean is None else mean)
+        self.sd.append(infinite if sd is None else sd)
+        self.count += n
+        return np.arange(self.count - n, self.count)
+
+    def state(self, value: Array, scale: Array, known: tuple[int, ...]) -> Indices:
+        """Unknowns for one node state; the components in `known` stay constants."""
+        index = np.full(value.size, KNOWN)
+        free = [i for i in range(value.size) if i not in known]
+        index[free] = self.add(value[free], scale[free])
+        return index
+
+    def event(self, scale: float, left: float, right: float) -> int:
+        """The offset of one event time, kept within the phases beside it [s]."""
+        one = np.ones(1)
+        index = int(self.add(0 * one, scale * one, -0.45 * left * one, 0.45 * right * one)[0])
+        self.events.append(index)
+        return index
+
+    def put(
+        self,
+        kind: BlockKind,
+        steps: int,
+        log: int,
+        cycle: int,
+        slots: list[Indices],
+        fixed: list[Array],
+        constants: Array,
+        edges: Array,
+    ) -> None:
+        """One block: its slots are the given ones and the parameters."""
+        made = block(self.model, kind, steps)
+        rows = np.arange(self.rows, self.rows + made.n_rows)
+        self.rows += made.n_rows
+        entry = (
+            np.concatenate([*slots, self.theta]),
+            np.concatenate([*fixed, self.unknowns.start]),
+            constants,
+            rows,
+            np.array([log]),
+            np.array([cycle]),
+            edges,
+        )
+        self.parts.setdefault((kind, steps), []).append(entry)
+
+    def families(self) -> tuple[Family, ...]:
+        """All blocks so far, one family per kind."""
+        return tuple(
+            Family(block(self.model, kind, steps), *(np.stack(column) for column in zip(*entries, strict=True)))
+            for (kind, steps), entries in self.parts.items()
+        )
+
+
+class _LogWalk:
+    """Walks along one log; knows where it is: the node before, its offset, whether it re-aged there."""
+
+    def __init__(self, collector: Collector, number: int, log: LogData, guess: Guess, grid: Grid) -> None:
+        self.c, self.number, self.log, self.guess, self.grid = collector, number, log, guess, grid
+        model = collector.model
+        self.n_x = len(model.states)
+        p = collector.unknowns.values(collector.unknowns.start, log.base)
+        k, m = (p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
+        force = 0.1 * log.mean_normal_force
+        self.size = np.ones(self.n_x)
+        self.size[0], self.size[1] = force / k, force / np.sqrt(k * m)
+        self.rest_rows = self.size.copy()
+        self.rest_rows[SPEED] = force  # the onset guard is a force
+        self.tick = 0.1 * float(np.sqrt(m / k))
+        self.held = () if model.clamped is None else (model.clamped,)
+        shape = (guess.cycles, self.n_x)
+        self.events = {name: np.full(guess.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
+        self.loads = np.full(guess.cycles, KNOWN)
+        self.slip = np.full((shape[0], grid.slip + 1, shape[1]), KNOWN)
+        self.saturated = np.full((shape[0], grid.saturated + 1, shape[1]), KNOWN)
+
+    def walk(self) -> Places:
+        """Note everything of this log."""
+        # The state the record starts from: elongation free, bounded states with a weak prior.
+        start = np.full(self.n_x, KNOWN)
+        start[[0]] = self.c.add(self.guess.start[[0]], self.size[[0]])
+        extra = list(range(2, self.n_x))
+        if extra:
+            half = np.full(len(extra), 0.5)
+            start[extra] = self.c.add(self.guess.start[extra], self.size[extra], mean=half, sd=half)
+        self.node, self.value, self.offset = start, self.guess.start, NO_OFFSET
+        self.since, self.reaged = self.log.begin, False
+        for cycle in range(self.guess.cycles):
+            self._load(cycle)
+            self._stick(cycle)
+            self._slide(cycle)
+        window = np.array([[self.since, self.log.end]])
+        kind: BlockKind = "rest_reaged" if self.reaged else "rest"
+        self.c.put(
+            kind,
+            1,
+            self.number,
+            self.guess.cycles,
+            [self.node, self.offset, NO_OFFSET, NO_OFFSET],
+            [self.value, ZERO, ZERO, ZERO],
+            self._constants(self.rest_rows, self.since, self.log.end, self.log.end),
+            window,
+        )
+        events = self.events
+        return Places(
+            start, events["onset"], events["saturation"], events["arrest"], self.loads, self.slip, self.saturated
+        )
+
+    def _load(self, cycle: int) -> None:
+        """The normal force of this cycle: known to within the error of its measurement, or exactly.
+
+        A slow log tells its periods to a millisecond, which is a millionth of the load: no measured load is
+        that good, and a fit that took it as exact would answer with wrong friction.
+        """
+        sd = np.array([self.log.normal_force_sd])
+        if sd[0] > 0.0:
+            self.loads[cycle] = self.c.add(self.guess.deviation[[cycle]], sd, mean=ZERO, sd=sd)[0]
+        self.load = np.array([self.loads[cycle]])
+        self.load_value = self.guess.deviation[[cycle]] if sd[0] > 0.0 else ZERO
+
+    def _constants(self, rows: Array, start: float, end: float, slope_at: float) -> Array:
+        force_start, force_end = self.log.normal_force.at([start, end])
+        slope = self.log.normal_force.line(slope_at)[1]
+        ends = [self.log.drive_speed, force_start, force_end, slope, end - start, 0.0, 1.0]
+        return np.concatenate([self.log.base, rows, ends])
+
+    def _middle(self, cycle: int) -> float:
+        """When the slip saturates, or its end where it never does [s]."""
+        return float(self.guess.saturation[cycle] if self.guess.saturates[cycle] else self.guess.arrest[cycle])
+
+    def _stick(self, cycle: int) -> None:
+        """The stick before a slip: continuity and the onset guard."""
+        on = float(self.guess.onset[cycle])
+        index = self.c.event(self.tick, on - self.since, self._middle(cycle) - on)
+        value = self.guess.slip[cycle, 0].copy()
+        value[SPEED] = 0.0
+        node = self.c.state(value, self.size, (SPEED,))
+        self.c.put(
+            "stick_reaged" if self.reaged else "stick",
+            1,
+            self.number,
+            cycle,
+            [self.node, node, self.offset, np.array([index]), self.load],
+            [self.value, value, ZERO, ZERO, self.load_value],
+            self._constants(self.rest_rows, self.since, on, on),
+            np.array([[self.since, on]]),
+        )
+        self.events["onset"][cycle], self.slip[cycle, 0] = index, node
+        self.node, self.value, self.offset = node, value, np.array([index])
+
+    def _slide(self, cycle: int) -> None:
+        """The slip: until the bounded state is at its bound, then until the mass rests."""
+        on, arrest, middle = float(self.guess.onset[cycle]), float(self.guess.arrest[cycle]), self._middle(cycle)
+        following = self.guess.onset[cycle + 1] if cycle + 1 < self.guess.cycles else self.log.end
+        room = float(following) - arrest
+        if self.guess.saturates[cycle] and self.held:
+            index = self.c.event(self.tick, middle - on, arrest - middle)
+            self.events["saturation"][cycle] = index
+            self._part("slip", cycle, self.slip, self.guess.slip[cycle], (on, middle), index, (), self.held)
+            index = self.c.event(self.tick, arrest - middle, room)
+            both = (*self.held, SPEED)
+            self._part(
+                "saturated",
+                cycle,
+                self.saturated,
+                self.guess.saturated[cycle],
+                (middle, arrest),
+                index,
+                self.held,
+                both,
+            )
+            self.reaged = True
+        else:
+            index = self.c.event(self.tick, arrest - on, room)
+            self._part("slip", cycle, self.slip, self.guess.slip[cycle], (on, arrest), index, (), (SPEED,))
+            self.reaged = False
+        self.events["arrest"][cycle] = index
+        self.since = arrest
+
+    def _part(
+        self,
+        kind: BlockKind,
+        cycle: int,
+        places: Indices,
+        nodes: Array,
+        span: tuple[float, float],
+        end: int,
+        known_inside: tuple[int, ...],
+        known_at_end: tuple[int, ...],
+    ) -> None:
+        """The shooting intervals of one part of a slip."""
+        intervals, steps = nodes.shape[0] - 1, self.grid.steps
+        constants = self._constants(self.size, *span, span[0])
+        cells = span[0] + (span[1] - span[0]) * np.linspace(0.0, 1.0, intervals * steps + 1)
+        d_end = np.array([end])
+        for i in range(intervals):
+            final = i == intervals - 1
+            known = known_at_end if final else known_inside
+            value = nodes[i + 1].copy()
+            for component in known:
+                value[component] = self.c.model.states[component].lower or 0.0
+            node = self.c.state(value, self.size, known)
+            constants = constants.copy()
+            constants[-2:] = i / intervals, (i + 1) / intervals
+            edges = cells[i * steps : (i + 1) * steps + 1]
+            self.c.put(
+                kind,
+                steps,
+                self.number,
+                cycle,
+                [self.node, node, self.offset, d_end, self.load],
+                [self.value, value, ZERO, ZERO, self.load_value],
+                constants,
+                np.stack([edges[:-1], edges[1:]], axis=1),
+            )
+            places[cycle, i + 1] = node
+            self.node, self.value = node, value
+        self.offset = d_end
+
+
+def lay_out(
+    logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, grid: Grid, *, free: Indices | None = None
+) -> Layout:
+    """Lay out the multiple-shooting problem of several logs around their guesses.
+
+    Args:
+        free: indices of the parameters that are unknown; default those `unknowns` marks as free.
+    """
+    model = unknowns.model
+    chosen = np.flatnonzero(unknowns.free) if free is None else free
+    collector = Collector(model, unknowns, chosen)
+    places = tuple(
+        _LogWalk(collector, number, log, guess, grid).walk()
+        for number, (log, guess) in enumerate(zip(logs, guesses, strict=True))
+    )
+    families = tuple(
+        Family(f.block, f.slots, f.fixed, f.constants, f.rows, f.log[:, 0], f.cycle[:, 0], f.edges)
+        for f in collector.families()
+    )
+    joined = [
+        np.concatenate(part)
+        for part in (collector.scale, collector.start, collector.lower, collector.upper, collector.mean, collector.sd)
+    ]
+    scale, start, lower, upper, mean, sd = joined
+    return Layout(
+        unknowns,
+        chosen,
+        families,
+        scale,
+        start,
+        lower,
+        upper,
+        np.array(collector.events, dtype=np.int64),
+        mean,
+        sd,
+        collector.rows,
+        places,
+    )

@@ -1,0 +1,81 @@
+"""The measured normal force as the model takes it: its slow course, as many knots as it needs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_lsq_spline
+
+from identify.drive import NormalForce
+from identify.errors import FitError
+
+Array = NDArray[np.float64]
+
+SEGMENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+BINS = 2048  # means of samples a spline is fitted to: enough for the finest one
+WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaike's 2, so that noise stays out
+DRAWN = 8  # straight pieces per spline segment
+
+
+def smooth(time: Array, normal_force: Array, name: str = "the log") -> tuple[NormalForce, float]:
+    """The slow course of a measured normal force: level, or a cubic spline fitted by least squares.
+
+    The number of spline segments is the one with the best information criterion: noise is averaged away, drift
+    and ripple are kept (a ripple of a few thousandths that is smoothed away biases a fit of many cycles). It is
+    handed on as a broken line, DRAWN pieces per segment.
+
+    Args:
+        time, normal_force: (n,) [s], [N]; NaN is left out.
+
+    Returns:
+        the course, and its standard deviation [N] as the noise leaves it; 0 where the file says one number.
+
+    Raises:
+        FitError: no finite value, or a force that is not positive throughout.
+    """
+    good = np.isfinite(normal_force) & np.isfinite(time)
+    t, f = time[good], normal_force[good]
+    if t.size == 0:
+        raise FitError(f"{name} has no finite normal force; give it with --normal-force")
+    if np.median(f) <= 0.0:
+        raise FitError(
+            f"{name} has a median normal force of {np.median(f):.3g} N; expected a positive load: "
+            "check the column and its sign"
+        )
+    if np.ptp(f) == 0.0 or t.size < 16:
+        return _checked(NormalForce.of(float(np.mean(f))), name), 0.0
+    centres, means, weights, noise = _binned(t, f)
+    level = float(np.average(means, weights=weights))
+    best, count = NormalForce.of(level), 1
+    best_score = float(np.sum(weights * (means - level) ** 2)) / noise**2 + WORTH
+    for segments in SEGMENTS:
+        if centres.size < 4 * (segments + 3):
+            break
+        inner = np.quantile(centres, np.linspace(0.0, 1.0, segments + 1)[1:-1])
+        knots = np.concatenate([[centres[0]] * 4, inner, [centres[-1]] * 4])
+        spline = make_lsq_spline(centres, means, knots, k=3, w=np.sqrt(weights))
+        square = float(np.sum(weights * (means - spline(centres)) ** 2)) / noise**2
+        score = square + WORTH * (segments + 3)
+        if score < best_score:
+            drawn = np.linspace(centres[0], centres[-1], DRAWN * segments + 1)
+            best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
+    return _checked(best, name), noise * float(np.sqrt(count / t.size))
+
+
+def _binned(t: Array, f: Array) -> tuple[Array, Array, Array, float]:
+    """Centres, means and counts of at most BINS bins, and the white noise of one sample from neighbours."""
+    bins = min(BINS, t.size)
+    index = np.minimum(((t - t[0]) / (t[-1] - t[0]) * bins).astype(int), bins - 1)
+    count = np.bincount(index, minlength=bins)
+    filled = count > 0
+    mean = np.bincount(index, weights=f, minlength=bins)[filled] / count[filled]
+    centre = np.bincount(index, weights=t, minlength=bins)[filled] / count[filled]
+    second = np.diff(f, 2) if f.size > 2 else np.array([np.std(f)])
+    noise = float(np.sqrt(np.mean(second**2) / 6.0))
+    return centre, mean, count[filled].astype(float), max(noise, 1e-9 * float(np.max(np.abs(f))))
+
+
+def _checked(force: NormalForce, name: str) -> NormalForce:
+    if min(force.values) <= 1e-6:
+        raise FitError(f"{name}: the normal force falls to zero; cut the window to the part under load")
+    return force

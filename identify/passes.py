@@ -1,0 +1,104 @@
+"""Solve in passes: coarse, then fine; after each the samples are assigned anew to the event times found.
+
+A pass assigns samples to integration steps from constant event times. When the last pass moved no event by
+more than half a sample, the assignment and the answer agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.guess import Grid, Guess, LogData
+from identify.shooting import Problem, transcribe
+from identify.solve import Solution, solve
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+COARSE = Grid(slip=8, saturated=8, steps=2)
+STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
+FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
+SETTLED = 0.5  # samples: the last event shift
+MOST_PASSES = 6
+PATIENCE = 30  # iterations of one pass: more is a wrong start
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The last pass: problem, solution, the guesses moved to it, theta (n_p,), the largest event shift of the
+    last pass in samples, iterations and passes in all."""
+
+    problem: Problem
+    solution: Solution
+    guesses: list[Guess]
+    theta: Array
+    event_shift: float
+    iterations: int
+    passes: int
+
+
+def solve_in_passes(
+    logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, *, on_pass: Callable[[int], None] | None = None
+) -> Solved:
+    """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES)."""
+    grid, tolerance, barrier = COARSE, 1e-3, 1e-4
+    iterations = 0
+    solved: Solved | None = None
+    for number in range(1, MOST_PASSES + 1):
+        problem = transcribe(logs, guesses, unknowns, grid)
+        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE)
+        iterations += solution.iterations
+        theta = unknowns.start.copy()
+        theta[problem.layout.free] = solution.x[: problem.layout.free.size]
+        guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
+        shift = _shift_in_samples(problem, solution, logs)
+        solved = Solved(problem, solution, guesses, theta, shift, iterations, number)
+        unknowns = replace(unknowns, start=theta)
+        if on_pass is not None:
+            on_pass(number)
+        fine = grid is not COARSE
+        if not solution.success and (fine or solution.infeasibility > 1e-2 or not np.all(np.isfinite(solution.x))):
+            return solved
+        if fine and shift < SETTLED:
+            return solved
+        if not np.all([_ordered(guess) for guess in guesses]):
+            return solved
+        grid, tolerance, barrier = fine_grid(logs, guesses, unknowns), 1e-8, 1e-6
+    assert solved is not None
+    return solved
+
+
+def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> Grid:
+    """The grid of the fine passes: as many steps as the fastest rate of the saturated slips asks for."""
+    names = unknowns.names
+    needed = 0.0
+    for log, guess in zip(logs, guesses, strict=True):
+        p = dict(zip(names, unknowns.values(unknowns.start, log.base).tolist(), strict=True))
+        rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
+        longest = np.nanmax(np.concatenate([guess.arrest - guess.saturation, (guess.arrest - guess.onset) / 2, [0.0]]))
+        needed = max(needed, rate * float(longest) / COARSE.saturated / FASTEST)
+    steps = next((s for s in STEPS if s >= needed), STEPS[-1])
+    return replace(COARSE, steps=steps)
+
+
+def _ordered(guess: Guess) -> bool:
+    """Whether every event still follows the one before it."""
+    middle = np.where(guess.saturates, guess.saturation, 0.5 * (guess.onset + guess.arrest))
+    times = np.stack([guess.onset, middle, guess.arrest], axis=1).ravel()
+    return bool(np.all(np.isfinite(times)) and np.all(np.diff(times) > 0))
+
+
+def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData]) -> float:
+    """Largest event offset of this pass in sample intervals of its log."""
+    worst = 0.0
+    for place, log in zip(problem.layout.places, logs, strict=True):
+        index = np.concatenate([place.onset, place.saturation, place.arrest])
+        index = index[index >= 0]
+        if index.size:
+            interval = float(np.median(np.diff(log.time)))
+            worst = max(worst, float(np.max(np.abs(solution.x[index]))) / interval)
+    return worst

@@ -1,0 +1,196 @@
+"""From a record and its entry in the scene to what the estimator takes: sign, mask, window, loads, cycles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.errors import FitError
+from identify.guess import LogData
+from identify.loads import smooth
+from identify.scene import Scene
+from identify.scene.values import LogEntry, Rig
+from identify.segment import STICK, Segmentation, segment
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
+ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One log, ready to be fitted or left out.
+
+    record; entry; rig of this log; sign applied to the friction force; force (n,) [N], sliding positive, tare
+    taken off; used (n,) samples that may count; segmentation; data for the estimator; falls (c,) [s] of the
+    cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given.
+    """
+
+    record: Record
+    entry: LogEntry
+    rig: Rig
+    sign: int
+    force: Array
+    used: NDArray[np.bool_]
+    segmentation: Segmentation
+    data: LogData
+    falls: Array
+    left_out: str | None
+    noise_estimated: bool
+
+    @property
+    def name(self) -> str:
+        """Short name of the log in sentences."""
+        return self.entry.path.name
+
+
+def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -> Prepared:
+    """Cut, correct and segment one log.
+
+    Raises:
+        FitError: a drive programme, or a log of which nothing is left.
+    """
+    rig = scene.rig_for(entry)
+    name = entry.path.name
+    speed = _drive_speed(rig, record, name)
+    force = np.asarray(record.friction_force, float) - _tare(entry, record)
+    used = _used(entry, record)
+    if np.count_nonzero(used) < 8:
+        raise FitError(
+            f"{name} has {np.count_nonzero(used)} usable samples; expected hundreds: widen window and exclude"
+        )
+    sign = _sign(entry, force[used])
+    force = sign * force
+    shown = np.where(used, force, np.nan)
+    inside = np.flatnonzero(used)
+    first, last = int(inside[0]), int(inside[-1]) + 1
+    found = segment(record.time[first:last], shown[first:last], half_period=rig.half_period, noise=rig.noise)
+    spikes = np.ones(record.time.size, bool)
+    spikes[first:last] = found.spikes
+    noise = rig.noise or found.noise
+    floor = 1e-6 * float(np.nanmax(np.abs(force)))
+    weight = np.where(used & ~spikes & np.isfinite(force), 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
+    load, load_sd = smooth(record.time[used], record.normal_force[used], name)
+    falls = found.cycles.fall[entry.skip_cycles :]
+    begin, end = _window(record.time[first:last], shown[first:last], found, noise, entry.skip_cycles)
+    data = LogData(
+        np.ascontiguousarray(record.time),
+        np.nan_to_num(force),
+        weight,
+        unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
+        abs(speed),
+        load,
+        load_sd,
+        begin,
+        end,
+    )
+    reason = _reason(found, falls, name)
+    return Prepared(record, entry, rig, sign, force, used & ~spikes, found, data, falls, reason, rig.noise is None)
+
+
+def _drive_speed(rig: Rig, record: Record, name: str) -> float:
+    speed = rig.drive_speed
+    if isinstance(speed, tuple):
+        if len(speed) > 1:
+            raise FitError(
+                f"{name} has a drive programme of {len(speed)} speeds; the fit takes one constant speed per log "
+                "so far: cut the log into one window per speed"
+            )
+        speed = speed[0][1]
+    if speed is None:
+        raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
+    if speed == 0.0:
+        raise FitError(f"{name} has a drive speed of 0 m/s; expected a moving drive: a hold alone cannot be fitted")
+    return float(speed)
+
+
+def _tare(entry: LogEntry, record: Record) -> float:
+    if entry.tare is None:
+        return 0.0
+    if not isinstance(entry.tare, tuple):
+        return float(entry.tare)
+    quiet = (record.time >= entry.tare[0]) & (record.time <= entry.tare[1])
+    values = record.friction_force[quiet]
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        raise FitError(
+            f"{entry.path.name}: the tare interval {entry.tare[0]:g} to {entry.tare[1]:g} s holds no sample; the "
+            f"record runs from 0 to {record.time[-1]:g} s: move it inside"
+        )
+    return float(np.mean(values))
+
+
+def _used(entry: LogEntry, record: Record) -> NDArray[np.bool_]:
+    used = np.isfinite(record.friction_force) & np.isfinite(record.normal_force)
+    if entry.window:
+        used &= (record.time >= entry.window[0]) & (record.time <= entry.window[1])
+    for start, stop in entry.exclude:
+        used &= (record.time < start) | (record.time > stop)
+    return used
+
+
+def _sign(entry: LogEntry, force: Array) -> int:
+    if entry.flip_sign is not None:
+        return -1 if entry.flip_sign else 1
+    return -1 if float(np.nanmedian(force)) < 0.0 else 1
+
+
+def _window(time: Array, force: Array, found: Segmentation, noise: float, skip: int) -> tuple[float, float]:
+    """The part of the record the estimator takes: from the first stick that is a straight line on.
+
+    A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip`
+    cycles (running-in) it starts in the stick that follows them.
+    """
+    cycles = found.cycles
+    begin, end = float(time[0]), float(time[-1])
+    if cycles.count == 0:
+        return begin, end
+    if skip and skip < cycles.count:
+        begin = float(cycles.arrest[skip - 1] + 0.3 * (cycles.onset[skip] - cycles.arrest[skip - 1]))
+        return begin, end
+    onset = float(cycles.onset[0])
+    if found.begins_in_slip:
+        resting = np.flatnonzero((found.phase == STICK) & (time < onset))
+        begin = float(time[resting[0]]) if resting.size else begin
+        begin += 0.3 * (onset - begin)
+    return max(begin, _line_start(time, force, begin, onset, noise)), end
+
+
+def _line_start(time: Array, force: Array, begin: float, onset: float, noise: float) -> float:
+    """Where the straight loading line of the first stick begins: earlier samples do not lie on it."""
+    first, last = np.searchsorted(time, [begin, onset])
+    t, f = time[first:last], force[first:last]
+    good = np.isfinite(f)
+    t, f = t[good], f[good]
+    if t.size < 12:
+        return begin
+    late = slice(int(0.45 * t.size), int(0.85 * t.size))
+    slope, level = np.polyfit(t[late], f[late], 1)
+    width = max(min(t.size // 10, 25), 1)
+    off = np.convolve(f - (slope * t + level), np.ones(width) / width, mode="valid")
+    centre = t[width // 2 : width // 2 + off.size]
+    # The line itself is uncertain where it is extrapolated: twice the late stretch away, about three times as much.
+    n = max(late.stop - late.start, 3)
+    reach = np.abs(centre - np.mean(t[late])) / max(np.std(t[late]), 1e-300)
+    sd = noise * np.sqrt(1.0 / width + (1.0 + reach**2) / n)
+    wrong = np.flatnonzero((np.abs(off) > ONSET_MARGIN * sd) & (centre < t[late][0]))
+    return float(centre[wrong[-1]] + width * np.median(np.diff(t))) if wrong.size else begin
+
+
+def _reason(found: Segmentation, falls: Array, name: str) -> str | None:
+    if falls.size == 0:
+        return f"{name} shows no complete stick-slip cycle"
+    if found.ends_sliding:
+        return f"{name} slides without sticking after {falls.size} slip(s): above its stick-slip limit"
+    return None
+
+
+def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:
+    """The log cut in its last stick: `arrest` [s] of the last slip, `stick` [s] a typical stick duration."""
+    end = min(prepared.data.end, arrest + LAST_STICK * stick)
+    return replace(prepared, data=replace(prepared.data, end=end))

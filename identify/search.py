@@ -1,0 +1,211 @@
+"""The search: from prepared logs to a solution that passes the gate, or the best reason why none does.
+
+Features give starts, starts are placed on the data, placed starts are solved; the gate decides. Logs with
+few cycles, and logs that slide at the first answer, join after it. No start of the user is needed; one that is
+given is one more start, never the only one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.features import Features, extract
+from identify.gate import Gate, pass_gate
+from identify.guess import Guess
+from identify.outcome import Status
+from identify.passes import COARSE, Solved, solve_in_passes
+from identify.placing import place, start_state
+from identify.prepare import Prepared, cut_in_last_stick
+from identify.start import GOOD, Start, candidates, fit_features, random_starts
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+Sources = Literal["data", "user", "both"]
+
+FULL = 3  # cycles a log must show to take part in the start
+ATTEMPTS = 4  # starts that are solved before giving up
+RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
+SAME = 0.02  # of the spread: starts closer than that are one
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A solved start: which logs took part (indices), prepared and cut, the solution and its gate."""
+
+    logs: tuple[int, ...]
+    prepared: tuple[Prepared, ...]
+    solved: Solved
+    gate: Gate
+
+
+@dataclass
+class Clock:
+    """Seconds spent per stage."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add(self, stage: str, since: float) -> float:
+        """Count the time since `since` to a stage; returns now."""
+        now = time.perf_counter()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - since
+        return now
+
+
+def search(
+    prepared: list[Prepared],
+    unknowns: Unknowns,
+    *,
+    sources: Sources = "data",
+    seed: int = 0,
+    clock: Clock | None = None,
+    progress: Callable[[str, float | None], None] | None = None,
+) -> tuple[Attempt | None, dict[int, str]]:
+    """Find the solution of all logs together.
+
+    Args:
+        sources: starts from the data, from the user's values (unknowns.start), or both.
+
+    Returns:
+        the accepted attempt, else the one that came closest, None where nothing could be tried; and per index of a
+        log that took no part, why.
+    """
+    clock = clock or Clock()
+    told = progress or (lambda _stage, _share=None: None)
+    left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
+    able = [i for i in range(len(prepared)) if i not in left_out]
+    for least in (FULL, 2, 1):
+        first = [i for i in able if prepared[i].falls.size >= least]
+        if first:
+            break
+    if not first:
+        return None, left_out
+    best: Attempt | None = None
+    told("finding a start", 0.1)
+    for number, theta in enumerate(_starts([prepared[i] for i in first], unknowns, sources, seed, clock)):
+        if number == ATTEMPTS:
+            break
+        told(f"solving from start {number + 1}", 0.3 + 0.1 * number)
+        attempt = _solve(prepared, first, replace(unknowns, start=theta), clock)
+        best = _better(best, attempt)
+        if best is not None and best.gate.status is Status.CONVERGED:
+            break
+    if best is not None and best.gate.status is Status.CONVERGED:
+        told("joining the other logs", 0.8)
+        best = _join(best, prepared, able, unknowns, clock, left_out)
+    taken = set(best.logs) if best else set()
+    for i in able:
+        if i not in taken and i not in left_out:
+            left_out[i] = f"{prepared[i].name} could not be placed: the model slides steadily there"
+    return best, left_out
+
+
+def _starts(prepared: list[Prepared], unknowns: Unknowns, sources: Sources, seed: int, clock: Clock) -> Iterator[Array]:
+    """Starts (n_p,) in the order in which they deserve a try."""
+    since = time.perf_counter()
+    features: list[Features] = []
+    bases: list[Array] = []
+    for i, log in enumerate(prepared):
+        found = extract(i, log.data, log.falls, log.rig.half_period)
+        if found is not None:
+            features.append(found)
+            bases.append(log.data.base)
+    if not features:
+        clock.add("start", since)
+        yield unknowns.start
+        return
+    own = [unknowns.start[None, :]] if sources != "data" else []
+    made = [candidates(unknowns, features, bases)] if sources != "user" else []
+    tried = np.concatenate(own + made)
+    starts = fit_features(unknowns, features, bases, tried)
+    for count in RANDOM:
+        if starts[0].cost < GOOD:
+            break
+        more = random_starts(unknowns, starts[0].theta, count, seed)
+        if sources != "user":
+            more = np.concatenate([more[: count // 2], random_starts(unknowns, tried[0], count // 2, seed + 1)])
+        starts = sorted(starts + fit_features(unknowns, features, bases, more), key=lambda s: s.cost)
+    clock.add("start", since)
+    yield from _distinct(starts, unknowns)
+
+
+def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
+    seen: list[Array] = []
+    for start in starts:
+        if all(np.max(np.abs(start.theta - s) / unknowns.spread) > SAME for s in seen):
+            seen.append(start.theta)
+            yield start.theta
+
+
+def _solve(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Place the start on the chosen logs and solve; None where no log can be placed."""
+    since = time.perf_counter()
+    placed = _place(prepared, chosen, unknowns)
+    since = clock.add("place", since)
+    if not placed:
+        return None
+    numbers, logs, guesses = (list(column) for column in zip(*placed, strict=True))
+    solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened())
+    clock.add("solve", since)
+    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
+    return Attempt(tuple(numbers), tuple(logs), solved, gate)
+
+
+def _place(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[tuple[int, Prepared, Guess]]:
+    """Number, cut log and guess of every chosen log that the start can be placed on."""
+    logs = [prepared[i] for i in chosen]
+    p = [unknowns.values(unknowns.start, log.data.base) for log in logs]
+    placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
+    out = []
+    for number, log, values, guess in zip(chosen, logs, p, placement.guesses, strict=True):
+        if guess is None or not _joins_up(guess, log):
+            continue
+        sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
+        typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
+        cut = cut_in_last_stick(log, float(guess.arrest[-1]), typical)
+        start = start_state(unknowns.model, cut.data, values, guess)
+        out.append((number, cut, replace(guess, start=start)))
+    return out
+
+
+def _joins_up(guess: Guess, log: Prepared) -> bool:
+    """Whether every stick has a length, the last one too."""
+    ends = np.append(guess.onset[1:], log.data.end)
+    return bool(guess.onset[0] > log.data.begin and np.all(ends > guess.arrest))
+
+
+def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
+    if attempt is None or best is None:
+        return attempt if best is None else best
+
+    def rank(a: Attempt) -> tuple[bool, float]:
+        chi2 = a.gate.chi2_per_sample
+        return a.gate.status is not Status.CONVERGED, abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
+
+    return min(best, attempt, key=rank)
+
+
+def _join(
+    best: Attempt, prepared: list[Prepared], able: list[int], unknowns: Unknowns, clock: Clock, left_out: dict[int, str]
+) -> Attempt:
+    """Solve again with the logs that took no part so far, where the answer can be placed on them."""
+    late = [i for i in able if i not in best.logs]
+    at_answer = replace(unknowns, start=best.solved.theta)
+    for i in late:
+        if not _place(prepared, [i], at_answer):
+            left_out[i] = f"{prepared[i].name} does not stick-slip at the answer of the other logs; it was left out"
+    late = [i for i in late if i not in left_out]
+    if not late:
+        return best
+    joined = _solve(prepared, sorted([*best.logs, *late]), at_answer, clock)
+    if joined is not None and joined.gate.status is Status.CONVERGED:
+        return joined
+    why = joined.gate.message if joined is not None else "they cannot be placed"
+    for i in late:
+        left_out[i] = f"{prepared[i].name} does not fit with the others: {why}"
+    return best

@@ -1,0 +1,197 @@
+"""How well the parameters are known: information, covariance, intervals, verdicts, what rig errors do.
+
+The information matrix of all search variables (rig included) is the Schur complement of the KKT matrix at
+the solution: everything else (states, event times, multipliers) is eliminated. From it follow the covariance
+of what was free, and how it shifts with what was taken as exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+from scipy.stats import norm
+
+from identify.shooting import Problem
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.95
+EQUILIBRATION_SWEEPS = 10
+IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
+
+
+@dataclass(frozen=True)
+class Information:
+    """Information matrix (n_p, n_p) of theta, priors included, and of the data alone; which of them are free."""
+
+    unknowns: Unknowns
+    total: Array
+    data: Array
+
+    @property
+    def free(self) -> NDArray[np.int64]:
+        """Indices of the free parameters."""
+        return np.flatnonzero(self.unknowns.free)
+
+    def covariance(self) -> Array:
+        """Covariance (f, f) of the free theta; directions the data do not hold have infinite variance."""
+        return _inverse(self.total[np.ix_(self.free, self.free)])
+
+    def shift(self, column: int) -> Array:
+        """How far the free theta (f,) move per unit of a theta that was held."""
+        block = self.total[np.ix_(self.free, self.free)]
+        return np.asarray(-np.linalg.lstsq(block, self.total[self.free, column], rcond=1e-13)[0])
+
+
+def information(problem: Problem, z: Array) -> Information:
+    """The information matrix at a solution of a problem in which every parameter is an unknown.
+
+    Args:
+        z: scaled unknowns (n,).
+
+    Raises:
+        ValueError: a problem that leaves parameters out.
+    """
+    layout = problem.layout
+    n_p = len(layout.unknowns.names)
+    if layout.free.size != n_p:
+        raise ValueError("the information matrix wants a problem with every parameter among its unknowns")
+    point = problem.evaluate(z, derivatives=True)
+    assert point.hessian is not None and point.jacobian is not None
+    upper = point.hessian
+    hessian = (upper + sp.triu(upper, 1).T).tocsc()
+    prior = layout.scale**2 / layout.prior_sd**2
+    jacobian = point.jacobian.tocsc()
+    rest = np.arange(n_p, layout.size)
+    kkt = sp.bmat([[hessian[rest][:, rest], jacobian[:, rest].T], [jacobian[:, rest], None]], format="csc")
+    right = sp.vstack([hessian[rest][:, :n_p], jacobian[:, :n_p]]).toarray()
+    schur = hessian[:n_p][:, :n_p].toarray() - right.T @ _solve_equilibrated(kkt, right)
+    schur = 0.5 * (schur + schur.T)
+    by_theta = 1.0 / np.outer(layout.scale[:n_p], layout.scale[:n_p])
+    total = schur * by_theta
+    data = total - np.diag(prior[:n_p] / layout.scale[:n_p] ** 2)
+    return Information(layout.unknowns, total, data)
+
+
+def _solve_equilibrated(matrix: sp.csc_matrix, right: Array) -> Array:
+    """Solve a symmetric indefinite system after Ruiz equilibration: a plain LU of a KKT matrix is wrong."""
+    scale = np.ones(matrix.shape[0])
+    scaled = matrix.copy()
+    for _ in range(EQUILIBRATION_SWEEPS):
+        largest = np.asarray(abs(scaled).max(axis=1).todense()).ravel()
+        factor = 1.0 / np.sqrt(np.where(largest > 0, largest, 1.0))
+        scale *= factor
+        scaled = sp.diags(factor) @ scaled @ sp.diags(factor)
+    factors = splu(scaled.tocsc())
+    b = scale[:, None] * right
+    x = factors.solve(b)
+    x += factors.solve(b - scaled @ x)  # one step of refinement
+    return np.asarray(scale[:, None] * x)
+
+
+def _inverse(matrix: Array) -> Array:
+    """Inverse of a positive semidefinite matrix; what it does not hold gets a huge variance, not a small one."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    floor = 1e-13 * float(values[-1])
+    inverse = vectors @ np.diag(1.0 / np.maximum(values, floor)) @ vectors.T
+    return np.asarray(inverse * np.outer(scale, scale))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter of a finished fit, SI; numbers are None where there is none to give."""
+
+    name: str
+    unit: str
+    value: float | None
+    standard_error: float | None
+    lower: float | None
+    upper: float | None
+    verdict: str
+    reason: str
+
+
+def estimates(
+    unknowns: Unknowns,
+    theta: Array,
+    base: Array,
+    covariance: Array,
+    at_bound: Mapping[str, str],
+    hints: Mapping[str, str],
+) -> list[Estimate]:
+    """Values, standard errors, 95 % intervals and verdicts of every parameter.
+
+    Args:
+        theta: (n_p,); base (n_p,) of the rig the values are given for; covariance (f, f) of the free ones.
+        at_bound: sentence per parameter that sits at a bound.
+        hints: per parameter, what test would tell it, used where it is not identified.
+    """
+    values = unknowns.values(theta, base)
+    sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    names = unknowns.names
+    step = values[names.index("mu_s")] - values[names.index("mu_k0")]
+    quantile = float(norm.ppf(0.5 + LEVEL / 2))
+    out = []
+    for i, declared in enumerate(unknowns.model.parameters):
+        value = float(values[i])
+        if i not in sd:
+            out.append(Estimate(declared.name, declared.unit, value, None, None, None, "fixed", "not estimated"))
+            continue
+        if declared.name in at_bound:
+            out.append(
+                Estimate(declared.name, declared.unit, value, None, None, None, "at bound", at_bound[declared.name])
+            )
+            continue
+        half = quantile * sd[i]
+        if declared.scale == "log":
+            with np.errstate(over="ignore"):
+                ends = (value * float(np.exp(-half)), value * float(np.exp(half)))
+            error = value * sd[i]
+            size = abs(value)
+        else:
+            ends, error = (value - half, value + half), sd[i]
+            size = abs(step) if declared.name == "delta_mu_k" else abs(value)
+        verdict = _verdict(value, ends, size, declared.scale == "log")
+        if verdict == "not identifiable":
+            low, high = _open_ends(ends, declared.lower, declared.upper)
+            reason = hints.get(declared.name, "these data hold too little on it")
+            out.append(Estimate(declared.name, declared.unit, value, None, low, high, verdict, reason))
+            continue
+        prior = _prior_share(unknowns, i, sd[i])
+        reason = (
+            prior
+            if verdict == "identified"
+            else f"{hints.get(declared.name, 'more cycles would tell')}{prior and '; ' + prior}"
+        )
+        out.append(Estimate(declared.name, declared.unit, value, error, ends[0], ends[1], verdict, reason))
+    return out
+
+
+def _verdict(value: float, ends: tuple[float, float], size: float, logarithmic: bool) -> str:
+    widest = max(value - ends[0], ends[1] - value)
+    if not math.isfinite(widest):
+        return "not identifiable"
+    if widest <= IDENTIFIED * size:
+        return "identified"
+    within = ends[1] <= WEAK * value and ends[0] >= value / WEAK if logarithmic else widest <= (1 - 1 / WEAK) * size
+    return "weak" if within else "not identifiable"
+
+
+def _open_ends(ends: tuple[float, float], lower: float, upper: float) -> tuple[float | None, float | None]:
+    """Interval ends that say nothing beyond the admissible box are open."""
+    return (ends[0] if ends[0] > lower else None), (ends[1] if ends[1] < upper else None)
+
+
+def _prior_share(unknowns: Unknowns, i: int, sd: float) -> str:
+    prior = float(unknowns.prior_sd[i])
+    if not math.isfinite(prior):
+        return ""
+    return f"its prior (or tolerance) carries {min(100.0, 100 * sd**2 / prior**2):.0f} % of the information"
