@@ -1,0 +1,225 @@
+"""Which falls of a force are slips, and which samples stick, slip or slide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.local_fits import line_slope, slope
+from identify.zigzag import Turns, smooth
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Phase = NDArray[np.int8]
+
+STICK, SLIP, SLIDING = 0, 1, 2
+ARRESTING = 0.93  # of the stick slope: a rise less steep than that comes from sliding, not from rest
+LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains sliding
+SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
+STEEPEST_RISE = 3.0  # times the stick slope: nothing elastic rises faster; a spike in a slip does
+SPIKE_RISE = 5  # samples
+LAST_RISE = (0.6, 0.3)  # of the last fall's duration must follow it, less where it already rises like a stick
+LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A force without spikes as it is looked at: time [s], force and smoothed force [N], each (n,); noise sd and
+    the hysteresis of the search [N]."""
+
+    time: Array
+    force: Array
+    coarse: Array
+    noise: float
+    hysteresis: float
+
+    def rise(self, start: int, stop: int) -> float:
+        """Highest smoothed force from start to stop above that at start [N]."""
+        return float(np.max(self.coarse[start : stop + 1]) - self.coarse[start])
+
+    def duration(self, start: int, stop: int) -> float:
+        """Time between two samples [s]."""
+        return float(self.time[stop] - self.time[start])
+
+    @property
+    def last(self) -> int:
+        """Index of the last sample."""
+        return int(self.time.size) - 1
+
+
+@dataclass(frozen=True)
+class Slips:
+    """The falls of a record, judged: sample indices of peaks and valleys, each (f,), and `kept` (f,): is a slip.
+
+    slopes: of the rises between them [N/s], shape (f - 1,); stick_slope: the slope others are compared with;
+    loading_slope: of the first rise where the record starts unloaded, else None; ends_sliding: swings that
+    settle, not slips, end the record; starts_falling: a fall that began before the record.
+    """
+
+    peaks: Indices
+    valleys: Indices
+    kept: NDArray[np.bool_]
+    slopes: Array
+    stick_slope: float
+    loading_slope: float | None
+    ends_sliding: bool
+    starts_falling: bool
+
+    @property
+    def stick_slopes(self) -> Array:
+        """Slopes of the rises between two slips [N/s]."""
+        return self.slopes[self.kept[:-1] & self.kept[1:]] if self.slopes.size else self.slopes
+
+
+def judge(trace: Trace, turns: Turns) -> Slips:
+    """Sorts falls into slips and sliding: a slip falls fast, and a stick follows it."""
+    peaks, valleys = _fine_turns(trace, turns)
+    if peaks.size == 0:
+        return Slips(peaks, valleys, np.ones(0, bool), np.empty(0), 0.0, None, False, turns.starts_falling)
+    slopes, first = _slopes(trace, peaks, valleys), slope(trace.time, trace.force, 0, int(peaks[0]), trace.noise)
+    typical = float(np.median(trace.coarse[peaks] - trace.coarse[valleys]))
+    loading = not turns.starts_falling and trace.rise(0, int(peaks[0])) > LOADING_RISE * typical
+    reference = first if loading or slopes.size == 0 else _weighted_quantile(slopes, _heights(trace, peaks, valleys))
+    spiky = (slopes > STEEPEST_RISE * reference) & (peaks[1:] - valleys[:-1] <= SPIKE_RISE) & (reference > 0)
+    if spiky.any():
+        whole = np.append(True, ~spiky)
+        peaks, valleys = peaks[whole], np.append(valleys[:-1][whole[1:]], valleys[-1])
+        slopes = _slopes(trace, peaks, valleys)
+    drops = trace.coarse[peaks] - trace.coarse[valleys]
+    durations = trace.time[valleys] - trace.time[peaks]
+    kept = drops > SLOWEST_FALL * reference * durations
+    kept[-1] &= _is_over(trace, int(valleys[-1]), float(durations[-1]), reference)
+    settling = _settling(trace, peaks, valleys, slopes, reference)
+    kept[settling:] = False
+    return Slips(
+        peaks, valleys, kept, slopes, reference, first if loading else None, settling < peaks.size, turns.starts_falling
+    )
+
+
+def _slopes(trace: Trace, peaks: Indices, valleys: Indices) -> Array:
+    rises = zip(valleys[:-1].tolist(), peaks[1:].tolist(), strict=True)
+    return np.array([slope(trace.time, trace.force, start, stop, trace.noise) for start, stop in rises])
+
+
+def _heights(trace: Trace, peaks: Indices, valleys: Indices) -> Array:
+    return trace.coarse[peaks[1:]] - trace.coarse[valleys[:-1]]
+
+
+def _weighted_quantile(values: Array, weights: Array, share: float = 0.6) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(np.maximum(weights[order], 0.0))
+    return float(values[order][int(np.searchsorted(total, share * total[-1]))])
+
+
+def _fine_turns(trace: Trace, turns: Turns) -> tuple[Indices, Indices]:
+    """Peaks and valleys again, with no more smoothing than the noise asks for."""
+    if turns.count == 0:
+        return turns.peaks, turns.valleys
+    coarse = trace.coarse
+    drop = float(np.median(coarse[turns.peaks] - coarse[turns.valleys]))
+    fine = smooth(trace.force, min(int((trace.noise / (0.03 * drop)) ** 2) | 1, turns.width))
+    peaks, valleys = turns.peaks.copy(), turns.valleys.copy()
+    last, reach = 0, turns.width // 2 + 1
+    following = [*turns.peaks[1:].tolist(), trace.last]
+    for i, (peak, valley) in enumerate(zip(turns.peaks.tolist(), turns.valleys.tolist(), strict=True)):
+        fall = coarse[peak : valley + 1]
+        middle = peak + int(np.argmin(fall > 0.5 * (fall[0] + fall[-1])))
+        start, stop = max(peak - reach, last), min(valley + reach, following[i])
+        peaks[i] = start + int(np.argmax(fine[start : middle + 1]))
+        valleys[i] = last = middle + int(np.argmin(fine[middle : stop + 1]))
+    return peaks, valleys
+
+
+def _is_over(trace: Trace, valley: int, duration: float, reference: float) -> bool:
+    """Whether the last slip must have come to rest within the record (in fast logs it does so after the valley)."""
+    after = trace.duration(valley, trace.last)
+    surely, perhaps = (share * duration for share in LAST_RISE)
+    if after >= surely or after < perhaps:
+        return after >= surely
+    late = slice(valley + (trace.last - valley) // 2, None)
+    steep = line_slope(trace.time[late], trace.force[late], trace.noise) >= ARRESTING * reference
+    return steep and trace.last - valley >= 8
+
+
+def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
+    """First of the last falls after which the force never again rises like a stick; their number if there is none.
+
+    They are no slips where steady sliding follows, or where they fade.
+    """
+    count, last = peaks.size, int(valleys[-1])
+    if reference <= 0:
+        return count
+    steepness, drops = slopes / reference, trace.coarse[peaks] - trace.coarse[valleys]
+    usual = float(np.median(np.diff(trace.time[peaks]))) if count > 1 else 0.0
+    tail, rise = trace.duration(last, trace.last), trace.rise(last, trace.last)
+    settled = tail > 1.5 * usual and rise < LEAST_RISE * reference * tail
+    if settled:
+        top = last + int(np.argmax(trace.coarse[last:]))
+        steepness = np.append(steepness, slope(trace.time, trace.force, last, top, trace.noise) / reference)
+    sticking = np.flatnonzero(steepness >= ARRESTING)
+    start = int(sticking[-1]) + 1 if sticking.size else 0
+    swings = steepness[start:]
+    fading = swings.size >= 3 and drops[-1] < 0.85 * drops[start] and float(swings.min()) < 0.88
+    return start if swings.size and (settled or fading) else count
+
+
+def label(trace: Trace, slips: Slips) -> tuple[Phase, bool]:
+    """Phase of every sample, int8 (n,), and whether sliding ends the record."""
+    phase = np.full(trace.time.size, SLIDING, dtype=np.int8)
+    if not slips.kept.any():
+        _label_without_slips(trace, phase)
+        return phase, bool(phase[-1] == SLIDING)
+    start, resting = 0, True
+    if slips.starts_falling:
+        start = int(np.argmin(trace.coarse[: slips.peaks[0] + 1]))
+        phase[:start] = SLIP
+    for peak, valley, kept in zip(slips.peaks.tolist(), slips.valleys.tolist(), slips.kept.tolist(), strict=True):
+        if kept or resting:
+            _label_rise(trace, phase, start, peak, slips.stick_slope)
+        if kept:
+            phase[peak : valley + 1] = SLIP
+        start, resting = valley, kept
+    if not slips.kept[-1]:
+        return phase, slips.ends_sliding
+    sticks = _label_rise(trace, phase, int(slips.valleys[-1]), trace.last, slips.stick_slope)
+    return phase, slips.ends_sliding or not sticks
+
+
+def _label_rise(trace: Trace, phase: Phase, start: int, stop: int, reference: float) -> bool:
+    """Stick, or stick up to a knee and sliding from there; whether it is all stick."""
+    expected = LEAST_RISE * reference * trace.duration(start, stop)
+    rise = trace.coarse[start : stop + 1] - trace.coarse[start]
+    if rise.max() >= expected or expected < 3.0 * trace.hysteresis:
+        phase[start : stop + 1] = STICK
+        return True
+    phase[start : start + int(np.argmax(rise >= 0.9 * rise.max())) + 1] = STICK
+    return False
+
+
+def loading_knee(trace: Trace) -> int:
+    """Sample at which the loading of a record without slips ends; 0 where nothing was loaded."""
+    wide = smooth(trace.force, max(3, trace.time.size // 200) | 1)
+    rise = wide - wide[0]
+    if rise.max() < trace.hysteresis:
+        return 0
+    knee = int(np.argmax(rise >= 0.9 * rise.max()))
+    per_time = rise[knee] / max(trace.duration(0, knee), 1e-300)
+    only_rising = rise[-1] - rise[knee] > LEAST_RISE * per_time * trace.duration(knee, trace.last)
+    return trace.last if only_rising else knee
+
+
+def _label_without_slips(trace: Trace, phase: Phase) -> None:
+    """Loading from rest up to the knee, then sliding; all stick where the force only rises."""
+    knee = loading_knee(trace)
+    if knee:
+        phase[: knee + 1] = STICK
+
+
+def sticks(phase: Phase) -> list[tuple[int, int]]:
+    """First sample and end of every stretch of stick."""
+    stick = (phase == STICK).astype(np.int8)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], stick, [0])))).tolist()
+    return [(a, b) for i, (a, b) in enumerate(pairwise(edges)) if i % 2 == 0]
