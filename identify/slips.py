@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ ARRESTING = 0.93  # of the stick slope: a rise less steep than that comes from s
 LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains sliding
 SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
 STEEPEST_RISE = 3.0  # times the stick slope: nothing elastic rises faster; a spike in a slip does
+LOADING_SD = 10.0
+UNLIKE = 0.5  # of their mean: neighbouring sticks differ less in slope
 SPIKE_RISE = 5  # samples
 LAST_RISE = (0.6, 0.3)  # of the last fall's duration must follow it, less where it already rises like a stick
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
@@ -92,7 +95,7 @@ def judge(trace: Trace, turns: Turns) -> Slips:
     durations = trace.time[valleys] - trace.time[peaks]
     kept = drops > SLOWEST_FALL * reference * durations
     kept[-1] &= _is_over(trace, int(valleys[-1]), float(durations[-1]), reference)
-    settling = _settling(trace, peaks, valleys, slopes, reference)
+    settling = 0 if _wanders(trace, peaks, valleys, slopes) else _settling(trace, peaks, valleys, slopes, reference)
     kept[settling:] = False
     return Slips(
         peaks, valleys, kept, slopes, reference, first if loading else None, settling < peaks.size, turns.starts_falling
@@ -144,6 +147,17 @@ def _is_over(trace: Trace, valley: int, duration: float, reference: float) -> bo
     return steep and trace.last - valley >= 8
 
 
+def _wanders(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array) -> bool:
+    """Whether neighbouring rises differ so much in slope that no elastic sticks make them: the level of sliding
+    that wanders."""
+    if slopes.size < 4:
+        return False
+    samples = 0.4 * (peaks[1:] - valleys[:-1]) + 1.0
+    error = trace.noise * np.sqrt(12.0 / samples) / (samples * trace.duration(0, trace.last) / trace.last)
+    least = np.maximum(UNLIKE * np.abs(slopes[1:] + slopes[:-1]) / 2, 2.5 * np.maximum(error[1:], error[:-1]))
+    return bool(np.median(np.abs(np.diff(slopes)) / np.maximum(least, 1e-300)) > 1.0)
+
+
 def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
     """First of the last falls after which the force never again rises like a stick; their number if there is none.
 
@@ -157,7 +171,7 @@ def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, ref
     tail, rise = trace.duration(last, trace.last), trace.rise(last, trace.last)
     settled = tail > 1.5 * usual and rise < LEAST_RISE * reference * tail
     if settled:
-        top = last + int(np.argmax(trace.coarse[last:]))
+        top = last + int(np.argmax(trace.coarse[last:] - trace.coarse[last] >= 0.9 * rise))
         steepness = np.append(steepness, slope(trace.time, trace.force, last, top, trace.noise) / reference)
     sticking = np.flatnonzero(steepness >= ARRESTING)
     start = int(sticking[-1]) + 1 if sticking.size else 0
@@ -201,9 +215,10 @@ def _label_rise(trace: Trace, phase: Phase, start: int, stop: int, reference: fl
 
 def loading_knee(trace: Trace) -> int:
     """Sample at which the loading of a record without slips ends; 0 where nothing was loaded."""
-    wide = smooth(trace.force, max(3, trace.time.size // 200) | 1)
+    width = max(3, trace.time.size // 200) | 1
+    wide = smooth(trace.force, width)
     rise = wide - wide[0]
-    if rise.max() < trace.hysteresis:
+    if rise.max() < max(trace.hysteresis, LOADING_SD * trace.noise / sqrt(width)):
         return 0
     knee = int(np.argmax(rise >= 0.9 * rise.max()))
     per_time = rise[knee] / max(trace.duration(0, knee), 1e-300)
