@@ -22,7 +22,7 @@ LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains s
 SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
 STEEPEST_RISE = 3.0  # times the stick slope: nothing elastic rises faster; a spike in a slip does
 LOADING_SD = 10.0
-UNLIKE = 0.5  # of their mean: neighbouring sticks differ less in slope
+UNLIKE = (0.35, 0.6)  # of the median slope: neighbouring sticks differ less, and all sticks scatter less
 SPIKE_RISE = 5  # samples
 LAST_RISE = (0.6, 0.3)  # of the last fall's duration must follow it, less where it already rises like a stick
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
@@ -154,8 +154,10 @@ def _wanders(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array) -> b
         return False
     samples = 0.4 * (peaks[1:] - valleys[:-1]) + 1.0
     error = trace.noise * np.sqrt(12.0 / samples) / (samples * trace.duration(0, trace.last) / trace.last)
-    least = np.maximum(UNLIKE * np.abs(slopes[1:] + slopes[:-1]) / 2, 2.5 * np.maximum(error[1:], error[:-1]))
-    return bool(np.median(np.abs(np.diff(slopes)) / np.maximum(least, 1e-300)) > 1.0)
+    middle = float(np.median(slopes))
+    scatter = 1.4826 * float(np.median(np.abs(slopes - middle)))
+    alike = float(np.median(np.abs(np.diff(slopes)))) < UNLIKE[0] * abs(middle)
+    return not alike and scatter > max(UNLIKE[1] * middle, 3.0 * float(np.median(error)))
 
 
 def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
