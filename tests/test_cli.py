@@ -1,5 +1,6 @@
 """The command line: exit codes, one sentence per error, JSON on standard output, nothing half-written."""
 
+import contextlib
 import json
 import os
 import signal
@@ -13,8 +14,9 @@ import pytest
 from identify import examples
 from identify.cli import fit as fit_command
 from identify.cli import main as cli
-from identify.cli.common import CommandLineError
+from identify.cli.common import Answer, CommandLineError
 from identify.cli.folder import check_replaceable, result_folder
+from identify.cli.progress import Progress
 from identify.scene import Scene
 
 RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
@@ -182,6 +184,24 @@ def test_interruption_is_exit_code_130(folder, capsys, monkeypatch):
     monkeypatch.setattr(fit_command, "run", interrupted)
     code, out, _ = stickslip(capsys, "fit", "--scene", "x", "--json")
     assert code == 130 and json.loads(out)["status"] == "error"
+
+
+def test_an_interruption_that_a_solver_swallows_still_ends_the_command(folder, capsys, monkeypatch):
+    def swallowing(arguments, terminal):
+        with Progress(terminal.notes) as progress, result_folder(folder / "out") as fresh:
+            (fresh / "result.json").write_text("{}")
+            with contextlib.suppress(KeyboardInterrupt):  # as CasADi does
+                os.kill(os.getpid(), signal.SIGINT)
+            if arguments.set:
+                progress("the next stage")
+        return Answer()
+
+    monkeypatch.setattr(fit_command, "run", swallowing)
+    for more in ([], ["--set", "rig.mass=1"]):
+        code, _, words = stickslip(capsys, "fit", "--scene", "x", *more)
+        assert code == 130 and "next stage" not in words and not list(folder.iterdir())
+    monkeypatch.setattr(fit_command, "run", lambda arguments, terminal: Answer())
+    assert stickslip(capsys, "fit", "--scene", "x")[0] == 0, "it is forgotten with the next command"
 
 
 def test_help_is_quick_and_brings_no_casadi():

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from identify.cli.common import CommandLineError
+from identify.cli.interrupt import check_interrupted
 
 OURS = frozenset(
     {"result.json", "report.html", "result.h5", "figures", "classical.csv", "scene.toml", "at_50_Hz", ".DS_Store"}
@@ -61,6 +62,7 @@ def result_folder(out: Path) -> Iterator[Path]:
         fresh = temporary / "fresh"
         fresh.mkdir()
         yield fresh
+        check_interrupted()
         _swap(fresh, out, temporary / "before")
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import signal
 import sys
 import traceback
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Iterator, Sequence
-from types import FrameType, ModuleType
+from collections.abc import Sequence
+from types import ModuleType
 from typing import NoReturn
 
 from identify.cli import amplitude, convert, demo, fit, inspect, scene, simulate, stability, verify
@@ -22,6 +21,7 @@ from identify.cli.common import (
     CommandLineError,
     standard_terminal,
 )
+from identify.cli.interrupt import check_interrupted, interruptible
 from identify.errors import IdentifyError
 
 COMMANDS: tuple[ModuleType, ...] = (demo, inspect, scene, fit, verify, simulate, stability, amplitude, convert)
@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     json_mode, debug = "--json" in given, "--debug" in given
     _never_stumble_over_an_encoding()
     try:
-        with _terminated_is_interrupted():
+        with interruptible():
             answer = _ended(given, json_mode, debug)
         _print_document(answer, json_mode)
         sys.stdout.flush()
@@ -88,7 +88,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
     """Run, and turn every kind of end into an answer."""
     try:
-        return _run(given, json_mode)
+        answer = _run(given, json_mode)
+        check_interrupted()
+        return answer
     except BrokenPipeError:
         raise
     except KeyboardInterrupt:
@@ -151,21 +153,3 @@ def _never_stumble_over_an_encoding() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
-
-
-@contextlib.contextmanager
-def _terminated_is_interrupted() -> Iterator[None]:
-    """SIGTERM ends a command as Ctrl-C does, so that temporary files are taken away."""
-
-    def interrupt(signum: int, frame: FrameType | None) -> NoReturn:
-        raise KeyboardInterrupt
-
-    try:
-        before = signal.signal(signal.SIGTERM, interrupt)
-    except ValueError:  # not the main thread: nobody sends us signals
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

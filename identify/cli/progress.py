@@ -5,6 +5,8 @@ from __future__ import annotations
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
+from identify.cli.interrupt import check_interrupted
+
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
@@ -32,7 +34,8 @@ class Progress:
         return self
 
     def __call__(self, stage: str, share: float | None = None) -> None:
-        """The work is at this stage."""
+        """The work is at this stage; KeyboardInterrupt if it was interrupted meanwhile."""
+        check_interrupted()
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, description=stage, completed=share)
         elif stage != self._stage:
