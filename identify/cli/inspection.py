@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,11 +10,14 @@ import numpy as np
 
 from data_io import Record, Step
 from data_io.quality import Quality, assess
+from identify.classical import classical_table
 from identify.cli.common import Terminal
 from identify.cli.summary import columns, wrapped
-from identify.report.quantity_text import number, quantity
+from identify.report.quantity_text import DASH, number, quantity, split_key
 from identify.segment import SLIDING, SLIP, STICK, Segmentation, segment
 
+HEADINGS = ("run", "step", "stroke")
+MOST_STROKES = 2  # fit beside each other in 80 columns
 FEW_SAMPLES = 10.0  # per slip: with fewer, what happens within a slip is hardly seen
 
 
@@ -35,11 +38,13 @@ class Inspection:
     record: Record
     quality: Quality
     steps: tuple[StepSeen, ...]
+    classical: Mapping[str, Any]
 
 
 def inspection(path: str, record: Record) -> Inspection:
     """Look at a record: quality of clock and forces, then phases step by step."""
-    return Inspection(path, record, assess(record), tuple(_seen(record, step) for step in record.steps))
+    steps = tuple(_seen(record, step) for step in record.steps)
+    return Inspection(path, record, assess(record), steps, classical_table(record, drive_speed=record.drive_speed))
 
 
 def _seen(record: Record, step: Step) -> StepSeen:
@@ -70,6 +75,7 @@ def say(seen: Inspection, terminal: Terminal) -> None:
         terminal.say(wrapped(f"{finding.severity}: {finding.message}", "    "))
     for step in seen.steps:
         _say_step(step, len(seen.steps) > 1, terminal)
+    _say_classical(seen.classical["rows"], terminal)
     terminal.say()
 
 
@@ -95,11 +101,28 @@ def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
     if phases.samples_per_slip < FEW_SAMPLES:
         samples += " (few: what depends on fast sliding, a and delta_mu_k, is hardly told)"
     terminal.say(wrapped(f"{samples}, {number(phases.samples_per_cycle, 4)} per cycle", "  "))
-    rows = [["", "mean", "sd"]]
-    for name, pair, unit in (("drop", phases.drop, "N"), ("period", phases.period, "s")):
-        if pair is not None:
-            rows.append([name, quantity(pair[0], unit, 3), quantity(pair[1], unit, 2)])
+
+
+def _say_classical(strokes: Sequence[Mapping[str, Any]], terminal: Terminal) -> None:
+    """The classical table, one column per stroke, the longest ones; figures that none of them has are left out."""
+    longest = sorted(strokes, key=lambda stroke: stroke["samples"], reverse=True)[:MOST_STROKES]
+    shown = [stroke for stroke in strokes if stroke in longest]
+    rows = [["classical table", *(f"step {s['step']} stroke {s['stroke']}" for s in shown)]]
+    spreads = {key.replace("_sd", "", 1): key for key in shown[0] if "_sd" in key}
+    for key in (key for key in shown[0] if key not in HEADINGS and "_sd" not in key):
+        name, unit = split_key(key)
+        cells = [_cell(stroke.get(key), stroke.get(spreads.get(key, "")), unit) for stroke in shown]
+        if any(cell != DASH for cell in cells):
+            rows.append([name, *cells])
     terminal.say(columns(rows))
+    if len(strokes) > len(shown):
+        terminal.say(f"  … and {len(strokes) - len(shown)} strokes more: see --json")
+
+
+def _cell(value: float | None, sd: float | None, unit: str) -> str:
+    if value is None:
+        return DASH
+    return quantity(value, unit, 3) + (f" ± {quantity(sd, unit, 2)}" if sd else "")
 
 
 def document(seen: Inspection) -> dict[str, Any]:
@@ -122,6 +145,7 @@ def document(seen: Inspection) -> dict[str, Any]:
             "findings": [asdict(finding) for finding in quality.findings],
         },
         "steps": [_step_document(step) for step in seen.steps],
+        "classical": seen.classical,
     }
 
 
