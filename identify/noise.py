@@ -63,13 +63,15 @@ def _few(force: Array) -> float:
 
 
 def quantum(force: Array) -> float:
-    """The step of a quantised force [N]; next to nothing where the force is not quantised."""
+    """The step of a quantised force [N]: all its values lie on a grid; 0 where the force is not quantised."""
     levels = np.unique(force[: 1 << 15])
-    if levels.size < 2:
+    if levels.size < 3:
         return 0.0
     steps = np.diff(levels)
-    real = steps[steps > 1e-9 * (levels[-1] - levels[0])]
-    return float(real.min()) if real.size else 0.0
+    steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
+    step = float(steps.min())
+    on_grid = np.abs(steps / step - np.round(steps / step)) < 0.05
+    return step if np.mean(on_grid) > 0.9 else 0.0
 
 
 def spikes(force: Array, noise: float) -> Mask:

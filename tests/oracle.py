@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -212,7 +213,7 @@ def simulate(
     if state[2] <= 0.0 and s * state[1] > law.D / law.t_cr:
         mode = "saturated"
     breaks = _breaks(duration, speeds, loads)
-    for begin, end in zip(breaks[:-1], breaks[1:], strict=True):
+    for begin, end in pairwise(breaks):
         speed = [v for t, v in speeds if t <= begin][-1]
         ends = np.interp([begin, end], load_t, load_f)
         slope, now, broke_loose = float(ends[1] - ends[0]) / (end - begin), begin, False
@@ -243,17 +244,21 @@ def simulate(
     return Oracle(
         law,
         tuple(pieces),
-        *(
-            np.array(column, dtype=float).reshape(shape)
-            for name in ("onset", "arrest")
-            for column, shape in (
-                ([t for t, _ in events[name]], (-1,)),
-                ([y for _, y in events[name]], (-1, 3)),
-            )
-        ),
-        np.array([t for t, _ in events["saturation"]], dtype=float),
-        np.array(directions, dtype=float),
+        onsets=_times(events["onset"]),
+        onset_states=_states(events["onset"]),
+        arrests=_times(events["arrest"]),
+        arrest_states=_states(events["arrest"]),
+        saturations=_times(events["saturation"]),
+        directions=np.array(directions, dtype=float),
     )
+
+
+def _times(events: list[tuple[float, State]]) -> Array:
+    return np.array([t for t, _ in events], dtype=float)
+
+
+def _states(events: list[tuple[float, State]]) -> Array:
+    return np.array([y for _, y in events], dtype=float).reshape(-1, 3)
 
 
 def noisy_log(oracle: Oracle, duration: float, rate: float, noise: float, seed: int) -> tuple[Array, Array]:
