@@ -6,6 +6,7 @@ more than half a sample, the assignment and the answer agree.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -29,16 +30,18 @@ PATIENCE = 30  # iterations of one pass: more is a wrong start
 
 @dataclass(frozen=True)
 class Solved:
-    """The last pass: problem, solution, the guesses moved to it, theta (n_p,), the largest event shift of the
-    last pass in samples, iterations and passes in all."""
+    """The last pass: problem, grid, solution, the guesses moved to it, theta (n_p,), the largest event shift of
+    the last pass in samples, iterations and passes in all, seconds spent forming problems."""
 
     problem: Problem
+    grid: Grid
     solution: Solution
     guesses: list[Guess]
     theta: Array
     event_shift: float
     iterations: int
     passes: int
+    forming: float
 
 
 def solve_in_passes(
@@ -46,17 +49,19 @@ def solve_in_passes(
 ) -> Solved:
     """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES)."""
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
-    iterations = 0
+    iterations, forming = 0, 0.0
     solved: Solved | None = None
     for number in range(1, MOST_PASSES + 1):
+        since = time.perf_counter()
         problem = transcribe(logs, guesses, unknowns, grid)
+        forming += time.perf_counter() - since
         solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE)
         iterations += solution.iterations
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
         guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
         shift = _shift_in_samples(problem, solution, logs)
-        solved = Solved(problem, solution, guesses, theta, shift, iterations, number)
+        solved = Solved(problem, grid, solution, guesses, theta, shift, iterations, number, forming)
         unknowns = replace(unknowns, start=theta)
         if on_pass is not None:
             on_pass(number)

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from identify import lanes
 from identify.guess import Grid, Guess, LogData
 from identify.model import Model
+from identify.waveform import middle_of_fall, waveform
 
 Array = NDArray[np.float64]
 
 SWEEPS = 4  # how often arrests are handed on: the return map contracts
 PER_HALF_PERIOD = 60  # RK4 steps of a placed slip per half natural period
 WINDOW = 48  # samples of a slip that vote on its shift
+SHIFTS = 61  # places that are tried for each slip
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,12 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
         x = np.where(side.first[:, None], x, handed)
     _, at_onset = lanes.stick(model, x, side.p, side.u)
     slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD)
-    onset = side.fall - _mid_fall(model, slips, side)
+    waves = _waves(model, slips, side)
+    onset = side.fall - middle_of_fall(waves.force, waves.h, waves.duration)
+    samples = _around(logs, side, onset, waves.duration)
+    onset = onset + _scan(waves, samples, onset)
     for _ in range(2):
-        onset = onset + _shift(model, slips, side, logs, onset)
+        onset = onset + _shift(waves, samples, onset)
     guesses = []
     for number, (log, falling) in enumerate(zip(logs, falls, strict=True)):
         mine = np.flatnonzero(side.log == number)
@@ -119,49 +124,85 @@ def _sensor(model: Model, states: Array, side: _Lanes) -> Array:
     return lanes.load_cell(model, states.reshape(n * m, n_x), p, u).reshape(n, m)
 
 
-def _mid_fall(model: Model, slips: lanes.Slips, side: _Lanes) -> Array:
-    """Time from onset to the middle of the force fall of each slip (n,) [s]."""
+@dataclass(frozen=True)
+class _Waves:
+    """The simulated cycles as functions of time from their onset: force at the steps (n, s), end force (n,),
+    duration (n,), stick slope (n,) [N/s]."""
+
+    h: Array
+    force: Array
+    end: Array
+    duration: Array
+    slope: Array
+
+    def __call__(self, times: Array) -> tuple[Array, Array]:
+        """Force and its rate at times (n, m) from the onset of each lane."""
+        return waveform(self.force, self.h, self.duration, self.end, self.slope, times)
+
+
+def _waves(model: Model, slips: lanes.Slips, side: _Lanes) -> _Waves:
+    n, steps = side.fall.size, slips.states.shape[0]
+    flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
+    force = lanes.load_cell(model, flat, np.repeat(side.p, steps, axis=0), np.repeat(side.u, steps, axis=0))
+    end = lanes.load_cell(model, np.nan_to_num(slips.at_arrest), side.p, side.u)
+    k = side.p[:, model.parameter_names.index("stiffness")]
     duration = np.where(slips.rested, slips.arrest, slips.h)
-    times = np.linspace(0.0, 1.0, 200)[None, :] * duration[:, None]
-    force = _sensor(model, slips.at(times), side)
-    top = np.argmax(force, axis=1)
-    rows = np.arange(force.shape[0])
-    middle = 0.5 * (force[rows, top] + np.min(force, axis=1))
-    below = (force <= middle[:, None]) & (np.arange(200)[None, :] > top[:, None])
-    after = np.clip(np.argmax(below, axis=1), 1, 199)
-    f0, f1 = force[rows, after - 1], force[rows, after]
-    w = np.where(f0 > f1, (f0 - middle) / np.where(f0 > f1, f0 - f1, 1.0), 0.5)
-    return np.asarray(times[rows, after - 1] + np.clip(w, 0, 1) * (times[rows, after] - times[rows, after - 1]))
+    return _Waves(slips.h, force.reshape(n, steps), end, duration, k * side.u[:, 0])
 
 
-def _shift(model: Model, slips: lanes.Slips, side: _Lanes, logs: list[LogData], onset: Array) -> Array:
-    """One Gauss-Newton step of each cycle's time shift on its own samples (n,) [s]."""
+@dataclass(frozen=True)
+class _Samples:
+    """Samples around each slip, shape (n, WINDOW): times [s], forces [N], weights; interval (n,) between samples."""
+
+    time: Array
+    force: Array
+    weight: Array
+    interval: Array
+
+
+def _around(logs: list[LogData], side: _Lanes, onset: Array, duration: Array) -> _Samples:
+    """The samples from one interval before each onset to one after the arrest, thinned where there are many."""
     n = onset.size
-    duration = np.where(slips.rested, slips.arrest, slips.h)
-    sample_t, sample_y, weight = np.zeros((n, WINDOW)), np.zeros((n, WINDOW)), np.zeros((n, WINDOW))
+    time, force, weight = np.zeros((n, WINDOW)), np.zeros((n, WINDOW)), np.zeros((n, WINDOW))
+    interval = np.ones(n)
     for number, log in enumerate(logs):
         mine = np.flatnonzero(side.log == number)
         if mine.size == 0:
             continue
-        first = np.searchsorted(log.time, onset[mine])
-        last = np.maximum(np.searchsorted(log.time, onset[mine] + duration[mine]), first + 1)
+        interval[mine] = np.median(np.diff(log.time))
+        first = np.searchsorted(log.time, onset[mine] - 1.5 * interval[mine])
+        last = np.searchsorted(log.time, onset[mine] + duration[mine] + 1.5 * interval[mine])
         stride = np.maximum((last - first - 1) // WINDOW + 1, 1)
         index = first[:, None] + stride[:, None] * np.arange(WINDOW)[None, :]
         valid = (index < last[:, None]) & (index < log.time.size)
         index = np.minimum(index, log.time.size - 1)
-        sample_t[mine], sample_y[mine] = log.time[index], log.force[index]
+        time[mine], force[mine] = log.time[index], log.force[index]
         weight[mine] = np.where(valid, log.weight[index], 0.0)
-    sample_y = np.where(weight > 0, sample_y, 0.0)
-    local = sample_t - onset[:, None]
-    eps = 0.02 * slips.h[:, None]
-    force = _sensor(model, slips.at(local), side)
-    slope = (_sensor(model, slips.at(local + eps), side) - _sensor(model, slips.at(local - eps), side)) / (2 * eps)
-    residual = sample_y - force
+    return _Samples(time, np.where(weight > 0, force, 0.0), weight, interval)
+
+
+def _scan(waves: _Waves, samples: _Samples, onset: Array) -> Array:
+    """The best of many shifts of each cycle (n,) [s]: a slip of two samples has several places that look right,
+    and no gradient leads from one to the next."""
+    reach = np.maximum(samples.interval, 0.1 * waves.duration)
+    best, cost = np.zeros(onset.size), np.full(onset.size, np.inf)
+    for fraction in np.linspace(-1.0, 1.0, SHIFTS):
+        shift = fraction * reach
+        value, _ = waves(samples.time - (onset + shift)[:, None])
+        square = np.sum(samples.weight * (samples.force - value) ** 2, axis=1)
+        best = np.where(square < cost, shift, best)
+        cost = np.minimum(square, cost)
+    return best
+
+
+def _shift(waves: _Waves, samples: _Samples, onset: Array) -> Array:
+    """One Gauss-Newton step of each cycle's time shift on its own samples (n,) [s]."""
+    value, slope = waves(samples.time - onset[:, None])
     with np.errstate(all="ignore"):
-        move = -np.sum(weight * residual * slope, axis=1) / np.sum(weight * slope**2, axis=1)
-    move = np.where(np.isfinite(move), move, 0.0)
-    limit = 0.15 * duration
-    return np.asarray(np.clip(move, -limit, limit))
+        pull = np.sum(samples.weight * (samples.force - value) * slope, axis=1)
+        move = -pull / np.sum(samples.weight * slope**2, axis=1)
+    limit = 0.5 * np.maximum(samples.interval, 0.1 * waves.duration) / SHIFTS
+    return np.asarray(np.clip(np.where(np.isfinite(move), move, 0.0), -limit, limit))
 
 
 def _guess(

@@ -19,6 +19,7 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
+REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
@@ -76,6 +77,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     floor = 1e-6 * float(np.nanmax(np.abs(force)))
     weight = np.where(used & ~spikes & np.isfinite(force), 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
     load, load_sd = smooth(record.time[used], record.normal_force[used], name)
+    load_sd = float(np.hypot(load_sd, REPEATABLE * np.mean(load.values)))
     falls = found.cycles.fall[entry.skip_cycles :]
     begin, end = _window(record.time[first:last], shown[first:last], found, noise, entry.skip_cycles)
     data = LogData(

@@ -151,7 +151,8 @@ def _solve(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cloc
         return None
     numbers, logs, guesses = (list(column) for column in zip(*placed, strict=True))
     solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened())
-    clock.add("solve", since)
+    clock.add("solve", since + solved.forming)
+    clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
     gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
     return Attempt(tuple(numbers), tuple(logs), solved, gate)
 

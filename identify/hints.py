@@ -1,0 +1,68 @@
+"""What a log cannot tell, and what test would: in lab words, from its own figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identify.guess import Guess
+from identify.prepare import Prepared
+from identify.unknowns import Unknowns
+
+RESOLVED = 12  # samples of a slip from which on its shape can be read
+WANTED = 25  # samples of a slip to ask for
+
+
+def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns, theta: np.ndarray) -> dict[str, str]:
+    """Per parameter, the sentence that stands beside a verdict other than identified.
+
+    Args:
+        logs, guesses: the fitted logs and the motion behind them; theta (n_p,) the answer.
+    """
+    slips = [float(np.median(g.arrest - g.onset)) for g in guesses]
+    intervals = [float(np.median(np.diff(log.data.time))) for log in logs]
+    samples = [slip / interval for slip, interval in zip(slips, intervals, strict=True)]
+    sticks = np.concatenate([g.onset[1:] - g.arrest[:-1] for g in guesses]) if guesses else np.array([])
+    speeds = sorted({log.data.drive_speed for log in logs})
+    shape = _shape(samples, slips, speeds)
+    out = {"a": shape, "delta_mu_k": shape, "D": shape, "mu_k0": shape, "mass": shape, "damping": shape}
+    if "t_cr" in unknowns.names:
+        t_cr = float(np.exp(theta[unknowns.names.index("t_cr")]))
+        out["t_cr"] = _holds(sticks, t_cr)
+        out["mu_s"] = _holds(sticks, t_cr)
+    return out
+
+
+def _shape(samples: Sequence[float], slips: Sequence[float], speeds: Sequence[float]) -> str:
+    best = int(np.argmax(samples))
+    if samples[best] < RESOLVED:
+        rate = WANTED / min(slips)
+        return (
+            f"slips hold at most {samples[best]:.0f} samples, so their shape is not seen: "
+            f"sample at {_round_up(rate):.0f} Hz or more"
+        )
+    if len(speeds) == 1:
+        return (
+            f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip: "
+            f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip"
+        )
+    return f"the slips of these {len(speeds)} speeds are too alike: add a faster log, or more cycles"
+
+
+def _holds(sticks: np.ndarray, t_cr: float) -> str:
+    if sticks.size == 0:
+        return "no stick between two slips was seen: record several cycles"
+    longest, shortest = float(np.max(sticks)), float(np.min(sticks))
+    if shortest > 3 * t_cr:
+        return (
+            f"every stick lasts {shortest:.2g} s or more, long enough to saturate the contact: "
+            "add a faster log, with sticks of a few tenths of that"
+        )
+    if longest < t_cr:
+        return f"the longest stick is {longest:.2g} s, too short to saturate the contact: add a slower log"
+    return "sticks of different length tell it: add a slower and a faster log"
+
+
+def _round_up(rate: float) -> float:
+    return float(next(r for r in (100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 1e9) if r >= min(rate, 1e9)))

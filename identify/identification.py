@@ -1,0 +1,166 @@
+"""fit: from a scene and its logs to a finished identification."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record, read_log
+from identify.errors import FitError
+from identify.gate import Gate
+from identify.hints import hints
+from identify.outcome import Fit, LogCurves, Status
+from identify.prepare import Prepared, prepare
+from identify.reconstruct import detected_curves, fitted_curves
+from identify.result import Findings, document
+from identify.scene import Scene
+from identify.search import Attempt, Clock, Sources, search
+from identify.shooting import transcribe
+from identify.uncertainty import Information, estimates, information
+from identify.unknowns import Unknowns, from_scene, user_start
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float | None], None]
+
+AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
+
+
+def fit(
+    scene: Scene,
+    records: Sequence[Record] | None = None,
+    *,
+    progress: Progress | None = None,
+    starts: Sources | None = None,
+    seed: int = 0,
+) -> Fit:
+    """Identify the parameters of a scene from all its logs together.
+
+    Args:
+        scene: rig, effects, parameters and logs.
+        records: the scene's logs in their order; None reads them.
+        progress: called as progress(stage, share of the whole).
+        starts: where the search starts: "data", "user" (the scene's `start` values), "both"; default both where the
+            scene gives a start, else the data.
+        seed: of the random starts, which are only used where the data's own do not fit.
+
+    Raises:
+        FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
+            its status says so.
+    """
+    clock, began = Clock(), time.perf_counter()
+    told: Progress = progress or (lambda _stage, _share: None)
+    prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed)
+    told("stability and amplitude", 0.95)
+    curves = _curves(prepared, findings.unknowns, findings.attempt)
+    return Fit(document(scene, prepared, findings, clock, began, seed), curves)
+
+
+def find(
+    scene: Scene,
+    records: Sequence[Record] | None = None,
+    *,
+    clock: Clock,
+    progress: Progress,
+    starts: Sources | None = None,
+    seed: int = 0,
+) -> tuple[list[Prepared], Findings]:
+    """The identification without report and outlook; arguments and errors as `fit`."""
+    began = time.perf_counter()
+    if not scene.logs:
+        raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
+    progress("reading the logs", 0.0)
+    read = [_read(scene, i) for i in range(len(scene.logs))] if records is None else list(records)
+    if len(read) != len(scene.logs):
+        raise FitError(f"{len(read)} records were given for {len(scene.logs)} logs of the scene; give one each")
+    since = clock.add("read", began)
+    progress("detecting cycles", 0.05)
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
+    clock.add("detect", since)
+    sources = starts or ("both" if user_start(scene) else "data")
+    attempt, left_out = search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+    since = time.perf_counter()
+    progress("intervals", 0.9)
+    findings = _findings(scene, prepared, unknowns, attempt, left_out)
+    clock.add("intervals", since)
+    return prepared, findings
+
+
+def _read(scene: Scene, index: int) -> Record:
+    entry = scene.logs[index]
+    load = scene.rig_for(entry).normal_force
+    return read_log(
+        entry.path,
+        step=entry.step,
+        units=dict(entry.units) if entry.units else None,
+        columns=dict(entry.columns) if entry.columns else None,
+        normal_force=load,
+    )
+
+
+def _findings(
+    scene: Scene, prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | None, left_out: dict[int, str]
+) -> Findings:
+    """Status, estimates and what else the result document is made of."""
+    if attempt is None:
+        reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
+        message = (
+            f"{reason}: there is nothing to fit; see the classical table, "
+            "and record slower, with a softer spring or at a higher load"
+        )
+        return Findings(Status.NO_CYCLES, message, unknowns, None, None, None, [], left_out)
+    gate = attempt.gate
+    known = _information(attempt, unknowns)
+    bounds = _at_bounds(unknowns, attempt.solved.theta)
+    covariance = known.covariance()
+    guesses = attempt.solved.guesses
+    base = unknowns.base({name: float(getattr(scene.rig, name)) for name in ("mass", "stiffness", "damping")})
+    told = hints(attempt.prepared, guesses, unknowns, attempt.solved.theta)
+    found = estimates(unknowns, attempt.solved.theta, base, covariance, bounds, told)
+    status, message = _status(gate, bounds)
+    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out)
+
+
+def _information(attempt: Attempt, unknowns: Unknowns) -> Information:
+    """The information of the data on all parameters, those held fixed too, at the answer."""
+    solved = attempt.solved
+    everything = np.arange(len(unknowns.names))
+    at_answer = replace(unknowns, start=solved.theta)
+    logs = [log.data for log in attempt.prepared]
+    problem = transcribe(logs, solved.guesses, at_answer, solved.grid, free=everything)
+    return information(problem, problem.start)
+
+
+def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
+    """A sentence per free parameter that sits on a bound of the scene."""
+    out = {}
+    for i in np.flatnonzero(unknowns.free).tolist():
+        for word, bound in (("lower", unknowns.lower[i]), ("upper", unknowns.upper[i])):
+            if abs(theta[i] - bound) < AT_BOUND * unknowns.spread[i]:
+                name = unknowns.names[i]
+                out[name] = f"{name} sits at its {word} bound; widen it in [parameters], or fix {name}"
+    return out
+
+
+def _status(gate: Gate, bounds: dict[str, str]) -> tuple[Status, str]:
+    if gate.status is Status.CONVERGED and bounds:
+        return Status.AT_BOUND, "; ".join(bounds.values())
+    return gate.status, gate.message
+
+
+def _curves(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | None) -> tuple[LogCurves, ...]:
+    curves = [detected_curves(log) for log in prepared]
+    if attempt is None:
+        return tuple(curves)
+    solved = attempt.solved
+    fitted = solved.problem.fitted(solved.solution.z)
+    for place, number in enumerate(attempt.logs):
+        z = attempt.gate.z[attempt.gate.log == place + 1]
+        curves[number] = fitted_curves(
+            attempt.prepared[place], unknowns, solved.theta, solved.guesses[place], fitted[place], z
+        )
+    return tuple(curves)

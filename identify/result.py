@@ -1,0 +1,275 @@
+"""The document of result.json: names, units, verdicts and provenance as the interface promises."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from data_io.quality import assess
+from identify.classical import classical_table
+from identify.errors import SimulationError
+from identify.model import RIG_PARAMETERS
+from identify.outcome import Status
+from identify.outlook import outlook
+from identify.prepare import Prepared
+from identify.scene import Scene
+from identify.search import Attempt, Clock
+from identify.uncertainty import LEVEL, Estimate, Information
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+DISTRIBUTION = "stick-slip-workbench"
+PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
+RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
+    closest (None without one), information and covariance of theta, estimates, and why logs took no part."""
+
+    status: Status
+    message: str
+    unknowns: Unknowns
+    attempt: Attempt | None
+    information: Information | None
+    covariance: Array | None
+    estimates: list[Estimate]
+    left_out: Mapping[int, str]
+
+
+def document(
+    scene: Scene, prepared: list[Prepared], found: Findings, clock: Clock, began: float, seed: int
+) -> dict[str, Any]:
+    """The whole document; numbers are SI, what is missing is None."""
+    converged = found.status is Status.CONVERGED
+    result: dict[str, Any] = {
+        "schema": 1,
+        "status": found.status.value,
+        "message": found.message,
+        "parameters": {e.name: _parameter(e, converged) for e in _told(found)},
+        "correlation": _correlation(found) if converged else None,
+        "gate": _gate(found),
+        "fit": _fit(found),
+        "derived": _derived(found) if converged else {},
+        "logs": [_log(scene, i, log, found) for i, log in enumerate(prepared)],
+        "notes": _notes(scene, prepared, found),
+    }
+    if converged:
+        result["rig_sensitivity"] = _rig_sensitivity(scene, found)
+    elif found.estimates:
+        result["last_iterate"] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
+    result["timing_s"] = _timing(clock, began)
+    result["provenance"] = {
+        "version": importlib.metadata.version(DISTRIBUTION),
+        "scene": scene.as_document(),
+        "seed": seed,
+        "packages": {name: importlib.metadata.version(name) for name in PACKAGES},
+        "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+    return result
+
+
+def _timing(clock: Clock, began: float) -> dict[str, float]:
+    total = time.perf_counter() - began
+    stages = ("read", "detect", "start", "place", "build", "solve", "intervals")
+    return {name: clock.seconds.get(name, 0.0) for name in stages} | {"total": total}
+
+
+def _told(found: Findings) -> list[Estimate]:
+    """The friction parameters, and of the rig what was estimated."""
+    free = set(np.array(found.unknowns.names)[found.unknowns.free])
+    return [e for e in found.estimates if e.name not in RIG_PARAMETERS or e.name in free]
+
+
+def _parameter(estimate: Estimate, converged: bool) -> dict[str, Any]:
+    numbers = converged or estimate.verdict == "fixed"
+    return {
+        "value": estimate.value if numbers else None,
+        "unit": estimate.unit,
+        "standard_error": estimate.standard_error if converged else None,
+        "interval": [estimate.lower, estimate.upper] if converged else [None, None],
+        "level": LEVEL,
+        "verdict": estimate.verdict if converged or estimate.verdict in ("fixed", "at bound") else "not identifiable",
+        "reason": estimate.reason if numbers else "the fit did not succeed; see the message",
+    }
+
+
+def _correlation(found: Findings) -> dict[str, Any] | None:
+    if found.covariance is None:
+        return None
+    names = [found.unknowns.names[i] for i in np.flatnonzero(found.unknowns.free)]
+    sd = np.sqrt(np.diag(found.covariance))
+    return {"names": names, "matrix": (found.covariance / np.outer(sd, sd)).tolist()}
+
+
+def _gate(found: Findings) -> dict[str, Any] | None:
+    if found.attempt is None:
+        return None
+    gate = found.attempt.gate
+    worst = gate.worst
+    log = found.attempt.logs[int(gate.log[worst]) - 1] + 1 if worst >= 0 else None
+    return {
+        "chi2_per_sample": _finite(gate.chi2_per_sample),
+        "worst_cycle": {"log": log, "cycle": int(gate.cycle[worst]), "z": _finite(gate.z[worst])} if log else None,
+        "solver": gate.solver,
+        "event_shift_samples": _finite(gate.event_shift),
+    }
+
+
+def _fit(found: Findings) -> dict[str, Any] | None:
+    if found.attempt is None:
+        return None
+    solved = found.attempt.solved
+    fitted = solved.problem.fitted(solved.solution.z)
+    squares, count = 0.0, 0
+    for curve, log in zip(fitted, found.attempt.prepared, strict=True):
+        good = np.isfinite(curve) & (log.data.weight > 0)
+        squares += float(np.sum((log.force[good] - curve[good]) ** 2))
+        count += int(np.count_nonzero(good))
+    return {
+        "samples": count,
+        "cycles": int(sum(guess.cycles for guess in solved.guesses)),
+        "iterations": solved.iterations,
+        "passes": solved.passes,
+        "unknowns": solved.problem.layout.size,
+        "rms_N": math.sqrt(squares / max(count, 1)),
+    }
+
+
+def _derived(found: Findings) -> dict[str, Any]:
+    """What follows from the parameters alone: the creep velocity D/t_cr."""
+    names = found.unknowns.names
+    if found.attempt is None or found.covariance is None or not {"D", "t_cr"} <= set(names):
+        return {}
+    theta = found.attempt.solved.theta
+    log_ratio = float(theta[names.index("D")] - theta[names.index("t_cr")])
+    free = np.flatnonzero(found.unknowns.free)
+    slope = (free == names.index("D")).astype(float) - (free == names.index("t_cr")).astype(float)
+    half = float(norm.ppf(0.5 + LEVEL / 2)) * math.sqrt(float(slope @ found.covariance @ slope))
+    ends = [_finite(_exp(log_ratio - half)), _finite(_exp(log_ratio + half))]
+    validity = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
+    return {"v_cr": {"value": math.exp(log_ratio), "unit": "m/s", "interval": ends, "validity": validity}}
+
+
+def _log(scene: Scene, index: int, log: Prepared, found: Findings) -> dict[str, Any]:
+    record = log.record
+    taken = found.attempt is not None and index in found.attempt.logs
+    table = classical_table(record, log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness)
+    load = float(np.nanmean(record.normal_force))
+    return {
+        "path": str(log.entry.path),
+        "sha256": str(record.metadata.get("sha256", "")),
+        "step": log.entry.step,
+        "rows": int(record.time.size),
+        "labels": dict(log.entry.labels),
+        "noise_N": float(log.rig.noise or log.segmentation.noise),
+        "friction_sign": log.sign,
+        "slip_count": int(log.segmentation.count),
+        "normal_force_N": load,
+        "drive_speed_m_per_s": log.data.drive_speed,
+        "window_s": [log.data.begin, log.data.end],
+        "reason_left_out": None if taken else found.left_out.get(index, "no fit was made"),
+        "classical": table,
+        "quality": _quality(log),
+        "derived": _outlook(log, found, load),
+    }
+
+
+def _outlook(log: Prepared, found: Findings, load: float) -> dict[str, Any]:
+    """Stability and amplitude of the fitted pair at this log's speed and load."""
+    if found.status is not Status.CONVERGED or found.attempt is None or found.covariance is None:
+        return {}
+    unknowns = found.unknowns
+    p = unknowns.values(found.attempt.solved.theta, log.data.base)
+    free = np.flatnonzero(unknowns.free)
+    slope = np.where(unknowns.logarithmic, p, 1.0)[free]
+    covariance = found.covariance * np.outer(slope, slope)
+    values = dict(zip(unknowns.names, p.tolist(), strict=True))
+    names = [unknowns.names[i] for i in free]
+    try:
+        return outlook(unknowns.model, values, log.data.drive_speed, load, covariance, names)
+    except SimulationError as error:
+        return {"text": f"no answer for this operating point: {error}"}
+
+
+def _quality(log: Prepared) -> dict[str, Any]:
+    quality = assess(log.record)
+    seen = log.segmentation
+    drop, period, slope = seen.drop, seen.period, seen.stick_slope
+    figures = {
+        "sampling_rate": {"value": quality.sampling.rate, "unit": "Hz"},
+        "noise": {"value": float(seen.noise), "unit": "N"},
+        "samples_per_slip": {"value": seen.samples_per_slip, "unit": ""},
+        "samples_per_cycle": {"value": seen.samples_per_cycle, "unit": ""},
+        "masked_samples": {"value": seen.spike_count, "unit": ""},
+        "drop": {"value": drop[0] if drop else None, "unit": "N"},
+        "drop_scatter": {"value": drop[1] if drop else None, "unit": "N"},
+        "period": {"value": period[0] if period else None, "unit": "s"},
+        "period_scatter": {"value": period[1] if period else None, "unit": "s"},
+        "stick_slope": {"value": slope[0] if slope else None, "unit": "N/s"},
+        "normal_force_drift": {"value": quality.load_drift, "unit": ""},
+    }
+    findings = [{"code": f.code, "severity": f.severity, "message": f.message} for f in quality.findings]
+    worst = {f["severity"] for f in findings}
+    verdict = "reject" if "reject" in worst else "accept with warnings" if "warning" in worst else "accept"
+    return {"verdict": verdict, "findings": findings, "figures": figures}
+
+
+def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
+    """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
+    assert found.information is not None and found.attempt is not None and found.covariance is not None
+    unknowns = found.unknowns
+    values = {e.name: e for e in found.estimates}
+    free = np.flatnonzero(unknowns.free)
+    out: dict[str, Any] = {}
+    for quantity in RIG_PARAMETERS:
+        if quantity not in unknowns.names:
+            continue
+        column = unknowns.names.index(quantity)
+        if unknowns.free[column] or not getattr(scene.rig, quantity) > 0.0:
+            continue
+        moved = found.information.shift(column) * RIG_ERROR
+        shifts = {}
+        for i, index in enumerate(free.tolist()):
+            estimate = values[unknowns.names[index]]
+            size = estimate.value if unknowns.logarithmic[index] and estimate.value is not None else 1.0
+            error = estimate.standard_error
+            shift = float(moved[i] * size)
+            shifts[estimate.name] = {
+                "shift": shift,
+                "unit": estimate.unit,
+                "in_standard_errors": shift / error if error else None,
+            }
+        out[quantity] = shifts
+    return out
+
+
+def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]:
+    notes = []
+    guessed = [log.name for log in prepared if log.noise_estimated]
+    if guessed:
+        notes.append("The noise was estimated from straight lines through the stick phases, not given.")
+    exact = [name for name in RIG_PARAMETERS if name not in scene.parameters and name not in scene.rig.tolerances]
+    if exact and found.status is Status.CONVERGED:
+        notes.append(f"Taken as exact: {', '.join(exact)}; the table of rig errors shows what 1 % would do.")
+    for index, reason in sorted(found.left_out.items()):
+        notes.append(f"Log {index + 1} took no part in the fit: {reason}.")
+    return notes
+
+
+def _exp(x: float) -> float:
+    return math.exp(x) if x < 700 else math.inf
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None
