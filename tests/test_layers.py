@@ -16,7 +16,7 @@ errors quantities outcome examples
 effects model scene
 tableaus drive modes stepping phases trajectory simulate
 noise zigzag local_fits waveform slips segment strokes classical draft
-bracket ageing amplitude groups critical steady stability comparison
+bracket steady ageing amplitude groups critical stability comparison
 sliding cycle orbit branch prospect sensitivity outlook_words outlook
 guess loads lanes blocks features unknowns placing layout prepare start lay_out hints
 shooting reconstruct solve uncertainty passes gate search result identification
