@@ -15,14 +15,15 @@ from data_io.text import decode, looks_like_text
 
 NAME: Final = "cetr-text"
 
-_STEP = re.compile(r"[ \t]*Step\s*(?:No\.?|#)\s*[:=-]?\s*(\d+)[ \t,;]*$", re.IGNORECASE)
-_RUN = re.compile(r"[ \t]*Run\s*(?:No\.?|#)\s*[:=-]?\s*(\d+)[ \t,;]*$", re.IGNORECASE)
+_STEP = re.compile(r"[ \t]*Step\s*(?:No\.?|#)\s*[:=-]?\s*(\d{1,9})[ \t,;]*$", re.IGNORECASE)
+_RUN = re.compile(r"[ \t]*Run\s*(?:No\.?|#)\s*[:=-]?\s*(\d{1,9})[ \t,;]*$", re.IGNORECASE)
 _BREAK = re.compile(f"(?:{_STEP.pattern})|(?:{_RUN.pattern})", re.IGNORECASE | re.MULTILINE)
 # in the bytes a line may end in CR LF, LF or CR
 _SIGN = re.compile(
-    rb"(?:^|[\r\n])[ \t]*Step\s*No\.?\s*[:=-]?\s*\d+[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR", re.IGNORECASE
+    rb"(?:^|[\r\n])[ \t]*Step\s*No\.?\s*[:=-]?\s*\d{1,9}[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR", re.IGNORECASE
 )
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
+_LONGEST_ITEM: Final = 1000
 _PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
 
 
@@ -71,7 +72,7 @@ def _part(
 
 
 def _item(line: str) -> tuple[str, str]:
-    line = "".join(letter for letter in line if letter.isprintable()).strip()
+    line = " ".join("".join(letter for letter in line[:_LONGEST_ITEM] if letter.isprintable()).split())
     match = _PHRASE.fullmatch(line) or (None if re.match(r"[A-Za-z]:\\", line) else _ITEM.fullmatch(line))
     return (match[1].strip(), match[2].strip()) if match else ("note", line)
 

@@ -104,7 +104,9 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
     A step that goes on where the last one ended keeps its clock. Where the clock restarts, the starting times give the
     gap; without them, or where they would overlap, the step is put one sampling interval behind, with a finding.
     """
-    offsets, findings = [0.0], list[Finding]()
+    offsets = [0.0]
+    overlapping: list[str] = []
+    untold: list[str] = []
     anchor = 0
     for i in range(1, len(clocks)):
         last, here = clocks[i - 1], clocks[i]
@@ -112,22 +114,26 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
         if here.time[0] > last.time[-1]:
             offsets.append(offsets[-1])
             continue
-        gap = _typical_step(last.time, here.time)
         before, now = clocks[anchor].started, here.started
-        if before is not None and now is not None:
-            offset = offsets[anchor] + _seconds(before, now)
-            if offset + here.time[0] > end:
-                offsets.append(offset)
-                anchor = i
-                continue
-            text = f"by the starting times {here.label} begins before the last one ended; it was put behind it"
-            findings.append(Finding("step_overlap", "warning", text))
+        told = None if before is None or now is None else offsets[anchor] + _seconds(before, now)
+        if told is not None and told + here.time[0] > end:
+            offsets.append(told)
         else:
-            text = f"the pause before {here.label} is not told by the log; one sampling interval was assumed"
-            findings.append(Finding("step_gap_unknown", "warning", text))
-        offsets.append(end + gap - float(here.time[0]))
+            (untold if told is None else overlapping).append(here.label)
+            offsets.append(end + _typical_step(last.time, here.time) - float(here.time[0]))
         anchor = i
+    findings = []
+    if overlapping:
+        text = f"by the starting times {_some(overlapping)} began before the step above ended; put right behind it"
+        findings.append(Finding("step_overlap", "warning", text))
+    if untold:
+        text = f"the log does not tell the pause before {_some(untold)}; one sampling interval was assumed"
+        findings.append(Finding("step_gap_unknown", "warning", text))
     return offsets, findings
+
+
+def _some(labels: Sequence[str]) -> str:
+    return ", ".join(labels[:3]) + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
 
 
 def _typical_step(*times: FloatArray) -> float:

@@ -1,5 +1,6 @@
 """Which column is time, normal force, friction force: names and units as tribometers write them."""
 
+import functools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -51,6 +52,7 @@ class Header:
     remarks: tuple[str, ...] = ()
 
 
+@functools.lru_cache(maxsize=4096)
 def parse_name(field: str) -> Name:
     """Split `Fx (N)`, `Fx [N]`, `fx_N`, `t / s` into name and unit.
 
@@ -67,6 +69,7 @@ def parse_name(field: str) -> Name:
     return Name(field, field, None)
 
 
+@functools.lru_cache(maxsize=4096)
 def _key(name: str) -> str:
     return re.sub(r"[\W_]+", "", name.rsplit(".", 1)[-1].casefold())
 

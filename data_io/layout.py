@@ -14,6 +14,7 @@ WIDE: Final = r" {2,}|\t+"
 """Delimiter of a header whose names hold single blanks and stand apart by several."""
 
 COMMENT: Final = re.compile(r"^\s*(?:#|%|//)+\s*")
+_DIGIT: Final = re.compile(r"\d")
 _LOOK_AHEAD: Final = 6
 _LONGEST_HEADER: Final = 20000
 
@@ -28,32 +29,45 @@ class Head:
     width: int
 
 
+@dataclass(frozen=True)
+class _Below:
+    """What stands below a line: the lines before the first row of numbers, and that row (None: none is near)."""
+
+    between: tuple[tuple[int, str], ...]
+    start: int
+    row: str | None
+
+
 def head_at(source: Source, text: str, position: int, request: Request) -> Head | None:
     """Return the head of a table whose header row is the line at `position`, None if that line is none.
 
-    A header row names at least one role, holds no number, and rows with as many fields follow it. Raises the source's
-    `LogError` where a clear header (time and force) is followed by rows that do not fit it.
+    A header row names at least one role, holds no number, and rows with as many fields follow it before any other
+    header row. Raises the source's `LogError` where a clear header (time and force) is followed by rows that misfit.
     """
     line, after = line_at(text, position)
     if len(line) > _LONGEST_HEADER:
         return None
     line = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
+    readings = [(d, fields, match_header(fields, request.columns)) for d, fields in _readings(line)]
+    readings = [reading for reading in readings if reading[2].roles]
+    if not readings:
+        return None
+    below = _below(text, after)
     complaint: str | None = None
-    for delimiter, fields in _readings(line):
-        header = match_header(fields, request.columns)
-        if not header.roles:
+    for delimiter, fields, header in readings:
+        clear = delimiter in ("\t", ";", ",") and "time" in header.roles and len(header.roles) > 1
+        if below.row is None and not clear:
             continue
-        units, start, row = _below(text, after, delimiter, len(fields))
-        clear = "time" in header.roles and len(header.roles) > 1
-        if row is None:
-            if clear:
-                return Head(with_units(source, header, units), start, delimiter, 0)
-            continue
-        layout = row_layout(row, delimiter, len(_trimmed(fields)))
+        units, start = _units_below(text, after, below, delimiter, len(fields))
+        if below.row is None:
+            return Head(with_units(source, header, units), start, delimiter, 0)
+        layout = row_layout(below.row, delimiter, len(_trimmed(fields)))
+        if (layout or clear) and any(head_at(source, text, here, request) for here, _ in below.between):
+            return None  # words above the header row proper
         if layout is not None:
-            return Head(with_units(source, header, units), start, *layout)
+            return Head(with_units(source, header, units), below.start, *layout)
         if clear and complaint is None:
-            complaint = _misfit(text, start, row, delimiter, len(_trimmed(fields)))
+            complaint = _misfit(text, below.start, below.row, delimiter, len(_trimmed(fields)))
     if complaint:
         raise source.error(complaint)
     return None
@@ -132,19 +146,23 @@ def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
             yield delimiter, fields
 
 
-def _below(text: str, position: int, delimiter: str, names: int) -> tuple[list[str], int, str | None]:
-    """Return the units row (empty if none), where the numbers start, and the first row of numbers (None if none)."""
-    units: list[str] = []
-    start = position
-    for count, (here, line) in enumerate(lines_from(text, position)):
-        if count > _LOOK_AHEAD:
+def _below(text: str, position: int) -> _Below:
+    between: list[tuple[int, str]] = []
+    for here, line in lines_from(text, position):
+        if _DIGIT.search(line) and any(is_row(split(line, candidate)) for candidate in DELIMITERS):
+            return _Below(tuple(between), here, line)
+        between.append((here, line))
+        if len(between) > _LOOK_AHEAD:
             break
-        if any(is_row(split(line, candidate)) for candidate in DELIMITERS):
-            return units, here, line
-        if not units:
-            units = _units_row(line, delimiter, names)
-            start = line_at(text, here)[1] if units else start
-    return units, start, None
+    return _Below(tuple(between), position, None)
+
+
+def _units_below(text: str, after: int, below: _Below, delimiter: str, names: int) -> tuple[list[str], int]:
+    """Return the units row (empty if none), and where the text below header and units starts."""
+    for here, line in below.between:
+        if units := _units_row(line, delimiter, names):
+            return units, line_at(text, here)[1]
+    return [], after
 
 
 def _units_row(line: str, delimiter: str, names: int) -> list[str]:

@@ -43,6 +43,8 @@ VARIANTS = {
     "quoted": '"T","Fx","Fz"\n"s","N","N"\n' + rows(wrap='"'),
     "blank line below the units": "T,Fx,Fz\ns,N,N\n\n" + rows(),
     "preamble": "Operator: N. N.\nLoad 3 N; time 12:00\n\n" + UNITS_ROW + rows(),
+    "words that look like a header": "Operator, time, load\nforce over time  of load\n" + UNITS_ROW + rows(),
+    "names of the channels above": "Time, Friction, Load\n" + UNITS_ROW + rows(),
     "footer": UNITS_ROW + rows() + "TotalTime\n00:12:56.5661021\n",
     "trailing delimiter": "T,Fx,Fz,\ns,N,N,\n" + rows(tail=","),
     "padding rows of a spreadsheet": UNITS_ROW + rows() + ",,\n" * 20,
