@@ -267,6 +267,57 @@ def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
     assert "exists" in refused(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml")
 
 
+# ---- fit, and what is done with its result
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """The result folder of a fit of two example logs."""
+    out = tmp_path_factory.mktemp("fit") / "Prüfstand 1"
+    logs = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
+    assert cli.main(["fit", *logs, "--scene", str(examples.SCENE), "--out", str(out)]) == 0
+    return out
+
+
+def test_a_fit_leaves_its_folder_and_finds_the_truth(fitted):
+    names = {item.name for item in fitted.iterdir()}
+    assert names == {"result.json", "report.html", "result.h5", "figures", "classical.csv"}
+    result = json.loads((fitted / "result.json").read_text())
+    truth = json.loads(examples.TRUTH.read_text())["parameters"]
+    for name, value in truth.items():
+        entry = result["parameters"][name]
+        assert entry["verdict"] == "identified" and abs(entry["value"] - value) < 4 * entry["standard_error"]
+
+
+def test_a_stored_fit_is_verified(fitted, folder, capsys):
+    code, words, _ = stickslip(capsys, "verify", fitted / "result.json")
+    assert code == 0 and "reproduced" in words
+    stored = json.loads((fitted / "result.json").read_text())
+    stored["parameters"]["mu_s"]["value"] *= 1.01
+    stored["parameters"]["a"]["verdict"] = "weak"
+    code, words, _ = stickslip(capsys, "verify", write("changed.json", json.dumps(stored)))
+    assert code == 3 and "mu_s was" in words and "a was called weak" in words
+    stored["logs"][0]["sha256"] = "0"
+    assert "has changed" in refused(capsys, "verify", write("other.json", json.dumps(stored)))
+    assert "no result" in refused(capsys, "verify", write("none.json", "{}"))
+
+
+def test_calculators_carry_the_uncertainty_of_a_fit(fitted, folder, capsys):
+    code, out, _ = stickslip(capsys, "amplitude", "--result", fitted / "result.json", "--json")
+    drop = json.loads(out)["points"][1]["amplitude"]["drop"]
+    assert code == 0 and drop["interval"][0] < drop["value"] < drop["interval"][1]
+    assert drop["value"] == pytest.approx(0.523, rel=0.03), "as measured at 0.1 mm/s"
+
+
+def test_a_log_without_cycles_is_reported_with_exit_code_3(folder, capsys):
+    fast = ["--set", "rig.drive_speed=50 mm/s"]
+    simulated(capsys, "slide.csv", *fast)
+    code, out, _ = stickslip(capsys, "fit", "slide.csv", "--scene", examples.SCENE, *fast, "--out", "slide", "--json")
+    result = json.loads(out)
+    assert code == 3 and result["status"] == "no_cycles" and "slide.csv" in result["message"]
+    assert len(Path("slide/classical.csv").read_text().splitlines()) == 2 and Path("slide/report.html").exists()
+
+
 # ---- calculators
 
 
