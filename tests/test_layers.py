@@ -19,7 +19,7 @@ noise zigzag local_fits waveform slips segment strokes classical draft
 bracket steady ageing amplitude groups critical stability comparison
 sliding cycle orbit branch prospect sensitivity outlook_words outlook
 guess loads lanes blocks features unknowns placing layout prepare start lay_out hints
-shooting reconstruct solve uncertainty passes gate search result identification
+shooting reconstruct solve uncertainty passes gate profile search result identification
 report
 cli
 """.split()
