@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.local_fits import crossing, level, noise_on_lines, slope, span
-from identify.noise import bridged, spikes, white_noise
-from identify.slips import SLIDING, SLIP, STICK, Slips, Trace, judge, label, loading_knee, sticks
+from identify.noise import bridged, quantum, spikes, white_noise
+from identify.slips import SLIDING, SLIP, STICK, Slips, Trace, judge, label, loading_knee, not_slipping
 from identify.zigzag import find_falls, smooth
 
 __all__ = ["SLIDING", "SLIP", "STICK", "Cycles", "Segmentation", "segment"]
@@ -157,7 +158,7 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
     phase, ends_sliding = label(trace, slips)
     return Segmentation(
         cycles=_cycles(trace, slips),
-        noise=(noise_on_lines(clean, sticks(phase)) or white) if noise is None else noise,
+        noise=_noise(force[~holes], clean, phase, white) if noise is None else noise,
         spikes=masked | holes,
         phase=phase,
         begins_in_slip=slips.starts_falling and bool(slips.kept.any()),
@@ -166,6 +167,11 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
         loading_slope=_loading_slope(trace, slips),
         sample_interval=interval,
     )
+
+
+def _noise(finite: Array, clean: Array, phase: NDArray[np.int8], white: float) -> float:
+    """Never less than the rounding of the file."""
+    return max(noise_on_lines(clean, not_slipping(phase)) or white, quantum(finite) / sqrt(12.0))
 
 
 def _nothing(time: Array, holes: NDArray[np.bool_], noise: float) -> Segmentation:

@@ -235,8 +235,8 @@ def _label_without_slips(trace: Trace, phase: Phase) -> None:
         phase[: knee + 1] = STICK
 
 
-def sticks(phase: Phase) -> list[tuple[int, int]]:
-    """First sample and end of every stretch of stick."""
-    stick = (phase == STICK).astype(np.int8)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], stick, [0])))).tolist()
-    return [(a, b) for i, (a, b) in enumerate(pairwise(edges)) if i % 2 == 0]
+def not_slipping(phase: Phase) -> list[tuple[int, int]]:
+    """First sample and end of every stretch of stick and of sliding."""
+    runs = np.where(phase == SLIP, -1, phase)
+    edges = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), int(runs.size)]
+    return [(first, end) for first, end in pairwise(edges) if runs[first] >= 0]
