@@ -13,19 +13,22 @@ from data_io import Record, read_log
 from identify.errors import FitError
 from identify.gate import Gate
 from identify.hints import hints
+from identify.model import RIG_PARAMETERS
 from identify.outcome import Fit, LogCurves, Status
 from identify.prepare import Prepared, prepare
+from identify.profile import profile
 from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import Findings, document
 from identify.scene import Scene
-from identify.search import Attempt, Clock, Sources, search
+from identify.search import Attempt, Clock, Sources, resolve, search
 from identify.shooting import transcribe
-from identify.uncertainty import Information, estimates, information
+from identify.uncertainty import Information, Interval, estimates, information
 from identify.unknowns import Unknowns, from_scene, user_start
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
+BETTER_TRIES = 3  # how often a profile may hand back a better optimum
 AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
@@ -85,7 +88,7 @@ def find(
     attempt, left_out = search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     since = time.perf_counter()
     progress("intervals", 0.9)
-    findings = _findings(scene, prepared, unknowns, attempt, left_out)
+    findings = _findings(scene, unknowns, attempt, left_out, progress)
     clock.add("intervals", since)
     return prepared, findings
 
@@ -103,7 +106,7 @@ def _read(scene: Scene, index: int) -> Record:
 
 
 def _findings(
-    scene: Scene, prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | None, left_out: dict[int, str]
+    scene: Scene, unknowns: Unknowns, attempt: Attempt | None, left_out: dict[int, str], progress: Progress
 ) -> Findings:
     """Status, estimates and what else the result document is made of."""
     if attempt is None:
@@ -112,17 +115,28 @@ def _findings(
             f"{reason}: there is nothing to fit; see the classical table, "
             "and record slower, with a softer spring or at a higher load"
         )
-        return Findings(Status.NO_CYCLES, message, unknowns, None, None, None, [], left_out)
-    gate = attempt.gate
+        return Findings(Status.NO_CYCLES, message, unknowns, None, None, None, [], left_out, {})
     known = _information(attempt, unknowns)
     bounds = _at_bounds(unknowns, attempt.solved.theta)
-    covariance = known.covariance()
-    guesses = attempt.solved.guesses
-    base = unknowns.base({name: float(getattr(scene.rig, name)) for name in ("mass", "stiffness", "damping")})
-    told = hints(attempt.prepared, guesses, unknowns, attempt.solved.theta)
-    found = estimates(unknowns, attempt.solved.theta, base, covariance, bounds, told)
-    status, message = _status(gate, bounds)
-    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out)
+    base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
+    told = hints(attempt.prepared, attempt.solved.guesses, unknowns, attempt.solved.theta)
+    profiles: dict[str, Interval] = {}
+    for _ in range(1 + BETTER_TRIES):
+        covariance = known.covariance()
+        found = estimates(
+            unknowns, attempt.solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=profiles
+        )
+        weak = [e for e in found if e.verdict in ("weak", "not identifiable")]
+        if not weak or profiles or attempt.gate.status is not Status.CONVERGED:
+            break
+        walked = profile(attempt.prepared, attempt.solved, unknowns, covariance, progress)
+        if walked.better is None:
+            profiles = {name: Interval(*(side.end for side in sides)) for name, sides in walked.ends.items()}
+            continue
+        attempt = resolve(attempt, replace(unknowns, start=walked.better))
+        known = _information(attempt, unknowns)
+    status, message = _status(attempt.gate, bounds)
+    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles)
 
 
 def _information(attempt: Attempt, unknowns: Unknowns) -> Information:

@@ -25,7 +25,8 @@ STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
 SETTLED = 0.5  # samples: the last event shift
 MOST_PASSES = 6
-PATIENCE = 30  # iterations of one pass: more is a wrong start
+PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
+NEAR = 0.5  # largest row from which the exact Hessian is tried
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ def solve_in_passes(
         forming += time.perf_counter() - since
         solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE)
         iterations += solution.iterations
+        if not solution.success and solution.infeasibility < NEAR:
+            # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
+            solution = solve(problem, tolerance=tolerance, iterations=PATIENCE, exact=True, start=solution.z)
+            iterations += solution.iterations
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
         guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
@@ -66,7 +71,7 @@ def solve_in_passes(
         if on_pass is not None:
             on_pass(number)
         fine = grid is not COARSE
-        if not solution.success and (fine or solution.infeasibility > 1e-2 or not np.all(np.isfinite(solution.x))):
+        if not np.all(np.isfinite(solution.x)) or (not solution.success and (fine or solution.infeasibility > NEAR)):
             return solved
         if fine and shift < SETTLED:
             return solved

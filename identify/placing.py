@@ -54,20 +54,17 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
     side = _side_by_side(logs, p, falls)
     starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
     x = _first_arrests(model, side, starts)
-    for _sweep in range(SWEEPS):
+    for _ in range(SWEEPS):
         _, at_onset = lanes.stick(model, x, side.p, side.u)
         slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD // 2)
         handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
-        handed = np.roll(handed, 1, axis=0)
-        x = np.where(side.first[:, None], x, handed)
-    _, at_onset = lanes.stick(model, x, side.p, side.u)
-    slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD)
-    waves = _waves(model, slips, side)
-    onset = side.fall - middle_of_fall(waves.force, waves.h, waves.duration)
-    samples = _around(logs, side, onset, waves.duration)
-    onset = onset + _scan(waves, samples, onset)
-    for _ in range(2):
-        onset = onset + _shift(waves, samples, onset)
+        x = np.where(side.first[:, None], x, np.roll(handed, 1, axis=0))
+    slips, onset = _placed(model, logs, side, x)
+    # Now that the first onset is known, so is the bounded state at the begin; the first cycles are made again.
+    for number, lane in zip(np.unique(side.log), np.flatnonzero(side.first), strict=True):
+        starts[number] = _begin_state(model, logs[number], side.p[lane], starts[number], float(onset[lane]))
+        x[lane] = starts[number]
+    slips, onset = _placed(model, logs, side, x)
     guesses = []
     for number, (log, falling) in enumerate(zip(logs, falls, strict=True)):
         mine = np.flatnonzero(side.log == number)
@@ -76,6 +73,19 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
             continue
         guesses.append(_guess(model, log, p[number], starts[number], slips, mine, onset[mine], grid))
     return Placement(tuple(guesses))
+
+
+def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[lanes.Slips, Array]:
+    """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
+    _, at_onset = lanes.stick(model, x, side.p, side.u)
+    slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD)
+    waves = _waves(model, slips, side)
+    onset = side.fall - middle_of_fall(waves.force, waves.h, waves.duration)
+    samples = _around(logs, side, onset, waves.duration)
+    onset = onset + _scan(waves, samples, onset)
+    for _ in range(2):
+        onset = onset + _shift(waves, samples, onset)
+    return slips, onset
 
 
 def _side_by_side(logs: list[LogData], p: list[Array], falls: list[Array]) -> _Lanes:
@@ -236,23 +246,18 @@ def _guess(
     return Guess(start, onset, onset + saturation, onset + arrest, np.zeros_like(onset), first, second)
 
 
-def start_state(model: Model, log: LogData, p: Array, guess: Guess) -> Array:
-    """The state at the begin with its bounded state chosen so that the first onset comes when it was seen."""
-    if model.clamped is None or guess.cycles == 0:
-        return guess.start
+def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: float) -> Array:
+    """The state at the begin with its bounded state chosen so that the first onset comes when it was seen [s]."""
+    if model.clamped is None:
+        return start
     g = model.clamped
-    candidates = np.linspace(0.0, 1.0, 21)
-    x = np.repeat(guess.start[None, :], candidates.size, axis=0)
+    candidates = np.linspace(0.0, 1.0, 41)
+    x = np.repeat(start[None, :], candidates.size, axis=0)
     x[:, g] = candidates
-    force = float(log.normal_force.at(guess.onset[0]))
-    u = np.tile([log.drive_speed, force, 1.0], (candidates.size, 1))
+    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0], (candidates.size, 1))
     times, _ = lanes.stick(model, x, np.repeat(p[None, :], candidates.size, axis=0), u)
-    best = int(np.argmin(np.abs(times - (guess.onset[0] - log.begin))))
-    out = guess.start.copy()
+    best = int(np.argmin(np.abs(times - (onset - log.begin))))
+    out = start.copy()
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
-    spread = float(np.ptp(times))
-    out[g] = candidates[best] if spread > 1e-3 * (guess.onset[0] - log.begin) else 0.5
+    out[g] = candidates[best] if float(np.ptp(times)) > 1e-3 * (onset - log.begin) else 0.5
     return out
-
-
-__all__ = ["Placement", "place", "start_state"]

@@ -187,7 +187,7 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
 def _reason(found: Segmentation, falls: Array, name: str) -> str | None:
     if falls.size == 0:
         return f"{name} shows no complete stick-slip cycle"
-    if found.ends_sliding:
+    if found.ends_sliding and falls.size < 3:
         return f"{name} slides without sticking after {falls.size} slip(s): above its stick-slip limit"
     return None
 

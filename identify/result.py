@@ -22,7 +22,7 @@ from identify.outlook import outlook
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.search import Attempt, Clock
-from identify.uncertainty import LEVEL, Estimate, Information
+from identify.uncertainty import LEVEL, Estimate, Information, Interval
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -35,7 +35,8 @@ RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 @dataclass(frozen=True)
 class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
-    closest (None without one), information and covariance of theta, estimates, and why logs took no part."""
+    closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
+    of theta where the covariance alone could not be trusted."""
 
     status: Status
     message: str
@@ -45,6 +46,7 @@ class Findings:
     covariance: Array | None
     estimates: list[Estimate]
     left_out: Mapping[int, str]
+    profiles: Mapping[str, Interval]
 
 
 def document(

@@ -20,7 +20,7 @@ from identify.gate import Gate, pass_gate
 from identify.guess import Guess
 from identify.outcome import Status
 from identify.passes import COARSE, Solved, solve_in_passes
-from identify.placing import place, start_state
+from identify.placing import place
 from identify.prepare import Prepared, cut_in_last_stick
 from identify.start import GOOD, Start, candidates, fit_features, random_starts
 from identify.unknowns import Unknowns
@@ -92,17 +92,32 @@ def search(
             break
         told(f"solving from start {number + 1}", 0.3 + 0.1 * number)
         attempt = _solve(prepared, first, replace(unknowns, start=theta), clock)
+        if attempt is not None and attempt.gate.status is Status.CONVERGED:
+            told("joining the other logs", 0.8)
+            attempt = _join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
         best = _better(best, attempt)
-        if best is not None and best.gate.status is Status.CONVERGED:
+        if best is not None and best.gate.status is Status.CONVERGED and set(first) <= set(best.logs):
             break
-    if best is not None and best.gate.status is Status.CONVERGED:
-        told("joining the other logs", 0.8)
-        best = _join(best, prepared, able, unknowns, clock, left_out)
-    taken = set(best.logs) if best else set()
-    for i in able:
-        if i not in taken and i not in left_out:
-            left_out[i] = f"{prepared[i].name} could not be placed: the model slides steadily there"
-    return best, left_out
+    return (None if best is None else _disowned(best, prepared, first)), left_out | _missing(best, prepared, able)
+
+
+def _disowned(best: Attempt, prepared: list[Prepared], first: list[int]) -> Attempt:
+    """An answer that leaves out a log with plenty of cycles does not describe the data, well as it fits the rest."""
+    missing = [prepared[i].name for i in first if i not in best.logs]
+    if not missing or best.gate.status is not Status.CONVERGED:
+        return best
+    message = (
+        f"the answer of the other logs does not stick-slip as {', '.join(missing)} does: check drive speed, "
+        "stiffness and mass of that log, or fit it alone"
+    )
+    return replace(best, gate=replace(best.gate, status=Status.MODEL_MISFIT, message=message))
+
+
+def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) -> dict[int, str]:
+    """Why logs that could have taken part did not."""
+    taken = best.logs if best is not None else ()
+    why = "does not stick-slip, or not like this, at the answer of the other logs"
+    return {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}
 
 
 def _starts(prepared: list[Prepared], unknowns: Unknowns, sources: Sources, seed: int, clock: Clock) -> Iterator[Array]:
@@ -157,20 +172,27 @@ def _solve(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cloc
     return Attempt(tuple(numbers), tuple(logs), solved, gate)
 
 
+def resolve(attempt: Attempt, unknowns: Unknowns) -> Attempt:
+    """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before."""
+    logs = attempt.prepared
+    solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, unknowns.softened())
+    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
+    return replace(attempt, solved=solved, gate=gate)
+
+
 def _place(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[tuple[int, Prepared, Guess]]:
     """Number, cut log and guess of every chosen log that the start can be placed on."""
     logs = [prepared[i] for i in chosen]
     p = [unknowns.values(unknowns.start, log.data.base) for log in logs]
     placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
     out = []
-    for number, log, values, guess in zip(chosen, logs, p, placement.guesses, strict=True):
+    for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
         if guess is None or not _joins_up(guess, log):
             continue
         sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
         typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
         cut = cut_in_last_stick(log, float(guess.arrest[-1]), typical)
-        start = start_state(unknowns.model, cut.data, values, guess)
-        out.append((number, cut, replace(guess, start=start)))
+        out.append((number, cut, guess))
     return out
 
 
@@ -184,29 +206,18 @@ def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
     if attempt is None or best is None:
         return attempt if best is None else best
 
-    def rank(a: Attempt) -> tuple[bool, float]:
+    def rank(a: Attempt) -> tuple[bool, int, float]:
         chi2 = a.gate.chi2_per_sample
-        return a.gate.status is not Status.CONVERGED, abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
+        return a.gate.status is not Status.CONVERGED, -len(a.logs), abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
 
     return min(best, attempt, key=rank)
 
 
-def _join(
-    best: Attempt, prepared: list[Prepared], able: list[int], unknowns: Unknowns, clock: Clock, left_out: dict[int, str]
-) -> Attempt:
+def _join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
     """Solve again with the logs that took no part so far, where the answer can be placed on them."""
-    late = [i for i in able if i not in best.logs]
     at_answer = replace(unknowns, start=best.solved.theta)
-    for i in late:
-        if not _place(prepared, [i], at_answer):
-            left_out[i] = f"{prepared[i].name} does not stick-slip at the answer of the other logs; it was left out"
-    late = [i for i in late if i not in left_out]
+    late = [i for i in late if _place(prepared, [i], at_answer)]
     if not late:
         return best
     joined = _solve(prepared, sorted([*best.logs, *late]), at_answer, clock)
-    if joined is not None and joined.gate.status is Status.CONVERGED:
-        return joined
-    why = joined.gate.message if joined is not None else "they cannot be placed"
-    for i in late:
-        left_out[i] = f"{prepared[i].name} does not fit with the others: {why}"
-    return best
+    return joined if joined is not None and joined.gate.status is Status.CONVERGED else best

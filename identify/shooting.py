@@ -166,6 +166,30 @@ class Problem:
         self._last = (key, derivatives, point)
         return point
 
+    def exact_hessian(self, z: Array, on_cost: float, on_rows: Array) -> sp.csc_matrix:
+        """Hessian of on_cost * cost + on_rows . rows, upper triangle, in the pattern of the Gauss-Newton one.
+
+        Args:
+            on_rows: multipliers (m,).
+        """
+        point = self.evaluate(z, derivatives=True)
+        assert point.hessian is not None
+        x, scale = z * self.layout.scale, self.layout.scale
+        parts = []
+        for family, moments, scatter in zip(self.layout.families, self.moments, self._scatter, strict=True):
+            slots, count = self._slots(family, x), family.slots.shape[0]
+            _, curve = family.block.evaluate(slots, family.constants, derivatives=False)
+            pull = on_cost * _pull(moments, curve).reshape(count, -1)
+            bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull)
+            parts.append(bend.ravel()[scatter.hessian_entries])
+        summed = np.bincount(
+            self._hessian_slot, weights=np.concatenate([*parts, np.zeros(z.size)]), minlength=self._hessian_rows.size
+        )
+        columns = np.repeat(np.arange(z.size), np.diff(self._hessian_starts))
+        out = point.hessian.copy()
+        out.data = on_cost * out.data + summed * scale[columns] * scale[self._hessian_rows]
+        return out
+
     def _prior(self, x: Array) -> Array:
         return (x - self.layout.prior_mean) / self.layout.prior_sd
 
@@ -195,8 +219,8 @@ class Problem:
             count, n_slots = family.slots.shape
             shape = (count, -1, n_slots)
             tall = d_curve.reshape(shape)
-            step = np.matmul(moments.curvature, (curve - moments.reference)[..., None])[..., 0] - moments.pull
-            pull = np.matmul(tall.transpose(0, 2, 1), step.reshape(count, -1, 1))[..., 0]
+            step = _pull(moments, curve).reshape(count, -1, 1)
+            pull = np.matmul(tall.transpose(0, 2, 1), step)[..., 0]
             hessian = np.matmul(tall.transpose(0, 2, 1), bend.reshape(shape))
             gradient += (
                 np.bincount(
@@ -227,6 +251,12 @@ def _polynomial(coefficients: Array, cell: Indices, u: Array) -> Array:
     for i in range(coefficients.shape[1] - 1, -1, -1):
         value = value * u + coefficients[cell, i]
     return value
+
+
+def _pull(moments: Moments, curve: Array) -> Array:
+    """Gradient of half the weighted squares with respect to the curve coefficients, shape of curve."""
+    bent = np.matmul(moments.curvature, (curve - moments.reference)[..., None])[..., 0]
+    return np.asarray(bent - moments.pull)
 
 
 def _squares(moments: Moments, curve: Array) -> Array:

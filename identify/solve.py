@@ -75,7 +75,7 @@ def _sparsity(matrix: sp.csc_matrix) -> ca.Sparsity:
     return ca.Sparsity(*matrix.shape, matrix.indptr.tolist(), matrix.indices.tolist())
 
 
-def _ports(problem: Problem) -> dict[str, _Port]:
+def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
     """The four functions IPOPT asks for."""
     first = problem.evaluate(problem.start, derivatives=True)
     assert first.jacobian is not None and first.hessian is not None
@@ -98,6 +98,8 @@ def _ports(problem: Problem) -> dict[str, _Port]:
         return point.rows, ca.DM(jacobian, point.jacobian.data)
 
     def hess(z: Array, arguments: Any) -> tuple[Any, ...]:
+        if exact:
+            return (ca.DM(hessian, problem.exact_hessian(z, float(arguments[2]), np.array(arguments[3]).ravel()).data),)
         point = problem.evaluate(z, derivatives=True)
         assert point.hessian is not None
         return (ca.DM(hessian, point.hessian.data * float(arguments[2])),)
@@ -111,17 +113,26 @@ def _ports(problem: Problem) -> dict[str, _Port]:
 
 
 def solve(
-    problem: Problem, *, tolerance: float = 1e-8, barrier: float = 1e-4, iterations: int = 60, log: Path | None = None
+    problem: Problem,
+    *,
+    tolerance: float = 1e-8,
+    barrier: float = 1e-4,
+    iterations: int = 60,
+    exact: bool = False,
+    start: Array | None = None,
+    log: Path | None = None,
 ) -> Solution:
-    """Solve the problem from its starting point.
+    """Solve the problem from its starting point, or from `start` (n,) scaled.
 
     Args:
         tolerance: on the scaled optimality conditions.
         barrier: IPOPT's first barrier parameter: small from a good start.
         iterations: give up after this many.
+        exact: with the exact Hessian instead of Gauss-Newton: dearer per iteration, but it does not creep along
+            ridges; only near a solution.
         log: file for the solver's own words; default none.
     """
-    ports = _ports(problem)
+    ports = _ports(problem, exact)
     layout = problem.layout
     options: dict[str, Any] = {
         "print_time": False,
@@ -155,7 +166,11 @@ def solve(
         options |= {"ipopt.output_file": str(log), "ipopt.file_print_level": 5}
     solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
     result = solver(
-        x0=problem.start, lbx=layout.lower / layout.scale, ubx=layout.upper / layout.scale, lbg=0.0, ubg=0.0
+        x0=problem.start if start is None else start,
+        lbx=layout.lower / layout.scale,
+        ubx=layout.upper / layout.scale,
+        lbg=0.0,
+        ubg=0.0,
     )
     z = np.array(result["x"]).ravel()
     stats = solver.stats()

@@ -119,13 +119,23 @@ class Estimate:
     reason: str
 
 
+@dataclass(frozen=True)
+class Interval:
+    """An interval of theta from a profile; None: open."""
+
+    lower: float | None
+    upper: float | None
+
+
 def estimates(
     unknowns: Unknowns,
     theta: Array,
     base: Array,
     covariance: Array,
+    *,
     at_bound: Mapping[str, str],
     hints: Mapping[str, str],
+    profiles: Mapping[str, Interval],
 ) -> list[Estimate]:
     """Values, standard errors, 95 % intervals and verdicts of every parameter.
 
@@ -133,61 +143,66 @@ def estimates(
         theta: (n_p,); base (n_p,) of the rig the values are given for; covariance (f, f) of the free ones.
         at_bound: sentence per parameter that sits at a bound.
         hints: per parameter, what test would tell it, used where it is not identified.
+        profiles: intervals of theta by name, where profiles were run; else from the covariance.
     """
     values = unknowns.values(theta, base)
     sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    names = unknowns.names
-    step = values[names.index("mu_s")] - values[names.index("mu_k0")]
+    step = abs(float(values[unknowns.names.index("mu_s")] - values[unknowns.names.index("mu_k0")]))
     quantile = float(norm.ppf(0.5 + LEVEL / 2))
     out = []
     for i, declared in enumerate(unknowns.model.parameters):
-        value = float(values[i])
+        value, name, unit = float(values[i]), declared.name, declared.unit
         if i not in sd:
-            out.append(Estimate(declared.name, declared.unit, value, None, None, None, "fixed", "not estimated"))
+            out.append(Estimate(name, unit, value, None, None, None, "fixed", "not estimated"))
             continue
-        if declared.name in at_bound:
-            out.append(
-                Estimate(declared.name, declared.unit, value, None, None, None, "at bound", at_bound[declared.name])
-            )
+        if name in at_bound:
+            out.append(Estimate(name, unit, value, None, None, None, "at bound", at_bound[name]))
             continue
-        half = quantile * sd[i]
-        if declared.scale == "log":
-            with np.errstate(over="ignore"):
-                ends = (value * float(np.exp(-half)), value * float(np.exp(half)))
-            error = value * sd[i]
-            size = abs(value)
-        else:
-            ends, error = (value - half, value + half), sd[i]
-            size = abs(step) if declared.name == "delta_mu_k" else abs(value)
-        verdict = _verdict(value, ends, size, declared.scale == "log")
-        if verdict == "not identifiable":
-            low, high = _open_ends(ends, declared.lower, declared.upper)
-            reason = hints.get(declared.name, "these data hold too little on it")
-            out.append(Estimate(declared.name, declared.unit, value, None, low, high, verdict, reason))
-            continue
+        interval = profiles.get(name, Interval(theta[i] - quantile * sd[i], theta[i] + quantile * sd[i]))
+        low, high = (_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
+        size = step if name == "delta_mu_k" else abs(value)
+        verdict = _verdict(value, low, high, size, declared.scale == "log")
         prior = _prior_share(unknowns, i, sd[i])
-        reason = (
-            prior
-            if verdict == "identified"
-            else f"{hints.get(declared.name, 'more cycles would tell')}{prior and '; ' + prior}"
+        if verdict == "not identifiable":
+            reason = hints.get(name, "these data hold too little on it")
+            ends = (_open(low, declared.lower, above=True), _open(high, declared.upper, above=False))
+            out.append(Estimate(name, unit, value, None, *ends, verdict, reason))
+            continue
+        reason = prior
+        if verdict != "identified":
+            reason = "; ".join(filter(None, (hints.get(name, "more cycles would tell"), prior)))
+        assert low is not None and high is not None
+        error = (
+            (high - low) / (2 * quantile) if name in profiles else sd[i] * (value if declared.scale == "log" else 1.0)
         )
-        out.append(Estimate(declared.name, declared.unit, value, error, ends[0], ends[1], verdict, reason))
+        out.append(Estimate(name, unit, value, float(error), low, high, verdict, reason))
     return out
 
 
-def _verdict(value: float, ends: tuple[float, float], size: float, logarithmic: bool) -> str:
-    widest = max(value - ends[0], ends[1] - value)
-    if not math.isfinite(widest):
+def _value(unknowns: Unknowns, i: int, theta: float | None, base: float) -> float | None:
+    """The parameter value at a theta; None for an open end."""
+    if theta is None:
+        return None
+    if not unknowns.logarithmic[i]:
+        return float(base + theta)
+    return float(base * math.exp(theta)) if theta < 700 else None
+
+
+def _verdict(value: float, low: float | None, high: float | None, size: float, logarithmic: bool) -> str:
+    if low is None or high is None:
         return "not identifiable"
+    widest = max(value - low, high - value)
     if widest <= IDENTIFIED * size:
         return "identified"
-    within = ends[1] <= WEAK * value and ends[0] >= value / WEAK if logarithmic else widest <= (1 - 1 / WEAK) * size
+    within = high <= WEAK * value and low >= value / WEAK if logarithmic else widest <= (1 - 1 / WEAK) * size
     return "weak" if within else "not identifiable"
 
 
-def _open_ends(ends: tuple[float, float], lower: float, upper: float) -> tuple[float | None, float | None]:
-    """Interval ends that say nothing beyond the admissible box are open."""
-    return (ends[0] if ends[0] > lower else None), (ends[1] if ends[1] < upper else None)
+def _open(end: float | None, bound: float, *, above: bool) -> float | None:
+    """An interval end that says no more than the admissible box is open."""
+    if end is None or not math.isfinite(end):
+        return None
+    return end if (end > bound if above else end < bound) else None
 
 
 def _prior_share(unknowns: Unknowns, i: int, sd: float) -> str:

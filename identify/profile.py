@@ -1,0 +1,159 @@
+"""Profile likelihood: how far a parameter can be moved while all others follow, before the data object.
+
+Run where the covariance finds a parameter weakly determined: there the log-likelihood is no parabola, and a
+small standard error from its curvature at one point can be false. Every point is solved again, warm from its
+neighbour; a failed point shortens the step and is never counted; a better optimum is handed back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from identify.guess import Guess
+from identify.passes import Solved
+from identify.prepare import Prepared
+from identify.shooting import transcribe
+from identify.solve import solve
+from identify.uncertainty import LEVEL, WEAK
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+CRITICAL = float(chi2.ppf(LEVEL, 1))  # of 2 (cost - smallest cost), one degree of freedom
+REACH = 1.15 * float(np.log(WEAK))  # of a logarithm: beyond a factor of three nothing more is asked
+REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients
+POINTS = 14  # of one side
+BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
+CLOSED = 1e-6  # largest row of a point that counts
+PATIENCE = 40
+
+
+@dataclass(frozen=True)
+class Side:
+    """One end of a profile interval in theta; None: open (the data never object, or `failed` points)."""
+
+    end: float | None
+    failed: bool
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Interval ends per parameter name, and theta of a better optimum where one was met."""
+
+    ends: dict[str, tuple[Side, Side]]
+    better: Array | None
+
+
+@dataclass(frozen=True)
+class _Point:
+    theta: Array
+    guesses: list[Guess]
+    cost: float
+
+
+class _Line:
+    """Solves with one parameter held; costs are of the data and the user's priors only."""
+
+    def __init__(self, logs: tuple[Prepared, ...], solved: Solved, unknowns: Unknowns) -> None:
+        self.logs = [log.data for log in logs]
+        self.grid, self.unknowns = solved.grid, unknowns
+        soft = unknowns.softened()
+        self.soft = replace(soft, prior_mean=np.where(np.isfinite(unknowns.prior_sd), soft.prior_mean, solved.theta))
+        self.best = self.point(solved.theta, solved.guesses, None) or _Point(
+            solved.theta, solved.guesses, solved.solution.cost
+        )
+
+    def point(self, theta: Array, guesses: list[Guess], held: int | None) -> _Point | None:
+        """The best point with theta[held] as it is; None where the solver fails."""
+        free = self.unknowns.free.copy()
+        if held is not None:
+            free[held] = False
+        search = replace(self.soft, start=theta, free=free)
+        problem = transcribe(self.logs, guesses, search, self.grid)
+        solution = solve(problem, barrier=1e-6, iterations=PATIENCE, exact=True)
+        if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
+            return None
+        found = theta.copy()
+        found[problem.layout.free] = solution.x[: problem.layout.free.size]
+        moved = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
+        none = free & ~np.isfinite(self.unknowns.prior_sd)
+        penalty = 0.5 * float(np.sum(((found - self.soft.prior_mean) / self.soft.prior_sd)[none] ** 2))
+        return _Point(found, moved, solution.cost - penalty)
+
+
+def profile(
+    logs: tuple[Prepared, ...],
+    solved: Solved,
+    unknowns: Unknowns,
+    covariance: Array,
+    progress: Callable[[str, float | None], None],
+) -> Profiles:
+    """Profile every free parameter of a solution.
+
+    Args:
+        covariance: (f, f) of the free theta, for the first steps.
+    """
+    line = _Line(logs, solved, unknowns)
+    ends: dict[str, tuple[Side, Side]] = {}
+    for k, index in enumerate(np.flatnonzero(unknowns.free).tolist()):
+        name = unknowns.names[index]
+        progress(f"profile of {name}", None)
+        reach = REACH if unknowns.logarithmic[index] else REACH_LINEAR * _step(unknowns, line.best.theta)
+        first = float(np.clip(np.sqrt(covariance[k, k]), 0.02 * reach, 0.3 * reach))
+        sides = []
+        for sign in (-1.0, 1.0):
+            side, better = _side(line, index, sign, first, reach)
+            if better is not None:
+                return Profiles(ends, better)
+            sides.append(side)
+        ends[name] = (sides[0], sides[1])
+    return Profiles(ends, None)
+
+
+def _step(unknowns: Unknowns, theta: Array) -> float:
+    """mu_s - mu_k0, the size coefficients are judged by."""
+    names = unknowns.names
+    return float(abs(theta[names.index("mu_s")] - theta[names.index("mu_k0")])) or 0.1
+
+
+def _side(line: _Line, index: int, sign: float, first: float, reach: float) -> tuple[Side, Array | None]:
+    """Walk one way until the data object; the end by interpolation of the square root of what they lose."""
+    centre, best = line.best.theta[index], line.best
+    done, done_root, here, length = 0.0, 0.0, best, first
+    failures = 0
+    for _ in range(POINTS):
+        target = min(done + length, reach)
+        theta = here.theta.copy()
+        theta[index] = centre + sign * target
+        bound = line.unknowns.lower[index] if sign < 0 else line.unknowns.upper[index]
+        if sign * (theta[index] - bound) > 0:
+            return Side(None, False), None
+        point = line.point(theta, here.guesses, index)
+        if point is None:
+            failures += 1
+            length *= 0.4
+            if failures > 4:
+                return Side(None, True), None
+            continue
+        loss = 2 * (point.cost - best.cost)
+        if loss < -BETTER:
+            return Side(None, False), point.theta
+        root = float(np.sqrt(max(loss, 0.0)))
+        limit = float(np.sqrt(CRITICAL))
+        if root >= limit:
+            if root < 1.6 * limit or target - done < 0.02 * reach:
+                share = (limit - done_root) / max(root - done_root, 1e-12)
+                return Side(float(centre + sign * (done + share * (target - done))), False), None
+            length = (target - done) * max(0.3, (limit - done_root) / (root - done_root))
+            continue
+        if target >= reach:
+            return Side(None, False), None
+        slope = (root - done_root) / (target - done)
+        length = float(np.clip(1.15 * (limit - root) / max(slope, 1e-9), 0.5 * length, 2.5 * length))
+        done, done_root, here = target, root, point
+    return Side(None, True), None
