@@ -3,7 +3,7 @@
 import functools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from data_io.units import kind_of
@@ -45,28 +45,28 @@ class Name:
 
 @dataclass(frozen=True)
 class Header:
-    """The columns of one table, which of them carry a role (by index), and remarks on choices made."""
+    """The columns of one table, which of them carry a role (by index), and which others might have (role: indices)."""
 
     names: tuple[Name, ...]
     roles: Mapping[str, int]
-    remarks: tuple[str, ...] = ()
+    passed_over: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
 
 @functools.lru_cache(maxsize=4096)
-def parse_name(field: str) -> Name:
+def parse_name(text: str) -> Name:
     """Split `Fx (N)`, `Fx [N]`, `fx_N`, `t / s` into name and unit.
 
     A unit without brackets is believed only behind a name that is itself a known alias, because `F_N` or `Fx left` say
     something else.
     """
-    field = field.strip().strip('"').strip()
-    match = _BRACKETS.fullmatch(field)
+    text = text.strip().strip('"').strip()
+    match = _BRACKETS.fullmatch(text)
     if match and match[1]:
-        return Name(field, match[1].rstrip(" ,_"), match[2].strip())
-    match = _SUFFIX.fullmatch(field)
-    if match and role_of(field) is None and role_of(match[1]) is not None and kind_of(match[2]) in ("time", "force"):
-        return Name(field, match[1].strip(), match[2])
-    return Name(field, field, None)
+        return Name(text, match[1].rstrip(" ,_"), match[2].strip())
+    match = _SUFFIX.fullmatch(text)
+    if match and role_of(text) is None and role_of(match[1]) is not None and kind_of(match[2]) in ("time", "force"):
+        return Name(text, match[1].strip(), match[2])
+    return Name(text, text, None)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -84,7 +84,7 @@ def match_header(fields: Sequence[str], wanted: Mapping[str, str]) -> Header:
     """Give roles to columns: those the user named first, the rest by alias. Missing roles are simply absent."""
     names = tuple(parse_name(field) for field in fields)
     roles: dict[str, int] = {}
-    remarks: list[str] = []
+    passed_over: dict[str, tuple[int, ...]] = {}
     for role, column in wanted.items():
         index = find_column(names, column)
         if index is not None and role in KIND:
@@ -96,9 +96,8 @@ def match_header(fields: Sequence[str], wanted: Mapping[str, str]) -> Header:
         if found:
             roles[role] = found[0]
         if len(found) > 1:
-            others = ", ".join(repr(names[i].raw) for i in found[1:])
-            remarks.append(f"the {words(role)} was taken from {names[found[0]].raw!r}, not from {others}")
-    return Header(names, roles, tuple(remarks))
+            passed_over[role] = tuple(found[1:])
+    return Header(names, roles, passed_over)
 
 
 def find_column(names: Sequence[Name], wanted: str) -> int | None:

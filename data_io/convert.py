@@ -35,7 +35,7 @@ def convert(
     _check_roles(source, request, part, label)
     raw_time = _role(source, request, part, "time")
     time, rows, notes = usable_rows(source, StepClock(label, raw_time))
-    notes += [Finding("column_choice", "info", remark) for remark in part.header.remarks]
+    notes += _choices(part)
     timeless = ~np.isfinite(raw_time[rows])
     roles = {}
     for role in COLUMN_ROLES[1:] if "drive_speed" in part.header.roles else COLUMN_ROLES[1:3]:
@@ -45,6 +45,24 @@ def convert(
         notes.append(_constant_load(request.normal_force, part))
     channels = {name: (values[rows], unit) for name, values, unit in _raw_channels(request, part, settled)}
     return SiStep(label, time, roles, channels), notes
+
+
+def _choices(part: Part) -> list[Finding]:
+    """Say where another column might have been meant, unless it only repeats the one taken."""
+    notes = []
+    for role, others in part.header.passed_over.items():
+        index = part.header.roles[role]
+        taken = part.columns.get(index)
+        differing = [i for i in others if i in part.columns and not _same(taken, part.columns[i])]
+        if differing:
+            named = ", ".join(repr(part.header.names[i].raw) for i in differing)
+            text = f"the {words(role)} was taken from {part.header.names[index].raw!r}, not from {named}"
+            notes.append(Finding("column_choice", "info", text))
+    return notes
+
+
+def _same(one: FloatArray | None, other: FloatArray) -> bool:
+    return one is not None and np.array_equal(one, other, equal_nan=True)
 
 
 def _check_roles(source: Source, request: Request, part: Part, label: str) -> None:

@@ -51,6 +51,8 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, at_end
             f"row {int(np.argmax(extra)) + 1} below line {first_line - 1} holds more fields than the header names "
             f"({len(names)}); as many were expected; repair the log"
         )
+    if frame.empty:
+        return Numbers({index: np.empty(0) for index in range(len(names))}, tuple(remarks))
     columns: dict[int, FloatArray] = {}
     for index in range(min(len(names), frame.shape[1])):
         column = frame[index]
@@ -63,11 +65,26 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, at_end
     return Numbers(columns, tuple(remarks))
 
 
-def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str, width: int = 0) -> pd.DataFrame:
-    width = width or max(head.width, len(head.header.names))
+def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str) -> pd.DataFrame:
+    width = max(head.width, len(head.header.names))
+    quoted = _quotes_close(block)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.ParserWarning)
+        return _pandas(block, head, decimal, width, quoted)
+    except (ValueError, OverflowError):
+        widest = _widest(source, block, first_line, head)
+    try:
+        return _pandas(block, head, decimal, max(widest, width), quoted=False)
+    except (ValueError, OverflowError) as error:
+        raise source.error(
+            f"the rows from line {first_line} on cannot be read as a table ({error}); "
+            "rows of numbers as wide as the header were expected; export again"
+        ) from error
+
+
+def _pandas(block: str, head: Head, decimal: str, width: int, quoted: bool) -> pd.DataFrame:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pd.errors.ParserWarning)
+        try:
             frame: pd.DataFrame = pd.read_csv(
                 io.StringIO(block),
                 sep=head.delimiter,
@@ -78,28 +95,25 @@ def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str
                 na_values=_MISSING,
                 skipinitialspace=True,
                 low_memory=False,
-                quoting=csv.QUOTE_MINIMAL if '"' in block else csv.QUOTE_NONE,
+                quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
                 engine="c",
                 **_EXACT,
             )
-            return frame
-    except pd.errors.EmptyDataError:
-        return pd.DataFrame({index: pd.Series(dtype=np.float64) for index in range(width)})
-    except (ValueError, OverflowError) as error:
-        widest = _widest(source, block, first_line, head)
-        if widest > width:
-            return _parse(source, block, first_line, head, decimal, widest)
-        raise source.error(
-            f"the rows from line {first_line} on cannot be read as a table ({error}); "
-            "rows of numbers as wide as the header were expected; export again"
-        ) from error
+        except pd.errors.EmptyDataError:
+            return pd.DataFrame({index: pd.Series(dtype=np.float64) for index in range(width)})
+    return frame
+
+
+def _quotes_close(block: str) -> bool:
+    """Tell whether fields are quoted, each on its own line; an open quote would swallow the rows up to the next one."""
+    return '"' in block and all(line.count('"') % 2 == 0 for line in block.split("\n"))
 
 
 def _widest(source: Source, block: str, first_line: int, head: Head) -> int:
     """Return the largest number of fields of a row; names the row that holds more than the header names."""
     widest = 0
     for offset, line in enumerate(block.split("\n")):
-        fields = split(line, head.delimiter)
+        fields = split(line.replace('"', ""), head.delimiter)
         if any(fields[len(head.header.names) :]):
             raise source.error(
                 f"line {first_line + offset} holds {len(fields)} fields where the header names "

@@ -28,7 +28,7 @@ class Source:
 
     def error(self, sentence: str) -> LogError:
         """Return the error of this log with its path in front."""
-        return LogError(f"{self.path}: {sentence}")
+        return LogError(f"{self.path}: {' '.join(sentence.split())}")
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,6 @@ BAD = {
     "not gz": (b"\x1f\x8b" + b"x" * 40, "damaged"),
     "empty gz": (gzip.compress(b""), "is empty"),
     "damaged hdf5": (b"\x89HDF\r\n\x1a\n" + bytes(300), "damaged"),
-    "open quote": ((GOOD + '"0.5,1,3\n0.6,1,3\n').encode(), "cannot be read as a table"),
 }  # fmt: skip
 
 
