@@ -98,10 +98,10 @@ def _mapped(function: ca.Function, arguments: list[Array], sizes: list[int]) -> 
     for first in range(0, padded, CHUNK):
         for i, source in enumerate(given):
             if source.size:
-                buffer.set_arg(i, memoryview(source[first : first + CHUNK].reshape(-1)))
+                buffer.set_arg(i, source[first : first + CHUNK].reshape(-1).data)
         for i, target in enumerate(out):
             if target.size:
-                buffer.set_res(i, memoryview(target[first : first + CHUNK].reshape(-1)))
+                buffer.set_res(i, target[first : first + CHUNK].reshape(-1).data)
         call()
     return out
 

@@ -116,7 +116,7 @@ def _binned(local: Array, force: Array, weight: Array, edges: Array) -> tuple[Ar
     total = np.bincount(index[inside], weights=weight[inside], minlength=bins)
     summed = np.bincount(index[inside], weights=(weight * force)[inside], minlength=bins)
     with np.errstate(all="ignore"):
-        return summed / total, total
+        return np.asarray(summed / total), np.asarray(total, dtype=float)
 
 
 def _against_mean(local: Array, edges: Array, mean: Array, count: Array) -> tuple[Array, Array]:

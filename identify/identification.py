@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io import Record, read_log
+from data_io import LogError, Record, read_log
 from identify.errors import FitError
 from identify.gate import Gate
 from identify.hints import hints
@@ -22,13 +22,14 @@ from identify.result import Findings, document
 from identify.scene import Scene
 from identify.search import Attempt, Clock, Sources, resolve, search
 from identify.shooting import transcribe
-from identify.uncertainty import Information, Interval, estimates, information
+from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns, from_scene, user_start
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
 BETTER_TRIES = 3  # how often a profile may hand back a better optimum
+DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
 AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
@@ -94,15 +95,15 @@ def find(
 
 
 def _read(scene: Scene, index: int) -> Record:
+    """Read one log; the normal force of [rig] only where the log has none of its own."""
     entry = scene.logs[index]
-    load = scene.rig_for(entry).normal_force
-    return read_log(
-        entry.path,
-        step=entry.step,
-        units=dict(entry.units) if entry.units else None,
-        columns=dict(entry.columns) if entry.columns else None,
-        normal_force=load,
-    )
+    units, columns = (dict(said) if said else None for said in (entry.units, entry.columns))
+    try:
+        return read_log(entry.path, step=entry.step, units=units, columns=columns, normal_force=entry.normal_force)
+    except LogError:
+        if entry.normal_force is not None or scene.rig.normal_force is None:
+            raise
+        return read_log(entry.path, step=entry.step, units=units, columns=columns, normal_force=scene.rig.normal_force)
 
 
 def _findings(
@@ -126,8 +127,7 @@ def _findings(
         found = estimates(
             unknowns, attempt.solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=profiles
         )
-        weak = [e for e in found if e.verdict in ("weak", "not identifiable")]
-        if not weak or profiles or attempt.gate.status is not Status.CONVERGED:
+        if profiles or attempt.gate.status is not Status.CONVERGED or not _doubtful(unknowns, covariance, found):
             break
         walked = profile(attempt.prepared, attempt.solved, unknowns, covariance, progress)
         if walked.better is None:
@@ -137,6 +137,14 @@ def _findings(
         known = _information(attempt, unknowns)
     status, message = _status(attempt.gate, bounds)
     return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles)
+
+
+def _doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bool:
+    """Whether some parameter is so uncertain that the curvature at one point says little about its interval."""
+    wide = np.sqrt(np.diag(covariance)) > DOUBTFUL
+    return bool(np.any(wide & unknowns.logarithmic[unknowns.free])) or any(
+        e.verdict == "not identifiable" for e in found
+    )
 
 
 def _information(attempt: Attempt, unknowns: Unknowns) -> Information:

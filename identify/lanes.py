@@ -106,9 +106,9 @@ def _call(function: ca.Function, arguments: list[Array], sizes: list[int]) -> li
     buffer, call = function.buffer()
     for first in range(0, padded, CHUNK):
         for i, a in enumerate(given):
-            buffer.set_arg(i, memoryview(a[first : first + CHUNK].reshape(-1)))
+            buffer.set_arg(i, a[first : first + CHUNK].reshape(-1).data)
         for i, o in enumerate(out):
-            buffer.set_res(i, memoryview(o[first : first + CHUNK].reshape(-1)))
+            buffer.set_res(i, o[first : first + CHUNK].reshape(-1).data)
         call()
     return [o[:n] for o in out]
 

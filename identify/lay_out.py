@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +33,7 @@ class Collector:
         self.theta = np.full(len(unknowns.names), KNOWN)
         self.theta[free] = np.arange(free.size)
         self.events: list[int] = []
-        self.parts: dict[tuple[BlockKind, int], list[tuple[Array, ...]]] = {}
+        self.parts: dict[tuple[BlockKind, int], list[tuple[NDArray[Any], ...]]] = {}
 
     def add(
         self,

@@ -82,7 +82,8 @@ def stick(model: Model, x: Array, situated: Situated, start: float, limit: float
     """
     x = x.copy()
     x[SPEED] = 0.0
-    end, ended_by = limit, None
+    end = limit
+    ended_by: GuardName | None = None
     if _spare_grip(model, x, situated, np.zeros(1))[0] <= 0.0:
         return Phase("stick", start, situated, np.zeros(1), x[None, :], "speed")
     k = situated.p[model.parameter_names.index("stiffness")]

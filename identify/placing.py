@@ -65,7 +65,7 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
         starts[number] = _begin_state(model, logs[number], side.p[lane], starts[number], float(onset[lane]))
         x[lane] = starts[number]
     slips, onset = _placed(model, logs, side, x)
-    guesses = []
+    guesses: list[Guess | None] = []
     for number, (log, falling) in enumerate(zip(logs, falls, strict=True)):
         mine = np.flatnonzero(side.log == number)
         if not falling.size or not np.all(slips.rested[mine]):

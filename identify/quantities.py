@@ -78,11 +78,30 @@ class Terms:
 class Effect(Protocol):
     """One effect: a file that declares all it needs. `null` are values at which it is as good as absent."""
 
-    name: str
-    source: str
-    parameters: tuple[Parameter, ...]
-    states: tuple[State, ...]
-    null: Mapping[str, float]
+    @property
+    def name(self) -> str:
+        """What the scene calls it."""
+        ...
+
+    @property
+    def source(self) -> str:
+        """Equation or reference."""
+        ...
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What it needs to know."""
+        ...
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """What it keeps in memory."""
+        ...
+
+    @property
+    def null(self) -> Mapping[str, float]:
+        """Parameter values at which it is as good as absent."""
+        ...
 
     def terms(self, s: Situation) -> Terms:
         """The effect's contribution to every port in this situation."""

@@ -27,6 +27,7 @@ from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]
+Progress = Callable[[str, float | None], None]
 
 FULL = 3  # cycles a log must show to take part in the start
 ATTEMPTS = 4  # starts that are solved before giving up
@@ -64,7 +65,7 @@ def search(
     sources: Sources = "data",
     seed: int = 0,
     clock: Clock | None = None,
-    progress: Callable[[str, float | None], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Attempt | None, dict[int, str]]:
     """Find the solution of all logs together.
 
@@ -76,7 +77,7 @@ def search(
         log that took no part, why.
     """
     clock = clock or Clock()
-    told = progress or (lambda _stage, _share=None: None)
+    told: Progress = progress or (lambda _stage, _share: None)
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = [i for i in range(len(prepared)) if i not in left_out]
     for least in (FULL, 2, 1):

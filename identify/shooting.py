@@ -236,12 +236,12 @@ class Problem:
         columns = np.repeat(np.arange(z.size), np.diff(self._jacobian_starts))
         jacobian = sp.csc_matrix((flat * scale[columns], self._jacobian_rows, self._jacobian_starts), self._shape)
         diagonal = 1.0 / layout.prior_sd**2
-        summed = np.bincount(
+        bends = np.bincount(
             self._hessian_slot, weights=np.concatenate([*hessian_parts, diagonal]), minlength=self._hessian_rows.size
         )
         h_columns = np.repeat(np.arange(z.size), np.diff(self._hessian_starts))
-        summed = summed * scale[h_columns] * scale[self._hessian_rows]
-        hessian_matrix = sp.csc_matrix((summed, self._hessian_rows, self._hessian_starts), (z.size, z.size))
+        bends = np.asarray(bends * scale[h_columns] * scale[self._hessian_rows])
+        hessian_matrix = sp.csc_matrix((bends, self._hessian_rows, self._hessian_starts), (z.size, z.size))
         return Point(cost, rows, gradient, jacobian, hessian_matrix)
 
 

@@ -37,7 +37,7 @@ def phases(
     duration: float,
     x: Array,
     *,
-    rtol: float = 1e-10,
+    rtol: float = 1e-11,
     locate: bool = True,
 ) -> Iterator[Phase]:
     """The phases of the motion from state x (n_x,), one by one, until `duration` [s].
@@ -95,7 +95,7 @@ def run(
     duration: float,
     *,
     start: dict[str, float] | None = None,
-    rtol: float = 1e-10,
+    rtol: float = 1e-11,
     locate: bool = True,
 ) -> Trajectory:
     """Simulate a model for `duration` [s].
@@ -125,7 +125,7 @@ def simulate(
     *,
     drive: float | Drive | tuple[tuple[float, float], ...] | None = None,
     normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
-    rtol: float = 1e-10,
+    rtol: float = 1e-11,
 ) -> Trajectory:
     """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
 

@@ -23,6 +23,8 @@ SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
 STEEPEST_RISE = 3.0  # times the stick slope: nothing elastic rises faster; a spike in a slip does
 LOADING_SD = 10.0
 UNLIKE = (0.35, 0.6)  # of the median slope: neighbouring sticks differ less, and all sticks scatter less
+FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, where swings settle
+FEW_RISES = 3  # are no reference: take the loading slope
 SPIKE_RISE = 5  # samples
 LAST_RISE = (0.6, 0.3)  # of the last fall's duration must follow it, less where it already rises like a stick
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
@@ -85,7 +87,8 @@ def judge(trace: Trace, turns: Turns) -> Slips:
     slopes, first = _slopes(trace, peaks, valleys), slope(trace.time, trace.force, 0, int(peaks[0]), trace.noise)
     typical = float(np.median(trace.coarse[peaks] - trace.coarse[valleys]))
     loading = not turns.starts_falling and trace.rise(0, int(peaks[0])) > LOADING_RISE * typical
-    reference = first if loading or slopes.size == 0 else _weighted_quantile(slopes, _heights(trace, peaks, valleys))
+    usual = _weighted_quantile(slopes, _heights(trace, peaks, valleys)) if slopes.size else first
+    reference = first if loading and slopes.size < FEW_RISES else usual
     spiky = (slopes > STEEPEST_RISE * reference) & (peaks[1:] - valleys[:-1] <= SPIKE_RISE) & (reference > 0)
     if spiky.any():
         whole = np.append(True, ~spiky)
@@ -95,7 +98,11 @@ def judge(trace: Trace, turns: Turns) -> Slips:
     durations = trace.time[valleys] - trace.time[peaks]
     kept = drops > SLOWEST_FALL * reference * durations
     kept[-1] &= _is_over(trace, int(valleys[-1]), float(durations[-1]), reference)
-    settling = 0 if _wanders(trace, peaks, valleys, slopes) else _settling(trace, peaks, valleys, slopes, reference)
+    settling = (
+        0
+        if _wanders(trace, peaks, valleys, slopes)
+        else _settling(trace, peaks, valleys, slopes, first if loading else usual)
+    )
     kept[settling:] = False
     return Slips(
         peaks, valleys, kept, slopes, reference, first if loading else None, settling < peaks.size, turns.starts_falling
@@ -163,7 +170,8 @@ def _wanders(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array) -> b
 def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
     """First of the last falls after which the force never again rises like a stick; their number if there is none.
 
-    They are no slips where steady sliding follows, or where they fade.
+    One or two are no slips where steady sliding follows; several where they also fade (a rig may load more
+    steeply at first than between slips).
     """
     count, last = peaks.size, int(valleys[-1])
     if reference <= 0:
@@ -177,9 +185,11 @@ def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, ref
         steepness = np.append(steepness, slope(trace.time, trace.force, last, top, trace.noise) / reference)
     sticking = np.flatnonzero(steepness >= ARRESTING)
     start = int(sticking[-1]) + 1 if sticking.size else 0
-    swings = steepness[start:]
-    fading = swings.size >= 3 and drops[-1] < 0.85 * drops[start] and float(swings.min()) < 0.88
-    return start if swings.size and (settled or fading) else count
+    swings, falls = steepness[start:], drops[max(start, 1) :]  # the first drop, after loading, is larger anyway
+    if swings.size < 3 or falls.size < 2:
+        return start if swings.size and settled else count
+    fades = falls[-1] < FADED[0] * falls[0] and swings[-1] < FADED[1] * swings[0]
+    return start if fades else count
 
 
 def label(trace: Trace, slips: Slips) -> tuple[Phase, bool]:

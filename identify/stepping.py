@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.model import SPEED, Model
-from identify.modes import GUARDS, ModeName
+from identify.modes import GUARDS, GuardName, ModeName
 from identify.tableaus import DORMAND_PRINCE, Tableau, step
 
 Array = NDArray[np.float64]
@@ -89,9 +89,9 @@ class Stepper:
             buffer, call = function.buffer()
             arguments = [self._x, self._p, self._drive, *(self._scalars[i : i + 1] for i in range(3)), atol]
             for i, argument in enumerate(arguments):
-                buffer.set_arg(i, memoryview(argument))
+                buffer.set_arg(i, argument.data)
             for i, result in enumerate((self._after, self._norm, self._guards, self._rate)):
-                buffer.set_res(i, memoryview(result))
+                buffer.set_res(i, result.data)
             self._calls[name] = (buffer, call)
         self._atol = atol  # kept alive: the buffers point into it
 
@@ -100,7 +100,9 @@ class Stepper:
         self._p[:] = situated.p
         self._drive[:] = situated.inputs
 
-    def advance(self, mode: ModeName, x: Array, t: float, h: float) -> tuple[Array, float, dict[str, float], Array]:
+    def advance(
+        self, mode: ModeName, x: Array, t: float, h: float
+    ) -> tuple[Array, float, dict[GuardName, float], Array]:
         """One step of length h [s] from x at time t [s] within the phase.
 
         Returns:

@@ -12,9 +12,7 @@ class HysteresisDamping(Stateless):
 
     name = "hysteresis_damping"
     source = "eq. (1), h/omega_n; EQUATIONS section 1 (damper between mass and drive)"
-    parameters = (
-        Parameter("damping", "N/m", 0.0, 1e8, 147.0, "h", "hysteresis damping; zeta = h/(2k)", spread=0.3),
-    )
+    parameters = (Parameter("damping", "N/m", 0.0, 1e8, 147.0, "h", "hysteresis damping; zeta = h/(2k)", spread=0.3),)
     null = {"damping": 0.0}
 
     def terms(self, s: Situation) -> Terms:
