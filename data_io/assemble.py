@@ -6,8 +6,9 @@ import numpy as np
 
 from data_io.clock import StepClock, joined
 from data_io.convert import SiStep, convert, origin
+from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
 from data_io.part import Part, check_request, chosen, of_run
-from data_io.record import COLUMN_ROLES, Finding, FloatArray, Record, Scalar, Step
+from data_io.record import Record
 from data_io.source import Request, Source
 
 

@@ -7,8 +7,9 @@ from typing import Final
 
 from data_io.assemble import assemble
 from data_io.clock import read_date
+from data_io.frozen import Finding
 from data_io.part import Part
-from data_io.record import Finding, Record
+from data_io.record import Record
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import decode, looks_like_text

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from data_io.record import LONGEST_GAP, Finding, FloatArray
+from data_io.frozen import LONGEST_GAP, Finding, FloatArray
 from data_io.rows import longest_run
 from data_io.source import Source
 

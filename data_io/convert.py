@@ -9,8 +9,8 @@ import numpy as np
 from data_io.clock import StepClock, usable_rows
 from data_io.columns import EXAMPLES, KIND, Name, find_column, words
 from data_io.errors import UnitError
+from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
 from data_io.part import Part
-from data_io.record import COLUMN_ROLES, Finding, FloatArray
 from data_io.source import Request, Source
 from data_io.units import SI_UNIT, factor, kind_of, to_si
 

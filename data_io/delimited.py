@@ -3,8 +3,9 @@
 from typing import Final
 
 from data_io.assemble import assemble
+from data_io.frozen import Finding
 from data_io.part import Part
-from data_io.record import Finding, Record
+from data_io.record import Record
 from data_io.source import Request, Source
 from data_io.table import read_tables
 from data_io.text import decode, looks_like_text

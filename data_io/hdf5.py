@@ -11,8 +11,9 @@ import numpy as np
 from data_io.assemble import assemble
 from data_io.columns import Header, Name, role_indices
 from data_io.errors import UnitError
+from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
 from data_io.part import Part
-from data_io.record import COLUMN_ROLES, Finding, FloatArray, Record
+from data_io.record import Record
 from data_io.source import Request, Source
 from data_io.units import to_si
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION

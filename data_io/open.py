@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from data_io.errors import LogError, UnitError
+from data_io.frozen import COLUMN_ROLES
 from data_io.readers import READERS
-from data_io.record import COLUMN_ROLES, Record
+from data_io.record import Record
 from data_io.source import Request, load
 from data_io.units import parse_quantity
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from data_io.columns import Header, find_column, words
-from data_io.record import COLUMN_ROLES, FloatArray
+from data_io.frozen import COLUMN_ROLES, FloatArray
 from data_io.source import Request, Source
 
 

@@ -8,7 +8,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from data_io.record import Finding, FloatArray, Record
+from data_io.frozen import Finding, FloatArray
+from data_io.record import Record
 from data_io.sampling import Sampling, describe_sampling
 
 _COEFFICIENT_NAMES: Final = ("cof", "mu", "µ", "μ", "friction coefficient", "coefficient of friction")

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from data_io.frozen import LONGEST_GAP, FloatArray
 from data_io.layout import Head
-from data_io.record import LONGEST_GAP, FloatArray
 from data_io.source import Source
 from data_io.text import split, to_number
 

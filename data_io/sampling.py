@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from data_io.record import Finding, FloatArray, Record
+from data_io.frozen import Finding, FloatArray
+from data_io.record import Record
 
 _WINDOW: Final = 51
 """Intervals over which the local rate is the median."""

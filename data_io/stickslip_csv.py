@@ -5,9 +5,10 @@ from typing import Any, Final
 
 from data_io.assemble import assemble
 from data_io.columns import Header, Name, role_indices
+from data_io.frozen import Finding
 from data_io.layout import Head, line_at
 from data_io.part import Part
-from data_io.record import Finding, Record
+from data_io.record import Record
 from data_io.rows import read_numbers
 from data_io.source import Request, Source
 from data_io.text import decode, split

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from data_io.columns import EXAMPLES, Header, parse_name, words
+from data_io.frozen import FloatArray
 from data_io.layout import COMMENT, Head, head_at, is_row, line_at, lines_from, numbered_head
-from data_io.record import FloatArray
 from data_io.rows import read_numbers
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, line_number, split

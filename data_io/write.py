@@ -11,7 +11,8 @@ import numpy as np
 
 from data_io.atomic import atomic_path, atomic_write
 from data_io.errors import LogError
-from data_io.record import Record, Scalar
+from data_io.frozen import Scalar
+from data_io.record import Record
 
 FORMAT: Final = "stickslip-log"
 FORMAT_VERSION: Final = 1

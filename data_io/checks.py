@@ -1,0 +1,106 @@
+"""What makes a column fit for a record: checks that return it frozen, or raise what `fail` makes of a sentence."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from data_io.errors import LogError
+from data_io.frozen import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray
+
+Fail = Callable[[str], LogError]
+
+
+def column(fail: Fail, name: str, values: Any, n: int | None = None) -> FloatArray:
+    """Return a read-only float64 copy of shape (n,); what is already frozen is not copied again."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise fail(f"the {name} holds {values!r:.60} where numbers were expected; convert it") from error
+    if array.ndim != 1 or (n is not None and array.size != n):
+        expected = "one column" if n is None else f"a column of {n} rows, as many as the time has,"
+        raise fail(f"the {name} has shape {array.shape} where {expected} was expected; give equal lengths")
+    if array.base is None and not array.flags.writeable:
+        return array
+    array = np.array(array, dtype=np.float64, order="C")
+    array.flags.writeable = False
+    return array
+
+
+def frozen_finite(values: FloatArray) -> FloatArray:
+    """Return the values with NaN for infinities, read-only."""
+    if not np.isinf(values).any():
+        return values
+    values = np.where(np.isfinite(values), values, np.nan)
+    values.flags.writeable = False
+    return values
+
+
+def channel(fail: Fail, name: str, values: Any, n: int) -> FloatArray:
+    """Return a channel of shape (n,) read-only; its name must be one that every file format keeps."""
+    if not isinstance(name, str) or not name or not _is_plain(name) or name in COLUMN_ROLES:
+        raise fail(f"a channel is called {name!r}; plain text other than {COLUMN_ROLES} is needed; rename it")
+    return column(fail, f"channel {name!r}", values, n)
+
+
+def unit(fail: Fail, name: str, unit: object) -> str:
+    """Return the unit of a channel if it is plain text."""
+    if not isinstance(unit, str) or not _is_plain(unit):
+        raise fail(f"the unit of channel {name!r} is {unit!r}; plain text was expected; correct it")
+    return unit
+
+
+def _is_plain(text: str) -> bool:
+    """Tell text that every file format keeps: printable, no blanks at its ends."""
+    return text.isprintable() and text == text.strip()
+
+
+def speed(fail: Fail, speed: Any, n: int) -> float | FloatArray | None:
+    """Return the drive speed as a number or a read-only (n,); it must be finite."""
+    if speed is None:
+        return None
+    values = column(fail, "drive speed", [speed] * 1 if np.ndim(speed) == 0 else speed, n if np.ndim(speed) else 1)
+    if not np.isfinite(values).all():
+        raise fail("the drive speed holds values that are no finite number; give it in m/s for every row")
+    return values if np.ndim(speed) else float(values[0])
+
+
+def check_clock(fail: Fail, time: FloatArray) -> None:
+    """Refuse a clock that does not start at 0 and rise strictly."""
+    if not np.isfinite(time).all():
+        row = int(np.argmin(np.isfinite(time)))
+        raise fail(f"the time in row {row + 1} is no finite number; a clock without gaps is needed; repair it")
+    if time[0] != 0:
+        raise fail(f"the time starts at {time[0]:g} s; 0 was expected; subtract the start")
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0))
+        raise fail(
+            f"the clock does not rise from row {row + 1} ({time[row]:.9g} s) to row {row + 2} ({time[row + 1]:.9g} s); "
+            "a rising clock was expected; cut or repair the log there"
+        )
+
+
+def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray) -> list[Finding]:
+    """Refuse more than five rows in a row without a number; a finding for fewer."""
+    bad = np.isnan(normal) | np.isnan(friction)
+    if not bad.any():
+        return []
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], bad, [False]))))
+    starts, lengths = edges[::2], np.diff(edges)[::2]
+    longest = int(np.argmax(lengths))
+    if lengths[longest] > LONGEST_GAP:
+        row, count = int(starts[longest]), int(lengths[longest])
+        which = " and ".join(
+            name for name, values in (("normal", normal), ("friction", friction)) if np.isnan(values[row])
+        )
+        raise fail(
+            f"the {which} force holds no number in rows {row + 1} to {row + count} "
+            f"({time[row]:.6g} to {time[row + count - 1]:.6g} s); at most {LONGEST_GAP} such rows in a row are "
+            "accepted; cut the log there or export it again"
+        )
+    if np.count_nonzero(~bad) < 2:
+        raise fail("no two rows hold finite forces; a log with numbers was expected; export it again")
+    total, blocks = int(np.count_nonzero(bad)), starts.size
+    message = f"{total} of {bad.size} rows hold no number in {blocks} place(s), first at {time[starts[0]]:.6g} s; "
+    return [Finding("missing_rows", "warning", message + "they stay empty and get no weight")]

@@ -1,0 +1,66 @@
+"""Small frozen values that a record is made of: findings, steps, a mapping that cannot change."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Scalar = str | int | float | bool
+Severity = Literal["info", "warning", "reject"]
+
+LONGEST_GAP: Final = 5
+"""Rows in a row without a finite number that are kept as NaN; a longer block is an error."""
+
+COLUMN_ROLES: Final = ("time", "normal_force", "friction_force", "drive_speed")
+"""Names that no channel may carry."""
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class Frozen(Mapping[K, V]):
+    """A mapping that cannot change and, unlike `types.MappingProxyType`, can be sent to another process."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[K, V] | None = None) -> None:
+        self._items = dict(items or {})
+
+    def __getitem__(self, key: K) -> V:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        return repr(self._items)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something a reader or the quality gate noticed: a code for programs, a sentence for people."""
+
+    code: str
+    severity: Severity
+    message: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """Rows [start, stop) of a record that belong to one step of the test, with the step's own parameters."""
+
+    run: int
+    number: int
+    start: int
+    stop: int
+    parameters: Mapping[str, str] = field(default_factory=Frozen)
+
+    def __post_init__(self) -> None:
+        plain = {str(key).replace("\0", ""): str(value).replace("\0", "") for key, value in self.parameters.items()}
+        object.__setattr__(self, "parameters", Frozen({key: value for key, value in plain.items() if key}))
