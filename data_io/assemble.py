@@ -41,31 +41,36 @@ def assemble(
     clocks = [StepClock(step.label, step.time, part.started) for step, part in zip(steps, picked, strict=True)]
     offsets, remarks = joined(clocks)
     notes += remarks
-    start = steps[0].time[0]
-    time = np.concatenate([step.time + (offset - start) if offset else step.time - start
-                           for step, offset in zip(steps, offsets, strict=True)])  # fmt: skip
+    start = float(steps[0].time[0])
+    shifts = [offset - start if offset else -start for offset in offsets]
     normal = np.concatenate([step.roles["normal_force"] for step in steps])
-    about: dict[str, Scalar] = {f"{role}_source": origin(request, picked[0], role) for role in COLUMN_ROLES[:3]}
-    about |= {**metadata, **picked[0].run_items}
-    about |= {"path": str(source.path), "sha256": source.sha256, "format": form}
-    if start != 0:
-        about["file_time_start"] = float(start) + float(metadata.get("file_time_start", 0.0))
     if not settled and request.normal_force is None and _pressed_negative(run):
         normal = -normal
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
     channels, units = _channels(steps)
     return Record(
-        time=time,
+        time=np.concatenate([step.time + shift for step, shift in zip(steps, shifts, strict=True)]),
         normal_force=normal,
         friction_force=np.concatenate([step.roles["friction_force"] for step in steps]),
         drive_speed=drive_speed if (along := _joined_drive(steps)) is None else along,
         channels=channels,
         channel_units=units,
         steps=_bounds(picked, steps),
-        metadata=about,
+        metadata=_account(source, request, picked[0], form, metadata, start),
         findings=tuple(dict.fromkeys(notes)),
     )
+
+
+def _account(
+    source: Source, request: Request, part: Part, form: str, metadata: Mapping[str, Scalar], start: float
+) -> dict[str, Scalar]:
+    about: dict[str, Scalar] = {f"{role}_source": origin(request, part, role) for role in COLUMN_ROLES[:3]}
+    about |= {**metadata, **part.run_items}
+    about |= {"path": str(source.path), "sha256": source.sha256, "format": form}
+    if start != 0:
+        about["file_time_start"] = start + float(metadata.get("file_time_start", 0.0))
+    return about
 
 
 def _pressed_negative(run: Sequence[Part]) -> bool:

@@ -76,26 +76,29 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, npt.NDArr
         time = np.interp(rows, known, clock.time[known])
         text = f"{lost} row(s){of_step} hold no time; they get no weight"
         findings.append(Finding("missing_time", "warning", text))
-    change = np.diff(time)
+    fresh = _fresh_rows(source, time, of_step)
+    if not fresh.all():
+        text = f"{np.count_nonzero(~fresh)} row(s){of_step} repeat the time of the row before; they were left out"
+        findings.append(Finding("repeated_time", "warning", text))
+    return time[fresh], rows[fresh], findings
+
+
+def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[np.bool_]:
+    """Return which rows do not repeat the time of the row before; a clock that falls or mostly stands is an error."""
+    change = np.diff(time, prepend=-np.inf)
     if (change < 0).any():
         row = int(np.argmax(change < 0))
         raise source.error(
-            f"the clock{of_step} falls from {time[row]:.9g} s to {time[row + 1]:.9g} s in row {row + 2} of the "
+            f"the clock{of_step} falls from {time[row - 1]:.9g} s to {time[row]:.9g} s in row {row + 1} of the "
             "numbers; a rising clock was expected, restarting only below a step header; cut or repair the log there"
         )
     repeated = int(np.count_nonzero(change == 0))
-    if repeated:
-        share = repeated / time.size
-        if share > _REPEATS_ALLOWED and repeated > LONGEST_GAP:
-            raise source.error(
-                f"the clock{of_step} repeats itself in {100 * share:.0f} % of the rows; a rising one was expected; "
-                "export the time with more digits"
-            )
-        text = f"{repeated} row(s){of_step} repeat the time of the row before; they were left out"
-        findings.append(Finding("repeated_time", "warning", text))
-        keep = np.concatenate(([True], change > 0))
-        time, rows = time[keep], rows[keep]
-    return time, rows, findings
+    if repeated > max(LONGEST_GAP, _REPEATS_ALLOWED * time.size):
+        raise source.error(
+            f"the clock{of_step} repeats itself in {100 * repeated / time.size:.0f} % of the rows; a rising one was "
+            "expected; export the time with more digits"
+        )
+    return change > 0
 
 
 def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:

@@ -43,8 +43,9 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, at_end
     decimal = _decimal(block, head)
     frame = _parse(source, block, first_line, head, decimal)
     names = head.header.names
-    filled = np.flatnonzero(frame.notna().to_numpy().any(axis=1))
-    frame = frame.iloc[: filled[-1] + 1] if filled.size else frame.iloc[:0]
+    if frame.iloc[-1:].isna().to_numpy().all():  # rows of delimiters only, as spreadsheets leave them at the end
+        filled = np.flatnonzero(frame.notna().to_numpy().any(axis=1))
+        frame = frame.iloc[: filled[-1] + 1] if filled.size else frame.iloc[:0]
     extra = frame.iloc[:, len(names) :].notna().to_numpy().any(axis=1)
     if extra.any():
         raise source.error(
