@@ -91,6 +91,26 @@ def test_hessian_is_that_of_the_linearised_residuals():
         assert direction @ hessian @ direction == pytest.approx(curvature, rel=1e-6)
 
 
+def test_exact_hessian_agrees_with_differences_of_the_gradient():
+    problem, _ = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)
+    z, h = _somewhere(problem, 1e-2), 1e-5
+    multipliers = 30.0 * np.random.default_rng(7).standard_normal(problem.layout.rows)
+
+    def slope(at):
+        point = problem.evaluate(at, derivatives=True)
+        return 0.7 * point.gradient + point.jacobian.T @ multipliers
+
+    upper = problem.exact_hessian(z, 0.7, multipliers).toarray()
+    hessian = upper + np.triu(upper, 1).T
+    rough = problem.evaluate(z, derivatives=True).hessian.toarray()
+    gauss_newton = 0.7 * (rough + np.triu(rough, 1).T)
+    for direction in np.random.default_rng(8).standard_normal((4, z.size)):
+        bent = (slope(z + h * direction) - slope(z - h * direction)) / (2 * h)
+        largest = np.max(np.abs(bent))
+        np.testing.assert_allclose(hessian @ direction, bent, atol=1e-6 * largest)
+        assert np.max(np.abs(gauss_newton @ direction - bent)) > 1e-4 * largest, "the other Hessian is told apart"
+
+
 def _direct_cost(problem, z):
     """Half chi^2 from the samples one by one, and the priors."""
     x = z * problem.layout.scale
