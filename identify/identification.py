@@ -20,7 +20,7 @@ from identify.profile import profile
 from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import Findings, document
 from identify.scene import Scene
-from identify.search import Attempt, Clock, Sources, resolve, search
+from identify.search import UNEQUAL, Attempt, Clock, Sources, resolve, search
 from identify.shooting import transcribe
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns, from_scene, user_start
@@ -89,7 +89,7 @@ def find(
     attempt, left_out = search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     since = time.perf_counter()
     progress("intervals", 0.9)
-    findings = _findings(scene, unknowns, attempt, left_out, progress)
+    findings = _findings(scene, prepared, unknowns, attempt, left_out, progress)
     clock.add("intervals", since)
     return prepared, findings
 
@@ -107,16 +107,17 @@ def _read(scene: Scene, index: int) -> Record:
 
 
 def _findings(
-    scene: Scene, unknowns: Unknowns, attempt: Attempt | None, left_out: dict[int, str], progress: Progress
+    scene: Scene,
+    prepared: list[Prepared],
+    unknowns: Unknowns,
+    attempt: Attempt | None,
+    left_out: dict[int, str],
+    progress: Progress,
 ) -> Findings:
     """Status, estimates and what else the result document is made of."""
     if attempt is None:
-        reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
-        message = (
-            f"{reason}: there is nothing to fit; see the classical table, "
-            "and record slower, with a softer spring or at a higher load"
-        )
-        return Findings(Status.NO_CYCLES, message, unknowns, None, None, None, [], left_out, {})
+        status, message = _untried(prepared, left_out)
+        return Findings(status, message, unknowns, None, None, None, [], left_out, {})
     known = _information(attempt, unknowns)
     bounds = _at_bounds(unknowns, attempt.solved.theta)
     base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
@@ -135,7 +136,7 @@ def _findings(
             continue
         attempt = resolve(attempt, replace(unknowns, start=walked.better))
         known = _information(attempt, unknowns)
-    status, message = _status(attempt.gate, bounds)
+    status, message = _status(attempt, bounds)
     return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles)
 
 
@@ -168,9 +169,40 @@ def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
     return out
 
 
-def _status(gate: Gate, bounds: dict[str, str]) -> tuple[Status, str]:
+def _untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status, str]:
+    """Status and sentence where no start could even be placed on the data."""
+    uneven = max(prepared, key=lambda log: log.scatter)
+    if uneven.scatter > UNEQUAL:
+        return Status.MODEL_MISFIT, f"{_uneven(uneven)}; see the cycle scatter and the classical table in the report"
+    if any(log.falls.size for log in prepared):
+        return Status.MODEL_MISFIT, (
+            "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
+            "slides steadily; check the rig values, or estimate them under [parameters]"
+        )
+    reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
+    return Status.NO_CYCLES, (
+        f"{reason}: there is nothing to fit; see the classical table, "
+        "and record slower, with a softer spring or at a higher load"
+    )
+
+
+def _uneven(log: Prepared) -> str:
+    return (
+        f"friction differs from cycle to cycle: in {log.name} the drop changes by {100 * log.scatter:.0f} % from one "
+        "cycle to the next, which noise does not explain, while the model takes all cycles as alike"
+    )
+
+
+def _status(attempt: Attempt, bounds: dict[str, str]) -> tuple[Status, str]:
+    gate = attempt.gate
     if gate.status is Status.CONVERGED and bounds:
         return Status.AT_BOUND, "; ".join(bounds.values())
+    uneven = max(attempt.prepared, key=lambda log: log.scatter)
+    if gate.status is not Status.CONVERGED and uneven.scatter > UNEQUAL:
+        return Status.MODEL_MISFIT, (
+            f"{_uneven(uneven)} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
+            "see the cycle scatter and the classical table in the report"
+        )
     return gate.status, gate.message
 
 

@@ -49,6 +49,18 @@ class Prepared:
         """Short name of the log in sentences."""
         return self.entry.path.name
 
+    @property
+    def scatter(self) -> float:
+        """How much the force drop differs from one settled cycle to the next, as a share of the mean drop, beyond
+        what the noise does; 0 with fewer than four cycles. A slow drift does not count."""
+        drop = self.segmentation.cycles.drop[1:]
+        if drop.size < 3:
+            return 0.0
+        step = np.diff(drop) / np.sqrt(2.0)
+        noise = 2.0 / np.sqrt(max(float(np.max(self.data.weight)), 1e-300))
+        excess = float(np.mean(step**2)) - noise**2
+        return float(np.sqrt(max(excess, 0.0)) / max(float(np.mean(drop)), 1e-300))
+
 
 def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -> Prepared:
     """Cut, correct and segment one log.

@@ -32,6 +32,7 @@ Progress = Callable[[str, float | None], None]
 FULL = 3  # cycles a log must show to take part in the start
 ATTEMPTS = 4  # starts that are solved before giving up
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
+UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 SAME = 0.02  # of the spread: starts closer than that are one
 
 
@@ -88,11 +89,15 @@ def search(
         return None, left_out
     best: Attempt | None = None
     told("finding a start", 0.1)
-    for number, theta in enumerate(_starts([prepared[i] for i in first], unknowns, sources, seed, clock)):
-        if number == ATTEMPTS:
+    # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
+    unequal = max(prepared[i].scatter for i in first) > UNEQUAL
+    solved = 0
+    for theta in _starts([prepared[i] for i in first], unknowns, sources, seed, unequal, clock):
+        if solved == (1 if unequal else ATTEMPTS):
             break
-        told(f"solving from start {number + 1}", 0.3 + 0.1 * number)
+        told(f"solving from start {solved + 1}", 0.3 + 0.1 * solved)
         attempt = _solve(prepared, first, replace(unknowns, start=theta), clock)
+        solved += attempt is not None
         if attempt is not None and attempt.gate.status is Status.CONVERGED:
             told("joining the other logs", 0.8)
             attempt = _join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
@@ -121,7 +126,9 @@ def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) ->
     return {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}
 
 
-def _starts(prepared: list[Prepared], unknowns: Unknowns, sources: Sources, seed: int, clock: Clock) -> Iterator[Array]:
+def _starts(
+    prepared: list[Prepared], unknowns: Unknowns, sources: Sources, seed: int, unequal: bool, clock: Clock
+) -> Iterator[Array]:
     """Starts (n_p,) in the order in which they deserve a try."""
     since = time.perf_counter()
     features: list[Features] = []
@@ -140,7 +147,7 @@ def _starts(prepared: list[Prepared], unknowns: Unknowns, sources: Sources, seed
     tried = np.concatenate(own + made)
     starts = fit_features(unknowns, features, bases, tried)
     for count in RANDOM:
-        if starts[0].cost < GOOD:
+        if starts[0].cost < GOOD or unequal:
             break
         more = random_starts(unknowns, starts[0].theta, count, seed)
         if sources != "user":
