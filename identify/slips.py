@@ -23,6 +23,8 @@ SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
 STEEPEST_RISE = 3.0  # times the stick slope: nothing elastic rises faster; a spike in a slip does
 LOADING_SD = 10.0
 UNLIKE = (0.35, 0.6)  # of the median slope: neighbouring sticks differ less, and all sticks scatter less
+CORNER_SD = 3.0
+SHARP = 1.2  # a corner is nearer to the middle of the fall than this times its distance to the highest sample
 FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, where swings settle
 FEW_RISES = 3  # are no reference: take the loading slope
 SPIKE_RISE = 5  # samples
@@ -130,7 +132,8 @@ def _fine_turns(trace: Trace, turns: Turns) -> tuple[Indices, Indices]:
         return turns.peaks, turns.valleys
     coarse = trace.coarse
     drop = float(np.median(coarse[turns.peaks] - coarse[turns.valleys]))
-    fine = smooth(trace.force, min(int((trace.noise / (0.03 * drop)) ** 2) | 1, turns.width))
+    width = min(int((trace.noise / (0.03 * drop)) ** 2) | 1, turns.width)
+    fine, within = smooth(trace.force, width), CORNER_SD * trace.noise / sqrt(width)
     peaks, valleys = turns.peaks.copy(), turns.valleys.copy()
     last, reach = 0, turns.width // 2 + 1
     following = [*turns.peaks[1:].tolist(), trace.last]
@@ -138,9 +141,20 @@ def _fine_turns(trace: Trace, turns: Turns) -> tuple[Indices, Indices]:
         fall = coarse[peak : valley + 1]
         middle = peak + int(np.argmin(fall > 0.5 * (fall[0] + fall[-1])))
         start, stop = max(peak - reach, last), min(valley + reach, following[i])
-        peaks[i] = start + int(np.argmax(fine[start : middle + 1]))
-        valleys[i] = last = middle + int(np.argmin(fine[middle : stop + 1]))
+        peaks[i] = middle - _corner(fine[start : middle + 1][::-1], within)
+        valleys[i] = last = middle + _corner(-fine[middle : stop + 1], within)
     return peaks, valleys
+
+
+def _corner(climb: Array, within: float) -> int:
+    """Index of the top of a climb that starts at the middle of a fall.
+
+    On a slow stick the highest sample is any of the many that noise lifts: there the corner is the first one
+    that is as high as it within the noise. A round crest is its highest sample.
+    """
+    top = int(np.argmax(climb))
+    first = int(np.argmax(climb >= climb[top] - within))
+    return first if first < SHARP * (top - first) else top
 
 
 def _is_over(trace: Trace, valley: int, duration: float, reference: float) -> bool:
