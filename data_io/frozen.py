@@ -10,6 +10,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 Scalar = str | int | float | bool
 Severity = Literal["info", "warning", "reject"]
+SEVERITIES: Final = ("info", "warning", "reject")
 
 LONGEST_GAP: Final = 5
 """Rows in a row without a finite number that are kept as NaN; a longer block is an error."""

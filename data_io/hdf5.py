@@ -1,17 +1,17 @@
 """HDF5 logs: the project's layout, or any file whose datasets the user names."""
 
 import io
-import json
 import re
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 
+from data_io.account import Account, read_account
 from data_io.assemble import assemble
 from data_io.columns import Header, Name, role_indices
 from data_io.errors import UnitError
-from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
+from data_io.frozen import COLUMN_ROLES, FloatArray
 from data_io.part import Part
 from data_io.record import Record
 from data_io.source import Request, Source
@@ -52,7 +52,7 @@ def _read_layout(source: Source, request: Request, file: Any) -> Record:
     version = file.attrs.get("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         raise source.error(f"layout version {version} was found; {FORMAT_VERSION} was expected; update this tool")
-    about = _account(source, file)
+    account = _account(source, file)
     parts = [
         _part(source, request, file[run_name][step_name], run, step)
         for run, run_name in _groups(file, "run")
@@ -61,7 +61,7 @@ def _read_layout(source: Source, request: Request, file: Any) -> Record:
     if not parts:
         raise source.error("no group /run_1/step_1 was found; the layout's groups were expected; convert the log again")
     return assemble(
-        source, request, parts, NAME, about["metadata"], [Finding(*finding) for finding in about["findings"]],
+        source, request, parts, NAME, account.metadata, account.findings,
         settled=_text(file.attrs.get("format")) == FORMAT, drive_speed=_drive_speed(source, file),
     )  # fmt: skip
 
@@ -140,18 +140,15 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def _account(source: Source, file: Any) -> dict[str, Any]:
+def _account(source: Source, file: Any) -> Account:
     item = file.get(ABOUT)
     if not _is_dataset(item):
-        return {"metadata": {k: _text(file.attrs[k]) for k in ("source_file", "source_sha256") if k in file.attrs},
-                "findings": []}  # fmt: skip
+        return Account({key: _text(file.attrs[key]) for key in ("source_file", "source_sha256") if key in file.attrs})
     try:
-        about = json.loads(_text(item[()]))
-        return {"metadata": dict(about["metadata"]), "findings": list(about["findings"])}
-    except (ValueError, KeyError, TypeError) as error:
-        raise source.error(
-            f"the dataset /{ABOUT} does not hold our JSON account; remove it or convert again"
-        ) from error
+        return read_account(_text(item[()]))
+    except ValueError as error:
+        text = f"the dataset /{ABOUT} does not hold our JSON account; remove it or convert the log again"
+        raise source.error(text) from error
 
 
 def _drive_speed(source: Source, file: Any) -> float | None:

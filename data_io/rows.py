@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import pandas as pd
 from data_io.frozen import LONGEST_GAP, FloatArray
 from data_io.layout import Head
 from data_io.source import Source
-from data_io.text import split, to_number
+from data_io.text import BLANKS, split, to_number
 
 # pandas rounds every number correctly by default since 3.1 and warns about the option since
 _EXACT: Final[dict[str, Any]] = (
@@ -76,9 +77,11 @@ def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str
     try:
         return _pandas(block, head, decimal, max(widest, width), quoted=False)
     except (ValueError, OverflowError) as error:
+        seen = re.search(r"line (\d+), saw (\d+)", str(error))
+        where = f"line {first_line + int(seen[1]) - 1} holds {seen[2]} fields" if seen else "rows cannot be told apart"
         raise source.error(
-            f"the rows from line {first_line} on cannot be read as a table ({error}); "
-            "rows of numbers as wide as the header were expected; export again"
+            f"below line {first_line - 1} {where}; rows of {len(head.header.names)} columns, as the header has them, "
+            "were expected; repair the log or export again"
         ) from error
 
 
@@ -114,7 +117,8 @@ def _widest(source: Source, block: str, first_line: int, head: Head) -> int:
     """Return the largest number of fields of a row; names the row that holds more than the header names."""
     widest = 0
     for offset, line in enumerate(block.split("\n")):
-        fields = split(line.replace('"', ""), head.delimiter)
+        # as the parser does without quoting: every delimiter separates
+        fields = line.split() if head.delimiter == BLANKS else [part.strip() for part in line.split(head.delimiter)]
         if any(fields[len(head.header.names) :]):
             raise source.error(
                 f"line {first_line + offset} holds {len(fields)} fields where the header names "

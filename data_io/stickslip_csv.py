@@ -1,11 +1,12 @@
 """The project's own CSV, as `write.write_csv` makes it: everything a record holds, bit for bit."""
 
-import json
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Final
 
+from data_io.account import read_account
 from data_io.assemble import assemble
 from data_io.columns import Header, Name, role_indices
-from data_io.frozen import Finding
+from data_io.frozen import Finding, Step
 from data_io.layout import Head, line_at
 from data_io.part import Part
 from data_io.record import Record
@@ -30,7 +31,13 @@ def read(source: Source, request: Request) -> Record:
     if version != str(FORMAT_VERSION):
         raise source.error(f"version {version!r} of our CSV was found; {FORMAT_VERSION} was expected; convert it again")
     line, position = line_at(text, position)
-    about = _account(source, line)
+    try:
+        account = read_account(line.removeprefix("#"))
+    except ValueError as error:
+        raise source.error(
+            "line 2 does not hold the JSON account that a CSV of ours has there; "
+            "restore it, or remove the first two lines to have it read as plain CSV"
+        ) from error
     line, position = line_at(text, position)
     names = split(line, ",")
     line, position = line_at(text, position)
@@ -45,27 +52,16 @@ def read(source: Source, request: Request) -> Record:
     numbers = read_numbers(source, text[position:], 5, Head(header, position, ",", len(names)), at_end=True)
     rows = min((values.size for values in numbers.columns.values()), default=0)
     parts = [
-        Part(run, number, header, {i: values[start:stop] for i, values in numbers.columns.items()}, parameters)
-        for run, number, start, stop, parameters in _steps(about, rows)
+        Part(s.run, s.number, header, {i: v[s.start : s.stop] for i, v in numbers.columns.items()}, s.parameters)
+        for s in _steps(account.steps, rows)
     ]
     findings = [Finding("text_in_rows", "warning", remark) for remark in numbers.remarks]
-    findings += [Finding(*finding) for finding in about["findings"]]
-    metadata = about["metadata"]
-    return assemble(source, request, parts, NAME, metadata, findings, settled=True, drive_speed=about["drive_speed"])
+    return assemble(
+        source, request, parts, NAME, account.metadata, [*findings, *account.findings],
+        settled=True, drive_speed=account.drive_speed,
+    )  # fmt: skip
 
 
-def _account(source: Source, line: str) -> dict[str, Any]:
-    try:
-        about = json.loads(line.removeprefix("#"))
-        return {key: about[key] for key in ("drive_speed", "steps", "metadata", "findings")}
-    except (ValueError, KeyError, TypeError) as error:
-        raise source.error(
-            "line 2 does not hold the JSON account that a CSV of ours has there; "
-            "restore it, or remove the first two lines to have it read as plain CSV"
-        ) from error
-
-
-def _steps(about: dict[str, Any], rows: int) -> list[list[Any]]:
+def _steps(steps: Sequence[Step], rows: int) -> Sequence[Step]:
     """Return the noted steps; one for all rows where rows were added or taken away since."""
-    steps: list[list[Any]] = about["steps"]
-    return steps if steps and steps[-1][3] == rows else [[1, 1, 0, rows, {}]]
+    return steps if steps and steps[-1].stop == rows else [Step(1, 1, 0, rows)]

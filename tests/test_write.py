@@ -134,7 +134,9 @@ def test_our_csv_without_its_first_lines_is_plain_csv(tmp_path):
     ("old", "new", "words"),
     [
         ("# stickslip-log 1", "# stickslip-log 9", "version '9'"),
-        ('"steps"', '"stops"', "line 2"),
+        ('"steps": [[1', '"steps": [["one"', "line 2"),
+        ('"metadata": {', '"metadata": {"file_time_start": "x", ', "line 2"),
+        ('"findings": [', '"findings": [["a", "grave", "b"]', "line 2"),
         ("s,N,N,N", "s,N", "line 4"),
     ],
 )
