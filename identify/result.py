@@ -36,7 +36,8 @@ RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
     closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
-    of theta where the covariance alone could not be trusted."""
+    of theta where the covariance alone could not be trusted, and how far theta moves per relative error of the
+    drive speed."""
 
     status: Status
     message: str
@@ -47,6 +48,7 @@ class Findings:
     estimates: list[Estimate]
     left_out: Mapping[int, str]
     profiles: Mapping[str, Interval]
+    by_drive_speed: Array | None
 
 
 def document(
@@ -230,29 +232,33 @@ def _quality(log: Prepared) -> dict[str, Any]:
 def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
     """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
     assert found.information is not None and found.attempt is not None and found.covariance is not None
-    unknowns = found.unknowns
-    values = {e.name: e for e in found.estimates}
-    free = np.flatnonzero(unknowns.free)
+    exact = [n for n in (*RIG_PARAMETERS, "drive_speed") if n not in scene.parameters and n not in scene.rig.tolerances]
     out: dict[str, Any] = {}
-    for quantity in RIG_PARAMETERS:
-        if quantity not in unknowns.names:
+    for quantity in exact:
+        if quantity == "drive_speed":
+            move = found.by_drive_speed
+        elif quantity in found.unknowns.names and getattr(scene.rig, quantity) > 0.0:
+            move = found.information.shift(found.unknowns.names.index(quantity))
+        else:
             continue
-        column = unknowns.names.index(quantity)
-        if unknowns.free[column] or not getattr(scene.rig, quantity) > 0.0:
-            continue
-        moved = found.information.shift(column) * RIG_ERROR
-        shifts = {}
-        for i, index in enumerate(free.tolist()):
-            estimate = values[unknowns.names[index]]
-            size = estimate.value if unknowns.logarithmic[index] and estimate.value is not None else 1.0
-            error = estimate.standard_error
-            shift = float(moved[i] * size)
-            shifts[estimate.name] = {
-                "shift": shift,
-                "unit": estimate.unit,
-                "in_standard_errors": shift / error if error else None,
-            }
-        out[quantity] = shifts
+        if move is not None:
+            out[quantity] = _shifts(found, RIG_ERROR * move)
+    return out
+
+
+def _shifts(found: Findings, move: Array) -> dict[str, Any]:
+    """A move of the free theta (f,) as shifts of the parameters, in SI and in standard errors."""
+    unknowns, estimates = found.unknowns, {e.name: e for e in found.estimates}
+    out = {}
+    for i, index in enumerate(np.flatnonzero(unknowns.free).tolist()):
+        estimate = estimates[unknowns.names[index]]
+        size = estimate.value if unknowns.logarithmic[index] and estimate.value is not None else 1.0
+        shift, error = float(move[i] * size), estimate.standard_error
+        out[estimate.name] = {
+            "shift": shift,
+            "unit": estimate.unit,
+            "in_standard_errors": shift / error if error else None,
+        }
     return out
 
 
@@ -261,9 +267,11 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]
     guessed = [log.name for log in prepared if log.noise_estimated]
     if guessed:
         notes.append("The noise was estimated from straight lines through the stick phases, not given.")
-    exact = [name for name in RIG_PARAMETERS if name not in scene.parameters and name not in scene.rig.tolerances]
+    rig = (*RIG_PARAMETERS, "drive_speed")
+    exact = [name for name in rig if name not in scene.parameters and name not in scene.rig.tolerances]
     if exact and found.status is Status.CONVERGED:
-        notes.append(f"Taken as exact: {', '.join(exact)}; the table of rig errors shows what 1 % would do.")
+        named = ", ".join(name.replace("_", " ") for name in exact)
+        notes.append(f"Taken as exact: {named}; the table of rig errors shows what 1 % would do.")
     for index, reason in sorted(found.left_out.items()):
         notes.append(f"Log {index + 1} took no part in the fit: {reason}.")
     return notes

@@ -72,7 +72,7 @@ def information(problem: Problem, z: Array) -> Information:
     rest = np.arange(n_p, layout.size)
     kkt = sp.bmat([[hessian[rest][:, rest], jacobian[:, rest].T], [jacobian[:, rest], None]], format="csc")
     right = sp.vstack([hessian[rest][:, :n_p], jacobian[:, :n_p]]).toarray()
-    schur = hessian[:n_p][:, :n_p].toarray() - right.T @ _solve_equilibrated(kkt, right)
+    schur = hessian[:n_p][:, :n_p].toarray() - right.T @ solve_equilibrated(kkt, right)
     schur = 0.5 * (schur + schur.T)
     by_theta = 1.0 / np.outer(layout.scale[:n_p], layout.scale[:n_p])
     total = schur * by_theta
@@ -80,7 +80,7 @@ def information(problem: Problem, z: Array) -> Information:
     return Information(layout.unknowns, total, data)
 
 
-def _solve_equilibrated(matrix: sp.csc_matrix, right: Array) -> Array:
+def solve_equilibrated(matrix: sp.csc_matrix, right: Array) -> Array:
     """Solve a symmetric indefinite system after Ruiz equilibration: a plain LU of a KKT matrix is wrong."""
     scale = np.ones(matrix.shape[0])
     scaled = matrix.copy()
