@@ -46,6 +46,7 @@ class Block:
     values: ca.Function
     derivatives: ca.Function
     expressions: tuple[ca.SX, ca.SX, ca.SX, ca.SX]  # slots, constants, rows, curve
+    drive_speed: int  # its place among the constants
 
     def evaluate(self, slots: Array, constants: Array, *, derivatives: bool) -> tuple[Array, ...]:
         """Rows (B, n_rows) and curves (B, n_cells, order); with derivatives also their Jacobians
@@ -287,4 +288,5 @@ def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
         values.map(CHUNK),
         derivatives.map(CHUNK),
         (slots, s.constants, rows, curve),
+        len(model.parameters) + len(model.states),
     )

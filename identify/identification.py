@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import LogError, Record, read_log
-from identify.disturbance import drive_speed_shift
 from identify.errors import FitError
 from identify.hints import hints
 from identify.model import RIG_PARAMETERS
@@ -117,15 +116,15 @@ def _findings(
     """Status, estimates and what else the result document is made of."""
     if attempt is None:
         status, message = _untried(prepared, left_out)
-        return Findings(status, message, unknowns, None, None, None, [], left_out, {}, None)
+        return Findings(status, message, unknowns, None, None, None, [], left_out, {})
     known = _information(attempt, unknowns)
-    by_speed = drive_speed_shift([log.data for log in attempt.prepared], attempt.solved, unknowns)
     tolerance = scene.rig.tolerances.get("drive_speed", 0.0)
     bounds = _at_bounds(unknowns, attempt.solved.theta)
     base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
     told = hints(attempt.prepared, attempt.solved.guesses, unknowns, attempt.solved.theta)
     profiles: dict[str, Interval] = {}
     for _ in range(1 + BETTER_TRIES):
+        by_speed = known.drive_speed_shift()
         covariance = known.covariance() + tolerance**2 * np.outer(by_speed, by_speed)
         found = estimates(
             unknowns, attempt.solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=profiles
@@ -139,7 +138,7 @@ def _findings(
         attempt = resolve(attempt, replace(unknowns, start=walked.better))
         known = _information(attempt, unknowns)
     status, message = _status(attempt, bounds)
-    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles, by_speed)
+    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles)
 
 
 def _doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bool:

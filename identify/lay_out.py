@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.blocks import BlockKind, block
+from identify.blocks import Block, BlockKind, block
 from identify.guess import Grid, Guess, LogData
 from identify.layout import KNOWN, Family, Indices, Layout, Places
 from identify.model import SPEED, Model
@@ -33,6 +33,7 @@ class Collector:
         self.theta = np.full(len(unknowns.names), KNOWN)
         self.theta[free] = np.arange(free.size)
         self.events: list[int] = []
+        self.made: dict[tuple[BlockKind, int], Block] = {}
         self.parts: dict[tuple[BlockKind, int], list[tuple[NDArray[Any], ...]]] = {}
 
     def add(
@@ -82,7 +83,9 @@ class Collector:
         edges: Array,
     ) -> None:
         """One block: its slots are the given ones and the parameters."""
-        made = block(self.model, kind, steps)
+        made = self.made.get((kind, steps))
+        if made is None:
+            made = self.made[kind, steps] = block(self.model, kind, steps)
         rows = np.arange(self.rows, self.rows + made.n_rows)
         self.rows += made.n_rows
         entry = (
@@ -99,7 +102,7 @@ class Collector:
     def families(self) -> tuple[Family, ...]:
         """All blocks so far, one family per kind."""
         return tuple(
-            Family(block(self.model, kind, steps), *(np.stack(column) for column in zip(*entries, strict=True)))
+            Family(self.made[kind, steps], *(np.stack(column) for column in zip(*entries, strict=True)))
             for (kind, steps), entries in self.parts.items()
         )
 

@@ -7,19 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.cycle import SLIDES_AFTER, Cycle, CycleMap, rest_state
+from identify.cycle import SLIDES_AFTER, Cycle, CycleMap, Tangent, rest_state
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-7  # of the closure of a cycle, in units of normal force / stiffness
-DIFFERENCE = 1e-5  # step of the difference quotients, in the same units
+FARTHEST = 0.3  # of one step towards closure, in the same units
 MAX_STEPS = 12
 SETTLING = 40  # plain cycles before a motion that has not settled is called irregular
+TRIES = (1, 9, 24)  # cycles after which the orbit is sought by Newton's method
+SURE = 24  # cycles after which an orbit that is found but unstable is taken for what the motion hovers around
 
 
 @dataclass(frozen=True)
 class Orbit:
-    """A periodic orbit: its cycle, closed to `closure` (units of normal force / stiffness).
+    """A periodic orbit: its cycle, closed to `closure` (units of normal force / stiffness), and its tangent.
 
     jacobian (n_y, n_y): of the return map, in scaled rest states; multipliers are its eigenvalues, largest
     magnitude first: inside the unit circle the orbit is stable, at 1 it meets its unstable twin and ends.
@@ -27,6 +29,7 @@ class Orbit:
 
     drive_speed: float
     cycle: Cycle
+    tangent: Tangent
     jacobian: Array
     closure: float
 
@@ -47,66 +50,37 @@ class Orbit:
         return rest_state(self.cycle.start)
 
 
-def jacobian(map_: CycleMap, y: Array, drive_speed: float, here: Cycle, patience: float) -> Array:
-    """Derivative of the scaled return map at y by one-sided differences; columns the map does not reach are 0."""
-    base = rest_state(here.end) / map_.scale
-    out = np.zeros((y.size, y.size))
-    for i in range(y.size):
-        for step in (DIFFERENCE, -DIFFERENCE):
-            moved = y.copy()
-            moved[i] += step * map_.scale[i]
-            other = map_.run(moved, drive_speed, patience=patience)
-            if other is not None:
-                out[:, i] = (rest_state(other.end) / map_.scale - base) / step
-                break
-    return out
+def orbit_of(map_: CycleMap, cycle: Cycle, tangent: Tangent | None = None) -> Orbit:
+    """A cycle that closes, as an orbit; its tangent is taken where it is not given."""
+    tangent = map_.tangent(cycle) if tangent is None else tangent
+    n = map_.scale.size
+    residual = (rest_state(cycle.end) - rest_state(cycle.start)) / map_.scale
+    slope = tangent.end[:, :n] * map_.scale / map_.scale[:, None]
+    return Orbit(float(cycle.setting[-2]), cycle, tangent, slope, float(np.max(np.abs(residual))))
 
 
-def close(
-    map_: CycleMap,
-    y: Array,
-    drive_speed: float,
-    guess: Array | None = None,
-    *,
-    patience: float = SLIDES_AFTER,
-    exact: bool = True,
-) -> Orbit | None:
-    """The orbit near rest state y, by Newton's method with Broyden's updates; None when it is not found there.
+def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLIDES_AFTER) -> Orbit | None:
+    """The orbit near rest state y, by Newton's method; None when it is not found there.
 
     Args:
-        guess: a Jacobian from a neighbouring orbit, (n_y, n_y).
         patience: see `CycleMap.run`.
-        exact: take the Jacobian of the result by differences; else the one the updates have left.
     """
-    y = y.copy()
-    slope, fresh = guess, False
-    last_step = last_residual = None
+    step: Array | None = None
     for _ in range(MAX_STEPS):
         cycle = map_.run(y, drive_speed, patience=patience)
         if cycle is None:
-            if last_step is None or np.max(np.abs(last_step)) < 1e-6:
+            # The mass slides from here: go back half the way.
+            if step is None or np.max(np.abs(step)) < 1e-6:
                 return None
-            last_step = 0.5 * last_step
-            y, last_residual = y - last_step * map_.scale, None
+            step = 0.5 * step
+            y = y - step * map_.scale
             continue
-        residual = rest_state(cycle.end) / map_.scale - y / map_.scale
-        closure = float(np.max(np.abs(residual)))
-        if closure < TOLERANCE:
-            if exact or slope is None:
-                slope = jacobian(map_, y, drive_speed, cycle, patience)
-            return Orbit(drive_speed, cycle, slope, closure)
-        if slope is None:
-            slope, fresh = jacobian(map_, y, drive_speed, cycle, patience), True
-        elif last_residual is not None and last_step is not None:
-            bend = residual - last_residual - (slope - np.eye(y.size)) @ last_step
-            slope = slope + np.outer(bend, last_step) / (last_step @ last_step)
-        if last_residual is not None and closure > 0.5 * float(np.max(np.abs(last_residual))) and not fresh:
-            slope, fresh = jacobian(map_, y, drive_speed, cycle, patience), True
-        else:
-            fresh = False
-        step = np.linalg.lstsq(np.eye(y.size) - slope, residual, rcond=None)[0]
-        step *= min(1.0, 0.3 / float(np.max(np.abs(step))))
-        last_step, last_residual = step, residual
+        orbit = orbit_of(map_, cycle)
+        if orbit.closure < TOLERANCE:
+            return orbit if np.all(np.isfinite(orbit.jacobian)) else None
+        residual = (rest_state(cycle.end) - y) / map_.scale
+        step = np.linalg.lstsq(np.eye(y.size) - orbit.jacobian, residual, rcond=None)[0]
+        step = step * min(1.0, FARTHEST / float(np.max(np.abs(step))))
         y = y + step * map_.scale
     return None
 
@@ -137,9 +111,9 @@ def settle(
         if cycle is None:
             return Settled(None, sticks=False)
         before, y = y, rest_state(cycle.end)
-        still = float(np.max(np.abs((y - before) / map_.scale)))
-        if still < TOLERANCE or i in (2, 9, 24, cycles - 1):
+        still = float(np.max(np.abs((y - before) / map_.scale))) < TOLERANCE
+        if still or i in TRIES or i == cycles - 1:
             orbit = close(map_, y, drive_speed, patience=patience)
-            if orbit is not None:
+            if orbit is not None and (orbit.stable or i >= min(SURE, cycles - 1)):
                 return Settled(orbit, sticks=True)
     return Settled(None, sticks=True)

@@ -36,8 +36,7 @@ RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
     closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
-    of theta where the covariance alone could not be trusted, and how far theta moves per relative error of the
-    drive speed."""
+    of theta where the covariance alone could not be trusted."""
 
     status: Status
     message: str
@@ -48,7 +47,6 @@ class Findings:
     estimates: list[Estimate]
     left_out: Mapping[int, str]
     profiles: Mapping[str, Interval]
-    by_drive_speed: Array | None
 
 
 def document(
@@ -236,13 +234,12 @@ def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for quantity in exact:
         if quantity == "drive_speed":
-            move = found.by_drive_speed
+            move = found.information.drive_speed_shift()
         elif quantity in found.unknowns.names and getattr(scene.rig, quantity) > 0.0:
             move = found.information.shift(found.unknowns.names.index(quantity))
         else:
             continue
-        if move is not None:
-            out[quantity] = _shifts(found, RIG_ERROR * move)
+        out[quantity] = _shifts(found, RIG_ERROR * move)
     return out
 
 

@@ -7,8 +7,9 @@ The cost of an evaluation does not depend on the sampling rate. Hessian: Gauss-N
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,6 +62,18 @@ class Problem:
         self._scatter = [_scatter(f, layout) for f in layout.families]
         self._pattern()
         self._last: tuple[bytes, bool, Point] | None = None
+
+    def driven(self, factor: float) -> Problem:
+        """The same problem, samples and starting point with all drive speeds times `factor`."""
+        out = copy.copy(self)
+        out._last = None
+        families = []
+        for family in self.layout.families:
+            constants = family.constants.copy()
+            constants[:, family.block.drive_speed] *= factor
+            families.append(replace(family, constants=constants))
+        out.layout = replace(self.layout, families=tuple(families))
+        return out
 
     @property
     def samples(self) -> int:

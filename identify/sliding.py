@@ -8,14 +8,17 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
+from identify.compiled import compiled
 from identify.errors import SimulationError
 from identify.model import SPEED, Model
 
 Array = NDArray[np.float64]
 
 NEWTON_STEPS = 30
+LANES = 32  # operating points that one call of a compiled function takes
+ROUNDS = 4  # of narrowing the drive speed at which sliding loses stability
+SPLITS = 16  # by which each round narrows it
 
 
 @dataclass(frozen=True)
@@ -43,33 +46,69 @@ class Sliding:
         return self.growth < 0.0
 
 
-@lru_cache(maxsize=16)
-def _linear(model: Model, worn: bool) -> ca.Function:
-    """(x, p, u) -> dx/dt and its Jacobian, of the sliding model."""
+@lru_cache(maxsize=32)
+def _linear(model: Model, worn: bool, lanes: int) -> ca.Function:
+    """(x, p, u) -> dx/dt and, row by row, its Jacobian, of the sliding model; for so many lanes."""
     x, p = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters))
     u = ca.SX.sym("u", 3)
     rate = (model.saturated if worn else model.slip)(x, p, u)
-    return ca.Function("linear", [x, p, u], [rate, ca.jacobian(rate, x)])
+    both = ca.densify(ca.vertcat(rate, ca.vec(ca.jacobian(rate, x).T)))
+    function = ca.Function("linear", [x, p, u], [both])
+    return function if lanes == 1 else function.map(lanes)
+
+
+def _linearised(model: Model, worn: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
+    """dx/dt (n, n_x) and its Jacobian (n, n_x, n_x) of n lanes: x (n, n_x), p (n, n_p), u (n, 3)."""
+    n, n_x = x.shape
+    lanes = 1 if n == 1 else LANES
+    call = compiled(_linear(model, worn, lanes))
+    rows = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1)
+    given = [np.ascontiguousarray(a[rows]) for a in (x, p, u)]
+    out = np.empty((rows.size, n_x + n_x * n_x))
+    for first in range(0, rows.size, lanes):
+        call.bind([a[first : first + lanes].reshape(-1) for a in given])
+        out[first : first + lanes] = call().reshape(lanes, -1)
+    return out[:n, :n_x], out[:n, n_x:].reshape(n, n_x, n_x)
 
 
 def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]:
-    """(state, reduced Jacobian) at which every rate vanishes while sliding at the drive speed."""
-    x = np.array([s.start for s in model.states])
-    x[SPEED] = u[0]
-    unknown = np.array([i for i in range(x.size) if i != SPEED and not (worn and i == model.clamped)])
+    """(states (n, n_x), reduced Jacobians (n, r, r)) at which every rate vanishes while sliding at the drive speed."""
+    x = np.tile([s.start for s in model.states], (p.shape[0], 1))
+    x[:, SPEED] = u[:, 0]
+    unknown = np.array([i for i in range(x.shape[1]) if i != SPEED and not (worn and i == model.clamped)])
     # The elongation's own rate vanishes with the speed; the acceleration determines the elongation.
     rates = np.where(unknown == 0, SPEED, unknown)
     if worn and model.clamped is not None:
-        x[model.clamped] = model.states[model.clamped].lower or 0.0
-    function = _linear(model, worn)
+        x[:, model.clamped] = model.states[model.clamped].lower or 0.0
     for _ in range(NEWTON_STEPS):
-        rate, slope = (np.array(q) for q in function(x, p, u))
-        step = np.linalg.solve(slope[np.ix_(rates, unknown)], rate.ravel()[rates])
-        x[unknown] -= step
-        if np.all(np.abs(step) <= 1e-13 * np.abs(x[unknown]) + 1e-300):
+        rate, slope = _linearised(model, worn, x, p, u)
+        inner = slope[:, rates[:, None], unknown]
+        step = np.linalg.solve(inner, rate[:, rates][..., None])[..., 0]
+        x[:, unknown] -= step
+        if np.all(np.abs(step) <= 1e-13 * np.abs(x[:, unknown]) + 1e-300):
             break
     kept = np.sort(np.append(unknown, SPEED))
-    return x, np.array(function(x, p, u)[1])[np.ix_(kept, kept)]
+    return x, _linearised(model, worn, x, p, u)[1][:, kept[:, None], kept]
+
+
+def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.complex128]]:
+    """States (n, n_x), worn (n,) and eigenvalues (n, n_x; NaN last where worn) of lanes p (n, n_p), u (n, 3)."""
+    try:
+        x, slope = _steady(model, p, u, worn=False)
+        worn = np.zeros(x.shape[0], dtype=bool)
+        if model.clamped is not None:
+            worn = x[:, model.clamped] < (model.states[model.clamped].lower or 0.0)
+        values = np.full(x.shape, np.nan + 0j)
+        values[~worn] = np.linalg.eigvals(slope[~worn])
+        if np.any(worn):
+            x[worn], slope = _steady(model, p[worn], u[worn], worn=True)
+            values[worn, : slope.shape[-1]] = np.linalg.eigvals(slope)
+    except np.linalg.LinAlgError as error:
+        speeds = np.unique(u[:, 0])
+        raise SimulationError(
+            f"no steady sliding at {speeds[0]:.3g} to {speeds[-1]:.3g} m/s was found ({error}); check the parameters"
+        ) from error
+    return x, worn, values
 
 
 def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> Sliding:
@@ -79,19 +118,24 @@ def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> 
         SimulationError: no finite steady state.
     """
     u = np.array([drive_speed, normal_force, 1.0])
-    worn = False
-    try:
-        x, slope = _steady(model, p, u, worn)
-        if model.clamped is not None and x[model.clamped] < (model.states[model.clamped].lower or 0.0):
-            worn = True
-            x, slope = _steady(model, p, u, worn)
-        values = np.linalg.eigvals(slope).astype(complex)
-    except np.linalg.LinAlgError as error:
-        raise SimulationError(
-            f"no steady sliding at {drive_speed:.3g} m/s was found ({error}); check the parameters"
-        ) from error
-    order = np.lexsort((-values.imag, -values.real))
-    return Sliding(drive_speed, x, float(model.load_cell(x, p, u)), worn, values[order])
+    x, worn, values = _slidings(model, np.asarray(p, float)[None, :], u[None, :])
+    known = values[0][np.isfinite(values[0])]
+    order = np.lexsort((-known.imag, -known.real))
+    return Sliding(drive_speed, x[0], float(model.load_cell(x[0], p, u)), bool(worn[0]), known[order])
+
+
+def growth_rates(model: Model, p: Array, drive_speed: Array, normal_force: float) -> Array:
+    """Growth rates of the least stable disturbance of steady sliding [1/s], shape (n,).
+
+    Args:
+        p: parameters (n_p,) or (n, n_p). drive_speed: (n,) [m/s]. normal_force: [N].
+
+    Raises:
+        SimulationError: no finite steady state.
+    """
+    u = np.stack([drive_speed, np.full(drive_speed.size, normal_force), np.ones(drive_speed.size)], axis=1)
+    values = _slidings(model, np.broadcast_to(p, (drive_speed.size, np.shape(p)[-1])), u)[2]
+    return np.asarray(np.nanmax(values.real, axis=1))
 
 
 def unstable_speeds(
@@ -102,14 +146,23 @@ def unstable_speeds(
     An interval narrower than the grid (logarithmic, `points`) is missed. Ends at `lowest` or `highest` are
     those of the search.
     """
-
-    def growth(speed: float) -> float:
-        return sliding(model, p, speed, normal_force).growth
-
     speeds = np.geomspace(lowest, highest, points)
-    rates = np.array([growth(v) for v in speeds])
+    rates = growth_rates(model, p, speeds, normal_force)
     ends: list[float] = [lowest] if rates[0] >= 0 else []
-    for i in np.flatnonzero((rates[1:] >= 0) != (rates[:-1] >= 0)):
-        ends.append(float(brentq(growth, speeds[i], speeds[i + 1], rtol=1e-10)))
+    ends += [
+        _crossing(model, p, normal_force, speeds[i : i + 2])
+        for i in np.flatnonzero((rates[1:] >= 0) != (rates[:-1] >= 0))
+    ]
     ends += [highest] if rates[-1] >= 0 else []
     return tuple(zip(ends[::2], ends[1::2], strict=True))
+
+
+def _crossing(model: Model, p: Array, normal_force: float, between: Array) -> float:
+    """The drive speed within a pair of them [m/s] at which the growth rate is zero, or jumps through it."""
+    for _ in range(ROUNDS):
+        speeds = np.geomspace(between[0], between[1], SPLITS + 1)
+        rates = growth_rates(model, p, speeds, normal_force)
+        i = int(np.flatnonzero((rates[1:] >= 0) != (rates[0] >= 0))[0])
+        between = speeds[i : i + 2]
+    share = rates[i] / (rates[i] - rates[i + 1])
+    return float(between[0] + share * (between[1] - between[0]))

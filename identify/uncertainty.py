@@ -23,17 +23,20 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
+SPEED_STEP = 1e-5  # relative, of the drive speed
 EQUILIBRATION_SWEEPS = 10
 IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
 
 
 @dataclass(frozen=True)
 class Information:
-    """Information matrix (n_p, n_p) of theta, priors included, and of the data alone; which of them are free."""
+    """Information matrix (n_p, n_p) of theta, priors included, and of the data alone; `by_drive_speed` (n_p,) is
+    how the gradient with respect to theta changes per relative error of all drive speeds together."""
 
     unknowns: Unknowns
     total: Array
     data: Array
+    by_drive_speed: Array
 
     @property
     def free(self) -> NDArray[np.int64]:
@@ -46,8 +49,16 @@ class Information:
 
     def shift(self, column: int) -> Array:
         """How far the free theta (f,) move per unit of a theta that was held."""
+        return self._response(self.total[self.free, column])
+
+    def drive_speed_shift(self) -> Array:
+        """How far the free theta (f,) move per relative error of all drive speeds together."""
+        return self._response(self.by_drive_speed[self.free])
+
+    def _response(self, change: Array) -> Array:
+        """The answer of the free theta to a change of their gradient, to first order."""
         block = self.total[np.ix_(self.free, self.free)]
-        return np.asarray(-np.linalg.lstsq(block, self.total[self.free, column], rcond=1e-13)[0])
+        return np.asarray(-np.linalg.lstsq(block, change, rcond=1e-13)[0])
 
 
 def information(problem: Problem, z: Array) -> Information:
@@ -67,17 +78,21 @@ def information(problem: Problem, z: Array) -> Information:
     assert point.hessian is not None and point.jacobian is not None
     upper = point.hessian
     hessian = (upper + sp.triu(upper, 1).T).tocsc()
-    prior = layout.scale**2 / layout.prior_sd**2
     jacobian = point.jacobian.tocsc()
     rest = np.arange(n_p, layout.size)
     kkt = sp.bmat([[hessian[rest][:, rest], jacobian[:, rest].T], [jacobian[:, rest], None]], format="csc")
     right = sp.vstack([hessian[rest][:, :n_p], jacobian[:, :n_p]]).toarray()
-    schur = hessian[:n_p][:, :n_p].toarray() - right.T @ solve_equilibrated(kkt, right)
+    disturbed = problem.driven(1.0 + SPEED_STEP).evaluate(z, derivatives=True)
+    assert disturbed.gradient is not None and point.gradient is not None
+    change = (disturbed.gradient - point.gradient) / SPEED_STEP
+    below = np.concatenate([change[n_p:], (disturbed.rows - point.rows) / SPEED_STEP])
+    solved = solve_equilibrated(kkt, np.column_stack([right, below]))
+    schur = hessian[:n_p][:, :n_p].toarray() - right.T @ solved[:, :n_p]
     schur = 0.5 * (schur + schur.T)
-    by_theta = 1.0 / np.outer(layout.scale[:n_p], layout.scale[:n_p])
-    total = schur * by_theta
-    data = total - np.diag(prior[:n_p] / layout.scale[:n_p] ** 2)
-    return Information(layout.unknowns, total, data)
+    scale = layout.scale[:n_p]
+    total = schur / np.outer(scale, scale)
+    data = total - np.diag(1.0 / layout.prior_sd[:n_p] ** 2)
+    return Information(layout.unknowns, total, data, (change[:n_p] - right.T @ solved[:, n_p]) / scale)
 
 
 def solve_equilibrated(matrix: sp.csc_matrix, right: Array) -> Array:
