@@ -103,9 +103,11 @@ def search_space(
 FRICTION = tuple(PAIR)
 
 
-def placed(unknowns: Unknowns, logs: list[Log], data: list[LogData], grid: Grid) -> list[Guess]:
-    """The motion at the start values of the search, placed on the logs."""
+def placed(
+    unknowns: Unknowns, logs: list[Log], data: list[LogData], grid: Grid, *, falls: list[Array] | None = None
+) -> list[Guess]:
+    """The motion at the start values of the search, placed on the falls of the logs (default the true ones)."""
     p = [unknowns.values(unknowns.start, d.base) for d in data]
-    guesses = place(unknowns.model, data, p, [log.falls for log in logs], grid).guesses
+    guesses = place(unknowns.model, data, p, falls or [log.falls for log in logs], grid).guesses
     assert all(guess is not None for guess in guesses), "the start does not stick-slip in one of the logs"
     return [guess for guess in guesses if guess is not None]
