@@ -31,6 +31,7 @@ POINTS = 14  # of one side
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
 CLOSED = 1e-6  # largest row of a point that counts
 PATIENCE = 40
+STEPS = 4  # RK4 steps per interval
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,9 @@ class _Line:
 
     def __init__(self, logs: tuple[Prepared, ...], solved: Solved, unknowns: Unknowns) -> None:
         self.logs = [log.data for log in logs]
-        self.grid, self.unknowns = solved.grid, unknowns
+        # Differences of cost need no finer steps than this: their error is common to all points.
+        self.grid = replace(solved.grid, steps=min(solved.grid.steps, STEPS))
+        self.unknowns = unknowns
         soft = unknowns.softened()
         self.soft = replace(soft, prior_mean=np.where(np.isfinite(unknowns.prior_sd), soft.prior_mean, solved.theta))
         self.best = self.point(solved.theta, solved.guesses, None) or _Point(
