@@ -123,6 +123,8 @@ def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) ->
     """Why logs that could have taken part did not."""
     taken = best.logs if best is not None else ()
     why = "does not stick-slip, or not like this, at the answer of the other logs"
+    if best is None:
+        why = "is not reproduced by any start: the model slides steadily where it sticks"
     return {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}
 
 
