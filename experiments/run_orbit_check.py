@@ -86,7 +86,18 @@ def brute_force_end(pair: Mapping[str, float], start: oracle.State, speed: float
     return float(np.sqrt(low * high))
 
 
-def check(pair: Mapping[str, float], speeds: tuple[float, ...]) -> list[tuple[str, float, float]]:
+def confirmed_end(pair: Mapping[str, float], start: oracle.State, end: float) -> float:
+    """`end` where stick-slip goes on up to just below it and stops just above it [m/s], else NaN; quicker."""
+    state = start
+    for share in (0.9, 0.98, 1 - WIDTH):
+        outcome = simulated(pair, share * end, state, 40)
+        if outcome is None:
+            return float("nan")
+        state = outcome[2]
+    return end if simulated(pair, (1 + WIDTH) * end, state, 40) is None else float("nan")
+
+
+def check(pair: Mapping[str, float], speeds: tuple[float, ...], fast: bool) -> list[tuple[str, float, float]]:
     """Rows (what, answer, brute force) of one pair."""
     model = assemble(EFFECTS)
     p = np.array([pair[name] for name in model.parameter_names])
@@ -99,14 +110,13 @@ def check(pair: Mapping[str, float], speeds: tuple[float, ...]) -> list[tuple[st
         if orbit is None or brute is None:
             rows.append((f"stick-slip at {speed * 1e3:.3g} mm/s", float(orbit is not None), float(brute is not None)))
             continue
-        rows.append(
-            (f"drop at {speed * 1e3:.3g} mm/s [N]", float(-np.diff(loads(map_, orbit.cycle, speed))[0]), brute[0])
-        )
+        rows.append((f"drop at {speed * 1e3:.3g} mm/s [N]", float(-np.diff(loads(map_, orbit.cycle))[0]), brute[0]))
         rows.append((f"period at {speed * 1e3:.3g} mm/s [s]", orbit.cycle.stick + orbit.cycle.slip, brute[1]))
         fastest, state = speed, brute[2]
     if fastest is not None:
         end = prospect(map_, fastest).end
-        rows.append(("end of stick-slip [mm/s]", 1e3 * (end or np.nan), 1e3 * brute_force_end(pair, state, fastest)))
+        brute_end = confirmed_end(pair, state, end or np.nan) if fast else brute_force_end(pair, state, fastest)
+        rows.append(("end of stick-slip [mm/s]", 1e3 * (end or np.nan), 1e3 * brute_end))
     return rows
 
 
@@ -118,7 +128,7 @@ def main(fast: bool = False) -> float:
     worst = 0.0
     for i, pair in enumerate([DEMO, *pairs]):
         begun = time.perf_counter()
-        for what, answer, brute in check(pair, SPEEDS[2:3] if fast else SPEEDS):
+        for what, answer, brute in check(pair, SPEEDS[2:3] if fast else SPEEDS, fast):
             error = abs(answer / brute - 1) if brute else abs(answer - brute)
             worst = max(worst, error if np.isfinite(error) else np.inf)
             print(f"  pair {i:2d}  {what:28s} {answer:12.6g}  brute force {brute:12.6g}  {100 * error:8.4f} %")

@@ -10,6 +10,7 @@ import numpy as np
 
 from identify import amplitude, stability
 from identify.groups import Groups, groups
+from identify.spread import Interval
 from identify.steady import FrictionLike, RigLike
 
 AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
@@ -118,13 +119,18 @@ def _percent(share: float) -> str:
     return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
 
 
-def number(value: Any, unit: str, validity: str, interval: tuple[float, float] | None = None) -> dict[str, Any]:
-    """One number of an answer as the interface writes it; what is not finite becomes null."""
-    finite = value is not None and np.isfinite(value)
-    known = finite and interval is not None and bool(np.all(np.isfinite(interval)))
-    return {
+def number(value: Any, unit: str, validity: str, interval: Interval | None = None) -> dict[str, Any]:
+    """One number of an answer as the interface writes it; what is not finite becomes null.
+
+    Ends of an interval that is open are null too, and "reason" says why they are.
+    """
+    finite = value is not None and bool(np.isfinite(value))
+    out: dict[str, Any] = {
         "value": float(value) if finite else None,
         "unit": unit,
-        "interval": [float(q) for q in interval] if known and interval is not None else None,
+        "interval": [interval.low, interval.high] if finite and interval is not None else None,
         "validity": validity,
     }
+    if finite and interval is not None and interval.reason:
+        out["reason"] = f"interval open: {interval.reason}"
+    return out

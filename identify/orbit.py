@@ -21,7 +21,8 @@ SURE = 24  # cycles after which an orbit that is found but unstable is taken for
 
 @dataclass(frozen=True)
 class Orbit:
-    """A periodic orbit: its cycle, closed to `closure` (units of normal force / stiffness), and its tangent.
+    """A periodic orbit: its cycle, closed to `closure` (units of normal force / stiffness), and how that moves
+    with its start and the drive speed.
 
     jacobian (n_y, n_y): of the return map, in scaled rest states; multipliers are its eigenvalues, largest
     magnitude first: inside the unit circle the orbit is stable, at 1 it meets its unstable twin and ends.
@@ -52,11 +53,11 @@ class Orbit:
 
 def orbit_of(map_: CycleMap, cycle: Cycle, tangent: Tangent | None = None) -> Orbit:
     """A cycle that closes, as an orbit; its tangent is taken where it is not given."""
-    tangent = map_.tangent(cycle) if tangent is None else tangent
+    tangent = map_.tangent(cycle, full=False) if tangent is None else tangent
     n = map_.scale.size
     residual = (rest_state(cycle.end) - rest_state(cycle.start)) / map_.scale
     slope = tangent.end[:, :n] * map_.scale / map_.scale[:, None]
-    return Orbit(float(cycle.setting[-2]), cycle, tangent, slope, float(np.max(np.abs(residual))))
+    return Orbit(float(cycle.setting[-1]), cycle, tangent, slope, float(np.max(np.abs(residual))))
 
 
 def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLIDES_AFTER) -> Orbit | None:
@@ -72,15 +73,15 @@ def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLI
             # The mass slides from here: go back half the way.
             if step is None or np.max(np.abs(step)) < 1e-6:
                 return None
-            step = 0.5 * step
+            step = np.asarray(0.5 * step)
             y = y - step * map_.scale
             continue
         orbit = orbit_of(map_, cycle)
         if orbit.closure < TOLERANCE:
             return orbit if np.all(np.isfinite(orbit.jacobian)) else None
         residual = (rest_state(cycle.end) - y) / map_.scale
-        step = np.linalg.lstsq(np.eye(y.size) - orbit.jacobian, residual, rcond=None)[0]
-        step = step * min(1.0, FARTHEST / float(np.max(np.abs(step))))
+        move = np.linalg.lstsq(np.eye(y.size) - orbit.jacobian, residual, rcond=None)[0]
+        step = np.asarray(move * min(1.0, FARTHEST / float(np.max(np.abs(move)))))
         y = y + step * map_.scale
     return None
 

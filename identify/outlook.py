@@ -1,9 +1,9 @@
-"""Stability and amplitude at one operating point: the nonlinear model's answer, the closed forms beside it."""
+"""Stability and amplitude at operating points: the nonlinear model's answer, the closed forms beside it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -15,14 +15,26 @@ from identify.errors import SimulationError
 from identify.groups import MEANING
 from identify.model import Model
 from identify.outlook_words import amplitude_text, closed_form_text, stability_text
-from identify.prospect import Outcome, Prospect, prospect
-from identify.sensitivity import QUANTITIES, deviation, end_slopes, growth_slopes, orbit_slopes, quantities
+from identify.prospect import Outcome, Prospect, prospects
+from identify.sensitivity import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
+from identify.spread import Interval, Spread
 
 Array = NDArray[np.float64]
 
-NORMAL = 1.959963984540054  # half width of a 95 % interval in standard deviations
 MODEL = "nonlinear model, valid at any speed"
-Interval = tuple[float, float] | None
+QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it were this large
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where an outlook is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
+    zero), normal force [N] (positive), covariance (f, f) of the fitted parameters in their own SI units (not of
+    logarithms; variances of what is not identifiable may be huge or infinite), None without one."""
+
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    covariance: ArrayLike | None = None
 
 
 def outlook(
@@ -36,43 +48,73 @@ def outlook(
     """What follows from a pair and a rig at one drive speed and normal force, as a JSON-able document.
 
     Args:
-        values: every parameter of the model by name, SI.
-        drive_speed: [m/s], sign irrelevant, not zero. normal_force: [N], positive.
-        covariance: (n, n) of the parameters `names`, in their own SI units (not of logarithms). Every interval
-            is 95 %, by linear propagation (of the logarithm where a quantity is positive); None without one.
+        values, drive_speed, normal_force, covariance: as in `OperatingPoint`.
+        names: the parameters of the covariance.
 
     Returns:
         {"operating_point", "stability", "amplitude", "closed_forms", "groups", "text"}; every number is
         {"value", "unit", "interval", "validity"}, null where there is none; "text" is plain words, and each of
-        "stability", "amplitude" and "closed_forms" has its own "text".
+        "stability", "amplitude" and "closed_forms" has its own "text". Intervals are 95 %, by linear propagation
+        (of the logarithm where a quantity is positive), null without a covariance; where the parameters are not
+        known well enough for that, both ends are null and "reason" says which.
 
     Raises:
         SimulationError: an operating point without meaning, or a motion that cannot be integrated.
     """
-    speed = abs(float(drive_speed))
-    if not (0.0 < speed < np.inf and 0.0 < normal_force < np.inf):
-        raise SimulationError(
-            f"the operating point is {drive_speed:g} m/s and {normal_force:g} N; expected a drive speed that is not "
-            "zero and a positive normal force: give both"
-        )
-    chosen = tuple(names or ()) if covariance is not None else ()
-    unknown = [n for n in chosen if n not in model.parameter_names]
+    return _documents(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or ())[0]
+
+
+def outlooks(model: Model, points: Sequence[OperatingPoint], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The outlooks of several operating points, sharing what they have in common: see `outlook`.
+
+    A point without an answer gets {"text": why}; the others are not held up by it.
+    """
+    try:
+        return _documents(model, points, names)
+    except SimulationError as error:
+        if len(points) == 1:
+            return [{"text": f"no answer for this operating point: {error}"}]
+        return [document for point in points for document in outlooks(model, [point], names)]
+
+
+def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[str]) -> list[dict[str, Any]]:
+    maps = [_map(model, point) for point in points]
+    speeds = [abs(float(point.drive_speed)) for point in points]
+    unknown = [n for n in names if n not in model.parameter_names]
     if unknown:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
-    p = np.array([float(values[name]) for name in model.parameter_names])
-    map_ = CycleMap(model, float(normal_force), p)
-    answer = prospect(map_, speed)
-    spread = _Spread(map_, answer, chosen, np.asarray(covariance, float) if chosen else np.zeros((0, 0)))
-    forms = closed_forms(contact({n: float(v) for n, v in values.items()}), speed, float(normal_force))
+    return [
+        _document(map_, point, answer, names)
+        for map_, point, answer in zip(maps, points, prospects(maps, speeds), strict=True)
+    ]
+
+
+def _map(model: Model, point: OperatingPoint) -> CycleMap:
+    speed, load = abs(float(point.drive_speed)), float(point.normal_force)
+    if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
+        raise SimulationError(
+            f"the operating point is {point.drive_speed:g} m/s and {load:g} N; expected a drive speed that is not "
+            "zero and a positive normal force: give both"
+        )
+    return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
+
+
+def _document(map_: CycleMap, point: OperatingPoint, answer: Prospect, names: Sequence[str]) -> dict[str, Any]:
+    speed, values = answer.steady.drive_speed, {n: float(v) for n, v in point.values.items()}
+    spread = _Intervals(map_, answer, point.covariance, tuple(names))
+    forms = closed_forms(contact(values), speed, map_.normal_force)
     document: dict[str, Any] = {
-        "operating_point": {"drive_speed": number(speed, "m/s", ""), "normal_force": number(normal_force, "N", "")},
+        "operating_point": {
+            "drive_speed": number(speed, "m/s", ""),
+            "normal_force": number(map_.normal_force, "N", ""),
+        },
         "stability": _stability(answer, spread),
         "amplitude": _amplitude(map_, answer, spread),
         "groups": {
             name: number(value, MEANING[name][0], MEANING[name][1]) for name, value in asdict(forms.groups).items()
         },
     }
-    document["closed_forms"] = _closed_forms(forms, answer, document, float(values.get("a", 0.0)))
+    document["closed_forms"] = _closed_forms(forms, answer, document, values.get("a", 0.0))
     document["stability"]["text"] = stability_text(document)
     document["amplitude"]["text"] = amplitude_text(document)
     document["closed_forms"]["text"] = closed_form_text(document)
@@ -80,39 +122,35 @@ def outlook(
     return document
 
 
-class _Spread:
+class _Intervals:
     """Intervals of the answers under a covariance; without one, all are None."""
 
-    def __init__(self, map_: CycleMap, answer: Prospect, names: tuple[str, ...], covariance: Array) -> None:
-        self._map, self._answer, self._names, self._covariance = map_, answer, names, covariance
+    def __init__(self, map_: CycleMap, answer: Prospect, covariance: ArrayLike | None, names: tuple[str, ...]) -> None:
+        self._map, self._answer, self._names = map_, answer, names
+        matrix = None if covariance is None or not names else np.asarray(covariance, float)
+        self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix)
 
-    def _positive(self, value: float, slopes: Array) -> Interval:
-        width = NORMAL * float(deviation(slopes, self._covariance)) / value if value > 0 else np.nan
-        return (value * np.exp(-width), value * np.exp(width)) if np.isfinite(width) and width < 50 else None
-
-    def orbit(self, values: Array) -> list[Interval]:
+    def orbit(self, values: Array) -> list[Interval | None]:
         orbit = self._answer.orbit
-        if not self._names or orbit is None:
+        if self._spread is None or orbit is None:
             return [None] * values.size
         slopes = orbit_slopes(self._map, orbit, self._names)
-        return [self._positive(float(v), s) for v, s in zip(values, slopes, strict=True)]
+        return [self._spread.positive(float(v), s) for v, s in zip(values, slopes, strict=True)]
 
-    def end(self) -> Interval:
+    def end(self) -> Interval | None:
         branch = self._answer.branch
-        if not self._names or branch is None or branch.end is None:
+        if self._spread is None or branch is None or branch.end is None:
             return None
-        return self._positive(branch.end, end_slopes(self._map, branch, self._names))
+        return self._spread.positive(branch.end, end_slopes(self._map, branch, self._names))
 
-    def growth(self) -> Interval:
-        if not self._names:
+    def growth(self) -> Interval | None:
+        if self._spread is None:
             return None
-        rate = self._answer.steady.growth
         slopes = growth_slopes(self._map, self._answer.steady.drive_speed, self._names)
-        width = NORMAL * float(deviation(slopes, self._covariance))
-        return (rate - width, rate + width)
+        return self._spread.signed(self._answer.steady.growth, slopes, QUIET / self._map.time)
 
 
-def _stability(answer: Prospect, spread: _Spread) -> dict[str, Any]:
+def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
     steady, branch = answer.steady, answer.branch
     if branch is None:
         why = "no stick-slip was found at any drive speed"
@@ -136,21 +174,25 @@ def _stability(answer: Prospect, spread: _Spread) -> dict[str, Any]:
     }
 
 
-def _amplitude(map_: CycleMap, answer: Prospect, spread: _Spread) -> dict[str, Any]:
+def _amplitude(map_: CycleMap, answer: Prospect, spread: _Intervals) -> dict[str, Any]:
     if answer.orbit is None:
         why = (
             "it sticks and slips, but not periodically" if answer.outcome is Outcome.IRREGULAR else "no stick-slip here"
         )
         return {name: number(None, unit, why) for name, unit in QUANTITIES.items()}
     values = quantities(map_, answer.orbit.cycle, answer.orbit.drive_speed)
-    rows = zip(QUANTITIES.items(), values.tolist(), spread.orbit(values), strict=True)
+    intervals = spread.orbit(values)
+    rows = zip(QUANTITIES.items(), values.tolist(), intervals, strict=True)
     out = {name: number(value, unit, MODEL, interval) for (name, unit), value, interval in rows}
-    period = out["period"]
-    out["frequency"] = number(
-        1 / period["value"], "Hz", MODEL, period["interval"] and (1 / period["interval"][1], 1 / period["interval"][0])
-    )
+    out["frequency"] = number(1 / values[1], "Hz", MODEL, _inverse(intervals[1]))
     out["share_in_slip"] = number(values[3] / values[1], "", MODEL)
     return out
+
+
+def _inverse(interval: Interval | None) -> Interval | None:
+    if interval is None or interval.low is None or interval.high is None:
+        return interval
+    return Interval(1 / interval.high, 1 / interval.low)
 
 
 def _closed_forms(forms: ClosedForms, answer: Prospect, document: dict[str, Any], a: float) -> dict[str, Any]:

@@ -24,8 +24,10 @@ def said(value: float | None, unit: str) -> str:
 
 def _with_interval(entry: Mapping[str, Any]) -> str:
     words = said(entry["value"], entry["unit"])
-    if entry["interval"]:
-        low, high = entry["interval"]
+    low, high = entry["interval"] or (None, None)
+    if entry.get("reason"):
+        words += f" ({entry['reason']})"
+    elif low is not None:
         words += f" (95 %: {said(low, entry['unit'])} to {said(high, entry['unit'])})"
     return words
 

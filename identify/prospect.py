@@ -1,19 +1,21 @@
-"""What happens at an operating point, from the composed nonlinear model: stick-slip, steady sliding, or both."""
+"""What happens at operating points, from the composed nonlinear model: stick-slip, steady sliding, or both."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
-from identify.branch import Branch, follow, reach
+from identify.branch import Branch, Patience, follow, reach
 from identify.cycle import SLIDES_AFTER, CycleMap
 from identify.orbit import Orbit, Settled, settle
-from identify.sliding import Sliding, sliding, unstable_speeds
+from identify.sliding import Sliding, growth_rates, slidings, unstable_speeds
 
 GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
 LONGEST_PATIENCE = 100.0  # half periods
+ALIKE = 1.03  # ratio of normal forces up to which one branch, its end moved by its derivative, serves both
 
 
 class Outcome(Enum):
@@ -64,33 +66,88 @@ def _outcome(orbit: Orbit | None, sticks: bool, stable: bool) -> Outcome:
     return Outcome.NEVER_STICKS if stable else Outcome.UNDECIDED
 
 
+def _patience(map_: CycleMap) -> Patience:
+    def patience(speed: float) -> float:
+        rates = growth_rates(map_.model, map_.p, np.array([speed]), map_.normal_force)
+        return _long_enough(float(rates[0]) * map_.half_period)
+
+    return patience
+
+
+def _long_enough(growth: float) -> float:
+    """Half periods until a disturbance of steady sliding that grows by e^`growth` in each has come to rest."""
+    return float(np.clip(GROWN / growth, SLIDES_AFTER, LONGEST_PATIENCE)) if growth > 0 else SLIDES_AFTER
+
+
 def prospect(map_: CycleMap, drive_speed: float) -> Prospect:
     """The answer at drive speed [m/s], positive, and the speed above which stick-slip ends.
 
     Raises:
         SimulationError: the motion cannot be integrated, or there is no steady sliding.
     """
-    typical = typical_speed(map_)
+    return prospects([map_], [drive_speed])[0]
 
-    def patience(speed: float) -> float:
-        growth = sliding(map_.model, map_.p, speed, map_.normal_force).growth * map_.half_period
-        return float(np.clip(GROWN / growth, SLIDES_AFTER, LONGEST_PATIENCE)) if growth > 0 else SLIDES_AFTER
 
-    steady = sliding(map_.model, map_.p, drive_speed, map_.normal_force)
-    here = settle(map_, drive_speed, patience=patience(drive_speed))
-    seed, highest = here.orbit, 30.0 * max(typical, drive_speed)
-    if seed is None and not here.sticks:
+def prospects(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> list[Prospect]:
+    """The answers of one model at several drive speeds [m/s], positive, each under its own map.
+
+    Where pair and rig are the same and the normal forces differ by a few percent at most, one branch of orbits
+    serves all: it is followed from the fastest drive that sticks, its end carried to the other forces by its
+    derivative.
+
+    Raises:
+        SimulationError: the motion cannot be integrated, or there is no steady sliding.
+    """
+    loads = np.array([m.normal_force for m in maps])
+    steady = slidings(maps[0].model, np.stack([m.p for m in maps]), np.asarray(drive_speeds, float), loads)
+    settled = [
+        settle(m, s.drive_speed, patience=_long_enough(s.growth * m.half_period))
+        for m, s in zip(maps, steady, strict=True)
+    ]
+    branches: list[Branch | None] = [None] * len(maps)
+    done: list[Branch] = []
+    for i in sorted(range(len(maps)), key=lambda j: -drive_speeds[j]):
+        if settled[i].orbit is None and settled[i].sticks:
+            continue
+        shared = next((b for b in done if _serves(b, maps[i], settled[i], drive_speeds[i])), None)
+        own = shared or _branch(maps[i], drive_speeds[i], settled[i])
+        if own is not None and shared is None:
+            done.append(own)
+        branches[i] = None if own is None else own.under(maps[i].normal_force)
+    return [_prospect(*each) for each in zip(maps, steady, settled, branches, strict=True)]
+
+
+def _serves(branch: Branch, map_: CycleMap, here: Settled, drive_speed: float) -> bool:
+    """Whether a branch found for a faster drive is also that of this operating point."""
+    ratio = map_.normal_force / branch.normal_force
+    if not np.array_equal(map_.p, branch.orbits[0].cycle.setting[:-2]):
+        return False
+    if not 1 / ALIKE <= ratio <= ALIKE or here.orbit is None:
+        return False
+    if branch.ending is None:
+        return True
+    carried = ratio == 1.0 or bool(np.isfinite(branch.ending.slopes[-2]))
+    return carried and drive_speed < branch.ending.speed
+
+
+def _branch(map_: CycleMap, drive_speed: float, here: Settled) -> Branch | None:
+    """The branch through the orbit at an operating point, or through one at another drive speed."""
+    typical, patience, seed = typical_speed(map_), _patience(map_), here.orbit
+    if seed is None:
         slower = drive_speed * np.array([0.3, 0.1, 0.03, 0.01, 1e-3])
         tries = np.unique(np.concatenate([slower, typical * np.array([1.0, 0.3, 0.1, 0.03, 0.01, 1e-3])]))
         nearest = tries[np.argsort(np.abs(np.log(tries / drive_speed)))]
         found = (settle(map_, v, patience=patience(v)) for v in nearest.tolist())
         seed = next((s.orbit for s in found if s.orbit is not None), None)
-    branch = None if seed is None else follow(map_, seed, highest, patience)
-    orbit = here.orbit
+    return None if seed is None else follow(map_, seed, 30.0 * max(typical, drive_speed), patience)
+
+
+def _prospect(map_: CycleMap, steady: Sliding, here: Settled, branch: Branch | None) -> Prospect:
+    typical, drive_speed, orbit = typical_speed(map_), steady.drive_speed, here.orbit
     if orbit is None and branch is not None and not here.sticks:
         below = [o for o in branch.orbits if o.drive_speed < drive_speed]
         if below and (branch.end is None or branch.end > drive_speed):
-            near = reach(map_, below[-1], drive_speed, patience)
+            near = reach(map_, below[-1], drive_speed, _patience(map_))
             again = Settled(None, False) if near is None else settle(map_, drive_speed, near.y)
             orbit = again.orbit
     searched = (1e-3 * min(typical, drive_speed), 10.0 * max(typical, drive_speed, (branch and branch.end) or 0.0))

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 NEWTON_STEPS = 30
 LANES = 32  # operating points that one call of a compiled function takes
-ROUNDS = 4  # of narrowing the drive speed at which sliding loses stability
+ROUNDS = 3  # of narrowing the drive speed at which sliding loses stability
 SPLITS = 16  # by which each round narrows it
 
 
@@ -80,15 +80,15 @@ def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]
     rates = np.where(unknown == 0, SPEED, unknown)
     if worn and model.clamped is not None:
         x[:, model.clamped] = model.states[model.clamped].lower or 0.0
+    slope = np.empty(0)
     for _ in range(NEWTON_STEPS):
         rate, slope = _linearised(model, worn, x, p, u)
-        inner = slope[:, rates[:, None], unknown]
-        step = np.linalg.solve(inner, rate[:, rates][..., None])[..., 0]
+        step = np.linalg.solve(slope[:, rates[:, None], unknown], rate[:, rates][..., None])[..., 0]
         x[:, unknown] -= step
-        if np.all(np.abs(step) <= 1e-13 * np.abs(x[:, unknown]) + 1e-300):
+        if np.all(np.abs(step) <= 1e-12 * np.abs(x[:, unknown]) + 1e-300):
             break
     kept = np.sort(np.append(unknown, SPEED))
-    return x, _linearised(model, worn, x, p, u)[1][:, kept[:, None], kept]
+    return x, slope[:, kept[:, None], kept]
 
 
 def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.complex128]]:
@@ -111,17 +111,30 @@ def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_
     return x, worn, values
 
 
+def slidings(model: Model, p: Array, drive_speed: Array, normal_force: Array) -> list[Sliding]:
+    """Steady sliding at n operating points: p (n, n_p), drive speeds (n,) [m/s], normal forces (n,) [N].
+
+    Raises:
+        SimulationError: no finite steady state.
+    """
+    u = np.stack([drive_speed, normal_force, np.ones(drive_speed.size)], axis=1)
+    x, worn, values = _slidings(model, p, u)
+    out = []
+    for i in range(drive_speed.size):
+        known = values[i][np.isfinite(values[i])]
+        order = np.lexsort((-known.imag, -known.real))
+        force = float(model.load_cell(x[i], p[i], u[i]))
+        out.append(Sliding(float(drive_speed[i]), x[i], force, bool(worn[i]), known[order]))
+    return out
+
+
 def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> Sliding:
     """Steady sliding at drive speed [m/s] (positive) under normal force [N]; p (n_p,) in the model's order.
 
     Raises:
         SimulationError: no finite steady state.
     """
-    u = np.array([drive_speed, normal_force, 1.0])
-    x, worn, values = _slidings(model, np.asarray(p, float)[None, :], u[None, :])
-    known = values[0][np.isfinite(values[0])]
-    order = np.lexsort((-known.imag, -known.real))
-    return Sliding(drive_speed, x[0], float(model.load_cell(x[0], p, u)), bool(worn[0]), known[order])
+    return slidings(model, np.asarray(p, float)[None, :], np.array([drive_speed]), np.array([normal_force]))[0]
 
 
 def growth_rates(model: Model, p: Array, drive_speed: Array, normal_force: float) -> Array:

@@ -16,8 +16,8 @@ errors quantities outcome examples
 effects model scene
 tableaus drive modes stepping phases trajectory simulate
 noise zigzag local_fits waveform slips segment strokes classical draft
-bracket steady ageing amplitude groups critical stability comparison
-sliding cycle orbit branch prospect sensitivity outlook_words outlook
+bracket steady ageing amplitude groups critical stability spread comparison
+compiled sliding glide_steps glide hold cycle orbit trace branch prospect sensitivity outlook_words outlook
 guess loads lanes blocks features unknowns placing layout prepare start lay_out hints
 shooting reconstruct solve uncertainty passes gate profile search result identification
 report

@@ -41,7 +41,7 @@ DEMO = {
 def map_of(effects: tuple[str, ...] = ALL, **changes: float) -> CycleMap:
     model = assemble(effects)
     values = {**DEMO, **changes}
-    return CycleMap(model, 1.0, np.array([values[n] for n in model.parameter_names]))
+    return CycleMap(model, 1.0, np.array([values[n] for n in model.parameter_names]), rtol=1e-8)
 
 
 def test_drop_period_and_end_agree_with_brute_force() -> None:
