@@ -20,7 +20,6 @@ from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import Findings, document
 from identify.scene import Scene
 from identify.search import UNEQUAL, Attempt, Clock, Sources, resolve, search
-from identify.shooting import transcribe
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns, from_scene, user_start
 
@@ -152,11 +151,10 @@ def _doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> b
 def _information(attempt: Attempt, unknowns: Unknowns) -> Information:
     """The information of the data on all parameters, those held fixed too, at the answer."""
     solved = attempt.solved
-    everything = np.arange(len(unknowns.names))
     at_answer = replace(unknowns, start=solved.theta)
-    logs = [log.data for log in attempt.prepared]
-    problem = transcribe(logs, solved.guesses, at_answer, solved.grid, free=everything)
-    return information(problem, problem.start)
+    return information(
+        *solved.problem.with_all_parameters(solved.formed_from, at_answer, solved.grid, solved.solution.z)
+    )
 
 
 def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:

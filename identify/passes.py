@@ -31,11 +31,13 @@ NEAR = 0.5  # largest row from which the exact Hessian is tried
 
 @dataclass(frozen=True)
 class Solved:
-    """The last pass: problem, grid, solution, the guesses moved to it, theta (n_p,), the largest event shift of
-    the last pass in samples, iterations and passes in all, seconds spent forming problems."""
+    """The last pass: problem, grid, the guesses it was formed from, solution, the guesses moved to it, theta
+    (n_p,), the largest event shift of the last pass in samples, iterations and passes in all, seconds spent forming
+    problems."""
 
     problem: Problem
     grid: Grid
+    formed_from: list[Guess]
     solution: Solution
     guesses: list[Guess]
     theta: Array
@@ -64,9 +66,10 @@ def solve_in_passes(
             iterations += solution.iterations
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
+        formed_from = guesses
         guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
         shift = _shift_in_samples(problem, solution, logs)
-        solved = Solved(problem, grid, solution, guesses, theta, shift, iterations, number, forming)
+        solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
         unknowns = replace(unknowns, start=theta)
         if on_pass is not None:
             on_pass(number)

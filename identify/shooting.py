@@ -55,10 +55,10 @@ class Problem:
     Works on scaled unknowns z = x / scale. Holds its pattern of nonzeros and the last point evaluated.
     """
 
-    def __init__(self, logs: list[LogData], layout: Layout) -> None:
+    def __init__(self, logs: list[LogData], layout: Layout, moments: list[Moments] | None = None) -> None:
         self.layout = layout
         self.logs = logs
-        self.moments = [self._compress(f) for f in layout.families]
+        self.moments = moments or [self._compress(f) for f in layout.families]
         self._scatter = [_scatter(f, layout) for f in layout.families]
         self._pattern()
         self._last: tuple[bytes, bool, Point] | None = None
@@ -74,6 +74,22 @@ class Problem:
             families.append(replace(family, constants=constants))
         out.layout = replace(self.layout, families=tuple(families))
         return out
+
+    def with_all_parameters(
+        self, guesses: list[Guess], unknowns: Unknowns, grid: Grid, z: Array
+    ) -> tuple[Problem, Array]:
+        """This problem with every parameter among its unknowns, and its point z (scaled) there.
+
+        Args:
+            guesses, grid: those this problem was transcribed from; unknowns: start holds the fixed parameters.
+        """
+        everything = np.arange(len(unknowns.names))
+        layout = lay_out(self.logs, guesses, unknowns, grid, free=everything)
+        theta = unknowns.start.copy()
+        count = self.layout.free.size
+        x = z * self.layout.scale
+        theta[self.layout.free] = x[:count]
+        return Problem(self.logs, layout, self.moments), np.concatenate([theta, x[count:]]) / layout.scale
 
     @property
     def samples(self) -> int:
