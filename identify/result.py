@@ -15,10 +15,9 @@ from scipy.stats import norm
 
 from data_io.quality import assess
 from identify.classical import classical_table
-from identify.errors import SimulationError
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Status
-from identify.outlook import outlook
+from identify.outlook import OperatingPoint, outlooks
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.search import Attempt, Clock
@@ -63,7 +62,10 @@ def document(
         "gate": _gate(found),
         "fit": _fit(found),
         "derived": _derived(found) if converged else {},
-        "logs": [_log(scene, i, log, found) for i, log in enumerate(prepared)],
+        "logs": [
+            _log(i, log, found, answer)
+            for i, (log, answer) in enumerate(zip(prepared, _outlooks(prepared, found), strict=True))
+        ],
         "notes": _notes(scene, prepared, found),
     }
     if converged:
@@ -163,7 +165,7 @@ def _derived(found: Findings) -> dict[str, Any]:
     return {"v_cr": {"value": math.exp(log_ratio), "unit": "m/s", "interval": ends, "validity": validity}}
 
 
-def _log(scene: Scene, index: int, log: Prepared, found: Findings) -> dict[str, Any]:
+def _log(index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> dict[str, Any]:
     record = log.record
     taken = found.attempt is not None and index in found.attempt.logs
     table = classical_table(record, log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness)
@@ -183,25 +185,24 @@ def _log(scene: Scene, index: int, log: Prepared, found: Findings) -> dict[str, 
         "reason_left_out": None if taken else found.left_out.get(index, "no fit was made"),
         "classical": table,
         "quality": _quality(log),
-        "derived": _outlook(log, found, load),
+        "derived": answer,
     }
 
 
-def _outlook(log: Prepared, found: Findings, load: float) -> dict[str, Any]:
-    """Stability and amplitude of the fitted pair at this log's speed and load."""
+def _outlooks(prepared: list[Prepared], found: Findings) -> list[dict[str, Any]]:
+    """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer."""
     if found.status is not Status.CONVERGED or found.attempt is None or found.covariance is None:
-        return {}
+        return [{} for _ in prepared]
     unknowns = found.unknowns
-    p = unknowns.values(found.attempt.solved.theta, log.data.base)
     free = np.flatnonzero(unknowns.free)
-    slope = np.where(unknowns.logarithmic, p, 1.0)[free]
-    covariance = found.covariance * np.outer(slope, slope)
-    values = dict(zip(unknowns.names, p.tolist(), strict=True))
-    names = [unknowns.names[i] for i in free]
-    try:
-        return outlook(unknowns.model, values, log.data.drive_speed, load, covariance, names)
-    except SimulationError as error:
-        return {"text": f"no answer for this operating point: {error}"}
+    points = []
+    for log in prepared:
+        p = unknowns.values(found.attempt.solved.theta, log.data.base)
+        slope = np.where(unknowns.logarithmic, p, 1.0)[free]
+        values = dict(zip(unknowns.names, p.tolist(), strict=True))
+        load = float(np.nanmean(log.record.normal_force))
+        points.append(OperatingPoint(values, log.data.drive_speed, load, found.covariance * np.outer(slope, slope)))
+    return outlooks(unknowns.model, points, [unknowns.names[i] for i in free])
 
 
 def _quality(log: Prepared) -> dict[str, Any]:
