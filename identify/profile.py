@@ -30,6 +30,8 @@ REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients
 POINTS = 14  # of one side
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
 CLOSED = 1e-6  # largest row of a point that counts
+BEYOND = 1.15  # of a side: where others are asked whether they know a way on
+OTHERS = 2  # how many are asked
 PATIENCE = 40
 STEPS = 4  # RK4 steps per interval
 
@@ -52,9 +54,19 @@ class Profiles:
 
 @dataclass(frozen=True)
 class _Point:
+    """A solved point: theta (n_p,), the motion there, the cost of data and user's priors."""
+
     theta: Array
     guesses: list[Guess]
     cost: float
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """One side of a profile, and the last point before its end."""
+
+    side: Side
+    last: _Point
 
 
 class _Line:
@@ -67,6 +79,7 @@ class _Line:
         self.unknowns = unknowns
         soft = unknowns.softened()
         self.soft = replace(soft, prior_mean=np.where(np.isfinite(unknowns.prior_sd), soft.prior_mean, solved.theta))
+        self.seen: list[_Point] = []
         self.best = self.point(solved.theta, solved.guesses, None) or _Point(
             solved.theta, solved.guesses, solved.solution.cost
         )
@@ -86,7 +99,13 @@ class _Line:
         moved = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
         none = free & ~np.isfinite(self.unknowns.prior_sd)
         penalty = 0.5 * float(np.sum(((found - self.soft.prior_mean) / self.soft.prior_sd)[none] ** 2))
-        return _Point(found, moved, solution.cost - penalty)
+        made = _Point(found, moved, solution.cost - penalty)
+        self.seen.append(made)
+        return made
+
+    def loss_root(self, point: _Point) -> float:
+        """The square root of what the data lose against the best point."""
+        return float(np.sqrt(max(2 * (point.cost - self.best.cost), 0.0)))
 
 
 def profile(
@@ -102,20 +121,20 @@ def profile(
         covariance: (f, f) of the free theta, for the first steps.
     """
     line = _Line(logs, solved, unknowns)
-    ends: dict[str, tuple[Side, Side]] = {}
-    for k, index in enumerate(np.flatnonzero(unknowns.free).tolist()):
-        name = unknowns.names[index]
-        progress(f"profile of {name}", None)
-        reach = REACH if unknowns.logarithmic[index] else REACH_LINEAR * _step(unknowns, line.best.theta)
-        first = float(np.clip(np.sqrt(covariance[k, k]), 0.02 * reach, 0.3 * reach))
-        sides = []
+    walks: dict[tuple[int, float], _Walk] = {}
+    for first, index in zip(np.sqrt(np.diag(covariance)).tolist(), np.flatnonzero(unknowns.free).tolist(), strict=True):
+        progress(f"profile of {unknowns.names[index]}", None)
         for sign in (-1.0, 1.0):
-            side, better = _side(line, index, sign, first, reach)
-            if better is not None:
-                return Profiles(ends, better)
-            sides.append(side)
-        ends[name] = (sides[0], sides[1])
-    return Profiles(ends, None)
+            walks[index, sign] = _walk(line, index, sign, first, line.best)
+    progress("profiles from other points", None)
+    for (index, sign), walk in walks.items():
+        if walk.side.end is not None:
+            walks[index, sign] = _retried(line, index, sign, walk)
+    lowest = min(line.seen, key=lambda point: point.cost)
+    if 2 * (lowest.cost - line.best.cost) < -BETTER:
+        return Profiles({}, lowest.theta)
+    free = np.flatnonzero(unknowns.free).tolist()
+    return Profiles({unknowns.names[i]: (walks[i, -1.0].side, walks[i, 1.0].side) for i in free}, None)
 
 
 def _step(unknowns: Unknowns, theta: Array) -> float:
@@ -124,39 +143,60 @@ def _step(unknowns: Unknowns, theta: Array) -> float:
     return float(abs(theta[names.index("mu_s")] - theta[names.index("mu_k0")])) or 0.1
 
 
-def _side(line: _Line, index: int, sign: float, first: float, reach: float) -> tuple[Side, Array | None]:
-    """Walk one way until the data object; the end by interpolation of the square root of what they lose."""
-    centre, best = line.best.theta[index], line.best
-    done, done_root, here, length = 0.0, 0.0, best, first
-    failures = 0
+def _reach(line: _Line, index: int) -> float:
+    """How far from the answer a profile asks, in theta."""
+    return REACH if line.unknowns.logarithmic[index] else REACH_LINEAR * _step(line.unknowns, line.best.theta)
+
+
+def _walk(line: _Line, index: int, sign: float, first: float, begin: _Point) -> _Walk:
+    """Walk one way from `begin` until the data object; the end by interpolation of the root of what they lose."""
+    centre, reach = line.best.theta[index], _reach(line, index)
+    here, failures = begin, 0
+    done = float(sign * (begin.theta[index] - centre))
+    done_root = line.loss_root(begin)
+    length = float(np.clip(first, 0.02 * reach, 0.3 * reach))
+    limit = float(np.sqrt(CRITICAL))
     for _ in range(POINTS):
         target = min(done + length, reach)
         theta = here.theta.copy()
         theta[index] = centre + sign * target
         bound = line.unknowns.lower[index] if sign < 0 else line.unknowns.upper[index]
         if sign * (theta[index] - bound) > 0:
-            return Side(None, False), None
+            return _Walk(Side(None, False), here)
         point = line.point(theta, here.guesses, index)
         if point is None:
             failures += 1
             length *= 0.4
             if failures > 4:
-                return Side(None, True), None
+                return _Walk(Side(None, True), here)
             continue
-        loss = 2 * (point.cost - best.cost)
-        if loss < -BETTER:
-            return Side(None, False), point.theta
-        root = float(np.sqrt(max(loss, 0.0)))
-        limit = float(np.sqrt(CRITICAL))
+        root = line.loss_root(point)
         if root >= limit:
             if root < 1.6 * limit or target - done < 0.02 * reach:
                 share = (limit - done_root) / max(root - done_root, 1e-12)
-                return Side(float(centre + sign * (done + share * (target - done))), False), None
+                return _Walk(Side(float(centre + sign * (done + share * (target - done))), False), here)
             length = (target - done) * max(0.3, (limit - done_root) / (root - done_root))
             continue
         if target >= reach:
-            return Side(None, False), None
+            return _Walk(Side(None, False), point)
         slope = (root - done_root) / (target - done)
         length = float(np.clip(1.15 * (limit - root) / max(slope, 1e-9), 0.5 * length, 2.5 * length))
         done, done_root, here = target, root, point
-    return Side(None, True), None
+    return _Walk(Side(None, True), here)
+
+
+def _retried(line: _Line, index: int, sign: float, walk: _Walk) -> _Walk:
+    """The walk, carried on where the points of other walks know a way past its end: a profile that follows one
+    valley can miss that another one is open."""
+    assert walk.side.end is not None
+    centre, reach = line.best.theta[index], _reach(line, index)
+    beyond = centre + sign * min(abs(walk.side.end - centre) * BEYOND, reach)
+    near = [point for point in line.seen if line.loss_root(point) ** 2 < CRITICAL]
+    near.sort(key=lambda point: abs(point.theta[index] - beyond))
+    for known in near[:OTHERS]:
+        theta = known.theta.copy()
+        theta[index] = beyond
+        point = line.point(theta, known.guesses, index)
+        if point is not None and line.loss_root(point) ** 2 < CRITICAL:
+            return _walk(line, index, sign, abs(beyond - centre) * 0.3, point)
+    return walk
