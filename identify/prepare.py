@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
+CLEAR = 0.1  # of the loading line after the bend that is left out
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
@@ -193,7 +194,11 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     reach = np.abs(centre - np.mean(t[late])) / max(np.std(t[late]), 1e-300)
     sd = noise * np.sqrt(1.0 / width + (1.0 + reach**2) / n)
     wrong = np.flatnonzero((np.abs(off) > ONSET_MARGIN * sd) & (centre < t[late][0]))
-    return float(centre[wrong[-1]] + width * np.median(np.diff(t))) if wrong.size else begin
+    if wrong.size == 0:
+        return begin
+    # Where the difference was last seen it had become small, not nought: a little of the line is left out as well.
+    bend = float(centre[wrong[-1]] + width * np.median(np.diff(t)))
+    return bend + CLEAR * max(float(t[late][0]) - bend, 0.0)
 
 
 def _reason(found: Segmentation, falls: Array, name: str) -> str | None:

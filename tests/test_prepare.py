@@ -1,0 +1,103 @@
+"""What the estimator is handed: the course of the normal force, the window, sign, tare, and refusals by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from experiments.study_problem import DEMO, RIG
+from identify.effects import NAMES
+from identify.errors import FitError
+from identify.loads import smooth
+from identify.model import assemble
+from identify.prepare import prepare
+from identify.scene import Scene
+from identify.simulate import run
+from identify.unknowns import from_scene
+
+NOISE = 5e-3
+QUIET = 0.4  # [s] before the drive starts
+
+
+def _scene(**log: object) -> Scene:
+    rig = dict(RIG) | {"drive_speed": 1e-3}
+    return Scene.from_document({"effects": list(NAMES), "rig": rig, "logs": [{"path": "a.csv", **log}]}, Path())
+
+
+def _record(quiet: float = 0.0, sign: float = 1.0, offset: float = 0.0, seed: int = 0) -> Record:
+    times = np.arange(4000) / 1000.0
+    drive = ((0.0, 0.0), (quiet, 1e-3)) if quiet else 1e-3
+    force = run(assemble(NAMES), DEMO | RIG, drive, 1.0, 4.0).sample(times)["force"]
+    noise = NOISE * np.random.default_rng(seed).standard_normal(times.size)
+    return Record(times, np.ones(times.size), sign * (force + noise) + offset)
+
+
+def _prepared(record: Record, **log: object):
+    scene = _scene(**log)
+    return prepare(scene, scene.logs[0], record, from_scene(scene))
+
+
+def test_a_record_that_starts_before_the_drive_is_cut_where_the_loading_starts():
+    cut = _prepared(_record(quiet=QUIET)).data.begin
+    assert QUIET - 0.01 < cut < QUIET + 0.1
+    assert _prepared(_record()).data.begin == 0.0
+
+
+def test_the_sign_of_the_stroke_is_turned_and_remembered():
+    plain, turned = _prepared(_record()), _prepared(_record(sign=-1.0))
+    assert (plain.sign, turned.sign) == (1, -1)
+    assert np.array_equal(plain.force, turned.force)
+    assert _prepared(_record(), flip_sign=True).sign == -1
+
+
+def test_tare_from_a_value_and_from_a_quiet_interval_agree():
+    record = _record(quiet=QUIET, offset=0.3)
+    by_value, by_interval = _prepared(record, tare="0.3 N"), _prepared(record, tare=[0.0, 0.35])
+    assert by_value.force == pytest.approx(by_interval.force, abs=3e-3)
+    assert np.median(_prepared(record).force - by_value.force) == pytest.approx(0.3)
+
+
+def test_skipped_cycles_and_windows_leave_samples_and_falls_out():
+    everything, later = _prepared(_record()), _prepared(_record(), skip_cycles=2)
+    assert later.falls.size == everything.falls.size - 2
+    assert everything.segmentation.cycles.arrest[1] < later.data.begin < everything.segmentation.cycles.onset[2]
+    half = _prepared(_record(), window=[0.0, 2.0])
+    assert not half.used[2500:].any()
+    holed = _prepared(_record(), exclude=[[0.1, 0.12]])
+    assert not holed.used[105:115].any() and holed.used[200:300].any()
+
+
+def test_what_cannot_be_fitted_is_refused_by_name():
+    scene = _scene()
+    stepped = replace(scene, rig=replace(scene.rig, drive_speed=((0.0, 1e-3), (1.0, 2e-3))))
+    with pytest.raises(FitError, match="drive programme of 2 speeds"):
+        prepare(stepped, stepped.logs[0], _record(), from_scene(stepped))
+    with pytest.raises(FitError, match="0 usable samples"):
+        _prepared(_record(), window=[10.0, 11.0])
+    with pytest.raises(FitError, match="tare interval"):
+        _prepared(_record(), tare=[10.0, 11.0])
+
+
+def test_ripple_is_kept_and_noise_is_not():
+    times = np.linspace(0.0, 4.0, 4001)
+    course = 1.0 - 0.1 * (1 - np.exp(-times)) + 3e-3 * np.sin(2 * np.pi * 7 * times / 4.0)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(times.size)
+    force, sd = smooth(times, course + noise)
+    error = force.at(times) - course
+    assert np.sqrt(np.mean(error**2)) < 2.5e-4
+    assert 0.3 < np.sqrt(np.mean(error**2)) / sd < 2.0
+    flat, flat_sd = smooth(times, 1.0 + noise)
+    assert len(flat.values) <= 9 and flat_sd < 1e-4
+
+
+def test_a_normal_force_that_was_set_is_exact_and_one_that_pulls_is_refused():
+    times = np.linspace(0.0, 1.0, 100)
+    assert smooth(times, np.full(100, 2.0)) == (smooth(times, np.full(100, 2.0))[0], 0.0)
+    with pytest.raises(FitError, match="positive load"):
+        smooth(times, np.full(100, -1.0))
+    with pytest.raises(FitError, match="no finite normal force"):
+        smooth(times, np.full(100, np.nan))
