@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
+RISE = (0.4, 0.9)  # of the first rise: the stretch its straight line is taken from
 CLEAR = 0.1  # of the loading line after the bend that is left out
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
@@ -184,9 +185,13 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     t, f = t[good], f[good]
     if t.size < 12:
         return begin
-    late = slice(int(0.45 * t.size), int(0.85 * t.size))
-    slope, level = np.polyfit(t[late], f[late], 1)
+    # The upper part of the rise, by force and not by time: however long the machine waited before it.
     width = max(min(t.size // 10, 25), 1)
+    flat = np.convolve(f, np.ones(width) / width, mode="same")[width // 2 : t.size - width // 2]
+    low, high = float(np.min(flat)), float(np.max(flat))
+    below = [int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE]
+    late = slice(below[0], max(below[1], below[0] + 3))
+    slope, level = np.polyfit(t[late], f[late], 1)
     off = np.convolve(f - (slope * t + level), np.ones(width) / width, mode="valid")
     centre = t[width // 2 : width // 2 + off.size]
     # The line itself is uncertain where it is extrapolated: twice the late stretch away, about three times as much.
