@@ -122,7 +122,7 @@ def _percent(share: float) -> str:
 def number(value: Any, unit: str, validity: str, interval: Interval | None = None) -> dict[str, Any]:
     """One number of an answer as the interface writes it; what is not finite becomes null.
 
-    Ends of an interval that is open are null too, and "reason" says why they are.
+    Ends of an interval that is open are null too, and "reason" says why.
     """
     finite = value is not None and bool(np.isfinite(value))
     out: dict[str, Any] = {

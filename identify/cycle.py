@@ -91,9 +91,9 @@ class CycleMap:
         """Half a natural period [s]."""
         return float(np.pi * self.time)
 
-    def at(self, normal_force: float) -> CycleMap:
-        """The same pair and rig under another normal force [N]."""
-        return CycleMap(self.model, normal_force, self.p)
+    def finer(self, rtol: float) -> CycleMap:
+        """The same map with another tolerance."""
+        return CycleMap(self.model, self.normal_force, self.p, rtol)
 
     def rested(self) -> Array:
         """Where a test starts: spring unloaded, every state saturated (the strongest first kick)."""

@@ -24,6 +24,8 @@ MAX_STEPS = 200_000  # of one slip: a bound, so that no scene runs for ever
 MAX_LEGS = 200  # of one slip; more is chatter
 NEWTON_STEPS = 60
 SPEED_GUARD = GUARDS.index("speed")
+SPEED_SLOPE = 1 + len(GUARDS) + SPEED_GUARD  # place of its slope in the result of a step, behind the state
+CLOSE = 0.25  # of the speed before it: a minimum of the speed as low as this is looked at
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,9 @@ class Glider:
         call, n, xh = self._calls[f"step_{mode}"], self._n, self._xh
         exits = [i for i, _ in self._exits[mode] if stops or i != SPEED_GUARD]
         x, t = states[-1], times[-1]
-        h, fresh = min(self.first, limit - t), True
+        h, fresh, dipped = min(self.first, limit - t), True, not stops
+        direction = float(self._direction[0])
+        falling = direction * float(self.rate(mode, np.array(x), direction)[SPEED])
         for _ in range(MAX_STEPS):
             h = min(h, limit - t)
             xh[:n], xh[n] = x, h
@@ -119,19 +123,20 @@ class Glider:
                 if h < 1e-11 * self.first:
                     break
                 continue
+            rising = row[n + SPEED_SLOPE]
+            if not dipped and falling < 0.0 < rising:
+                # The speed has a minimum within the step: end the step there if it comes close to rest.
+                length, speed = h * falling / (falling - rising), direction * x[SPEED]
+                if speed > 0.0 and speed + 0.5 * falling * length < CLOSE * speed:
+                    h, dipped = length, True
+                    continue
             fallen = [i for i in exits if row[n + 1 + i] < 0.0 or (row[n + 1 + i] == 0.0 and not fresh)]
             if fallen:
                 length, guard = min((self._locate(call, x, h, i, fresh), i) for i in fallen)
-                xh[:n], xh[n] = x, length
-                after = call().tolist()[:n]
-                if guard == SPEED_GUARD:
-                    after[SPEED] = 0.0
-                elif GUARDS[guard] == "clearance" and self.model.clamped is not None:
-                    after[self.model.clamped] = self.model.states[self.model.clamped].lower or 0.0
                 times.append(t + length)
-                states.append(after)
+                states.append(self._stopped(call, x, length, guard))
                 return guard
-            t, x, fresh = t + h, row[:n], False
+            t, x, fresh, falling, dipped = t + h, row[:n], False, rising, not stops
             times.append(t)
             states.append(x)
             if t >= limit * (1.0 - 1e-15):
@@ -141,6 +146,16 @@ class Glider:
             f"a slip did not end within {MAX_STEPS} steps (it reached {t:.3g} s): "
             "the motion is too stiff for explicit steps; check mass, a and normal force"
         )
+
+    def _stopped(self, call: Compiled, x: list[float], length: float, guard: int) -> list[float]:
+        """The state after a step that ends where a guard is zero, exactly so."""
+        self._xh[: self._n], self._xh[self._n] = x, length
+        after = call().tolist()[: self._n]
+        if guard == SPEED_GUARD:
+            after[SPEED] = 0.0
+        elif GUARDS[guard] == "clearance" and self.model.clamped is not None:
+            after[self.model.clamped] = self.model.states[self.model.clamped].lower or 0.0
+        return after
 
     def _locate(self, call: Compiled, x: list[float], h: float, guard: int, fresh: bool) -> float:
         """The step length within (0, h] at which the guard is zero: Newton's method within a bracket."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 Document = Mapping[str, Any]
+OPEN = "interval open: "  # how a reason begins
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -26,10 +27,16 @@ def _with_interval(entry: Mapping[str, Any]) -> str:
     words = said(entry["value"], entry["unit"])
     low, high = entry["interval"] or (None, None)
     if entry.get("reason"):
-        words += f" ({entry['reason']})"
+        words += " (interval open)"
     elif low is not None:
         words += f" (95 %: {said(low, entry['unit'])} to {said(high, entry['unit'])})"
     return words
+
+
+def _why_open(entries: Iterable[Mapping[str, Any]]) -> str:
+    """One sentence for all intervals that are open."""
+    reasons = dict.fromkeys(entry["reason"].removeprefix(OPEN) for entry in entries if entry.get("reason"))
+    return f" Intervals are open where {'; or '.join(reasons)}." if reasons else ""
 
 
 def _where(document: Document) -> str:
@@ -69,7 +76,7 @@ def stability_text(document: Document) -> str:
             lines.append(f"Steady sliding is unstable between {said(begin, 'm/s')} and {said(stop, 'm/s')}.")
     if not spans:
         lines.append("Steady sliding is stable at every drive speed searched.")
-    return " ".join(lines)
+    return " ".join(lines) + _why_open([end])
 
 
 def amplitude_text(document: Document) -> str:
@@ -83,6 +90,7 @@ def amplitude_text(document: Document) -> str:
         f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
         f"at up to {_with_interval(part['peak_speed'])}; "
         f"the force rises to {plain['onset_force']} and falls to {plain['arrest_force']}."
+        + _why_open(part[name] for name in ("drop", "period", "peak_speed"))
     )
 
 

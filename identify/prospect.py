@@ -9,12 +9,13 @@ from enum import Enum
 import numpy as np
 
 from identify.branch import Branch, Patience, follow, reach
-from identify.cycle import SLIDES_AFTER, CycleMap
-from identify.orbit import Orbit, Settled, settle
+from identify.cycle import SLIDES_AFTER, CycleMap, loads
+from identify.orbit import Orbit, Settled, close, settle
 from identify.sliding import Sliding, growth_rates, slidings, unstable_speeds
 
 GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
 LONGEST_PATIENCE = 100.0  # half periods
+SMALL, FINE = 0.3, 1e-9  # a drop below this share of the load is found again with this tolerance
 ALIKE = 1.03  # ratio of normal forces up to which one branch, its end moved by its derivative, serves both
 
 
@@ -101,7 +102,7 @@ def prospects(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> list[P
     loads = np.array([m.normal_force for m in maps])
     steady = slidings(maps[0].model, np.stack([m.p for m in maps]), np.asarray(drive_speeds, float), loads)
     settled = [
-        settle(m, s.drive_speed, patience=_long_enough(s.growth * m.half_period))
+        _refined(m, settle(m, s.drive_speed, patience=_long_enough(s.growth * m.half_period)))
         for m, s in zip(maps, steady, strict=True)
     ]
     branches: list[Branch | None] = [None] * len(maps)
@@ -115,6 +116,18 @@ def prospects(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> list[P
             done.append(own)
         branches[i] = None if own is None else own.under(maps[i].normal_force)
     return [_prospect(*each) for each in zip(maps, steady, settled, branches, strict=True)]
+
+
+def _refined(map_: CycleMap, here: Settled) -> Settled:
+    """A small jump closed again with tighter steps: what is left of it is a difference of large numbers."""
+    orbit = here.orbit
+    if orbit is None:
+        return here
+    onset, arrest = loads(map_, orbit.cycle)
+    if onset - arrest > SMALL * abs(onset):
+        return here
+    again = close(map_.finer(FINE), orbit.y, orbit.drive_speed, patience=LONGEST_PATIENCE)
+    return here if again is None else Settled(again, here.sticks)
 
 
 def _serves(branch: Branch, map_: CycleMap, here: Settled, drive_speed: float) -> bool:

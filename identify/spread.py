@@ -67,7 +67,11 @@ class Spread:
         width, reason = self._width(slopes, value)
         if not reason and not width < WIDEST:
             reason = TOO_WIDE
-        return Interval(None, None, reason) if reason else Interval(value * np.exp(-width), value * np.exp(width))
+        return (
+            Interval(None, None, reason)
+            if reason
+            else Interval(float(value * np.exp(-width)), float(value * np.exp(width)))
+        )
 
     def signed(self, value: float, slopes: Array, size: float) -> Interval:
         """Interval of a quantity of either sign, of typical `size`, with derivatives `slopes` (f,)."""

@@ -25,10 +25,9 @@ CORRECTIONS = 6
 POINTS = 60
 SHORTEST, WIDEST = 1e-4, 2.5  # arc lengths of a step
 STRAIGHT = 0.8  # cosine of the turn of the branch that one step may take
-FLAT = 0.02  # share of ln drive speed in the direction of the branch at which the fold counts as found
 REFINEMENTS = 12
 TURN = 0.5  # of the direction, expected from one step [rad]
-SURE = 3e-4  # of ln drive speed that the last parabola may add to the end
+CLOSE, SURE = 2e-4, 2e-3  # of ln drive speed, of doubt in the end before a cubic closes in: wanted, accepted
 
 
 @dataclass(frozen=True)
@@ -148,40 +147,45 @@ def _next_length(length: float, here: _Point, bend: Array) -> float:
     return min(length, TURN / turn) if turn > 0.0 else length
 
 
+def _doubt(before: _Point, behind: _Point) -> float:
+    """What the branch may still rise, of ln drive speed, above the better of two points around its fold."""
+    flattest = min(abs(float(before.direction[-1])), abs(float(behind.direction[-1])))
+    return flattest * float(np.linalg.norm(behind.z - before.z))
+
+
+def _crest(before: _Point, behind: _Point) -> Array:
+    """Where the cubic through two points around the fold, along their directions, has its highest drive speed."""
+    span = behind.z - before.z
+    length = float(np.linalg.norm(span))
+    start, end = length * before.direction, length * behind.direction
+    square, cube = 3.0 * span - 2.0 * start - end, start + end - 2.0 * span
+    # Where the slope start + 2 square s + 3 cube s^2 of ln drive speed falls through zero.
+    root = np.sqrt(max(float(square[-1] ** 2 - 3.0 * cube[-1] * start[-1]), 0.0))
+    share = float(np.clip(start[-1] / (root - square[-1]), 0.02, 0.98)) if root > square[-1] else 0.5
+    return np.asarray(before.z + start * share + square * share**2 + cube * share**3)
+
+
 def _fold(map_: CycleMap, before: _Point, behind: _Point) -> End | None:
-    """The fold between two points of a branch: where its direction has no part along the drive speed."""
-    best = min(before, behind, key=lambda q: abs(float(q.direction[-1])))
-    rise, fall = float(before.direction[-1]), float(behind.direction[-1])
-    for _ in range(REFINEMENTS):
-        if abs(best.direction[-1]) < FLAT:
-            break
-        share = float(np.clip(rise / (rise - fall), 0.05, 0.95))
-        best_now = _solve(map_, before.z + share * (behind.z - before.z), before.direction)
-        if best_now is None:
-            break
-        best, value = best_now, float(best_now.direction[-1])
-        # The end that stays loses weight, or the other one alone would creep towards the fold.
-        if value > 0.0:
-            before, rise, fall = best, value, 0.5 * fall
-        else:
-            behind, fall, rise = best, value, 0.5 * rise
-    return _end(map_, before, behind, best)
-
-
-def _end(map_: CycleMap, before: _Point, behind: _Point, best: _Point) -> End | None:
-    """The end, from the point nearest to the fold: its speed plus what the parabola through the fold adds.
+    """The end between two points of a branch, before and behind the fold; None where it cannot be closed in on.
 
     At the fold the drive speed is stationary along the branch, so how it moves with the setting while the place
     on the branch is held is how the end moves.
     """
-    n = map_.scale.size
-    bend = float(before.direction[-1] - behind.direction[-1]) / float(np.linalg.norm(behind.z - before.z))
-    rise = float(best.direction[-1])
-    rest = rise**2 / (2.0 * bend)
-    if not rest < SURE:
+    n, side, halve = map_.scale.size, 0.0, False
+    for _ in range(REFINEMENTS):
+        if _doubt(before, behind) < CLOSE:
+            break
+        guess = 0.5 * (before.z + behind.z) if halve else _crest(before, behind)
+        middle = _solve(map_, guess, before.direction)
+        if middle is None:
+            break
+        now = float(np.sign(middle.direction[-1]))
+        before, behind = (middle, behind) if now > 0.0 else (before, middle)
+        side, halve = now, now == side and not halve  # twice on one side: the other must come closer
+    if not _doubt(before, behind) < SURE:
         return None
-    _, slope, flow = _equations(map_, best.z + rise / bend * best.direction, full=True)
+    crest = _crest(before, behind)
+    _, slope, flow = _equations(map_, crest, full=True)
     by_setting = _ordered(map_, flow.fixed[:, n:])
-    speed = float(np.exp(best.z[-1] + rest))
-    moved = np.linalg.lstsq(slope, -by_setting, rcond=None)[0][-1]
-    return End(speed, speed * moved)
+    speed = float(np.exp(crest[-1]))
+    return End(speed, speed * np.linalg.lstsq(slope, -by_setting, rcond=None)[0][-1])

@@ -19,10 +19,11 @@ from identify.cycle import CycleMap
 from identify.errors import SimulationError
 from identify.model import assemble
 from identify.orbit import settle
-from identify.outlook import outlook
+from identify.outlook import OperatingPoint, outlook, outlooks
 from identify.prospect import Outcome, prospect
-from identify.sensitivity import end_slopes, orbit_slopes, quantities
+from identify.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities
 from identify.sliding import sliding, unstable_speeds
+from identify.spread import Spread
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {
@@ -38,7 +39,7 @@ DEMO = {
 }
 
 
-def map_of(effects: tuple[str, ...] = ALL, **changes: float) -> CycleMap:
+def map_of(effects: tuple[str, ...] = ALL, /, **changes: float) -> CycleMap:
     model = assemble(effects)
     values = {**DEMO, **changes}
     return CycleMap(model, 1.0, np.array([values[n] for n in model.parameter_names]), rtol=1e-8)
@@ -146,6 +147,61 @@ def test_outlook_is_a_document_with_intervals() -> None:
     assert 0.015 < high - low < 0.03
     assert "always sticks" in document["text"] and "Steady sliding is unstable below 10.4 mm/s" in document["text"]
     assert outlook(assemble(ALL), DEMO, 1e-4, 1.0)["amplitude"]["drop"]["interval"] is None
+
+
+NAMES = ["mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"]
+KNOWN = np.diag(np.array([0.002, 0.002, 0.002, 5.0, 1e-6, 0.02]) ** 2)
+LOGS = ((0.1e-3 / 60, 0.930), (0.1e-3, 0.9345), (1e-3, 0.937), (5e-3, 0.940))
+
+
+def intervals(document: dict[str, Any]) -> list[dict[str, Any]]:
+    numbers = [document["stability"]["critical_speed"], document["stability"]["sliding"]["growth_rate"]]
+    return numbers + [entry for name, entry in document["amplitude"].items() if name in [*QUANTITIES, "frequency"]]
+
+
+def test_logs_that_share_a_branch_get_the_answers_they_get_alone() -> None:
+    model = assemble(ALL)
+    together = outlooks(model, [OperatingPoint(DEMO, v, load, KNOWN) for v, load in LOGS], NAMES)
+    for (speed, load), document in zip(LOGS, together, strict=True):
+        alone = outlook(model, DEMO, speed, load, KNOWN, NAMES)
+        for ours, theirs in zip(intervals(document), intervals(alone), strict=True):
+            assert ours["value"] == pytest.approx(theirs["value"], rel=1e-4)
+            assert ours["interval"] == pytest.approx(theirs["interval"], rel=1e-3)
+    # Not the end of the shared branch itself: that lies 0.7 % off for the lightest load.
+    ends = [d["stability"]["critical_speed"]["value"] for d in together]
+    assert ends[3] / ends[0] == pytest.approx((0.940 / 0.930) ** 0.696, abs=3e-4)
+
+
+def test_a_log_without_an_answer_does_not_hold_up_the_others() -> None:
+    bad, good = OperatingPoint(DEMO, 0.0, 1.0), OperatingPoint(DEMO, 1e-3, 1.0)
+    documents = outlooks(assemble(ALL), [bad, good], [])
+    assert "not zero" in documents[0]["text"]
+    assert documents[1]["stability"]["outcome"] == "always sticks"
+
+
+@pytest.mark.parametrize("variance", [1e6, np.inf, np.nan])
+def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance: float) -> None:
+    unknown = KNOWN.copy()
+    unknown[4, 4] = variance
+    # Worn sliding at 1 mm/s knows no D: its growth rate keeps its interval.
+    document = outlook(assemble(ALL), DEMO, 1e-3, 1.0, unknown, NAMES)
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+    end, growth, *amplitude = intervals(document)
+    for entry in (end, *amplitude):
+        assert entry["value"] is not None and entry["interval"] == [None, None] and "D" in entry["reason"]
+    assert growth["interval"][0] < growth["value"] < growth["interval"][1] and "reason" not in growth
+    assert "do not tell D" in document["amplitude"]["text"]
+
+
+def test_a_ridge_between_parameters_opens_what_lies_along_it_only() -> None:
+    """Two parameters unknown, their sum known: what needs the sum alone keeps its interval."""
+    p = np.array([DEMO[n] for n in assemble(ALL).parameter_names])
+    ridge = np.diag([0.0, 1e6, 1e6]) + 1e-6 * np.eye(3)
+    ridge[1, 2] = ridge[2, 1] = -1e6
+    spread = Spread(assemble(ALL), p, ["mu_s", "mu_k0", "delta_mu_k"], ridge)
+    assert "mu_k0 and delta_mu_k" in spread.positive(1.0, np.array([1.0, 1.0, 0.5])).reason
+    closed = spread.signed(1.0, np.array([1.0, 0.0, 0.0]), 1.0)
+    assert closed.low == pytest.approx(1 - 1.96e-3, rel=1e-5) and not closed.reason
 
 
 def test_outcomes_along_the_drive_speed() -> None:
