@@ -1,0 +1,236 @@
+"""fit from files or records to a result: the truth is found, and what cannot be fitted is refused with a reason."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+from document_check import check_document
+
+from data_io import Record
+from experiments.run_recovery_study import study
+from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
+from identify import Scene, fit, search
+from identify.effects import NAMES
+from identify.errors import FitError
+from identify.examples import FOLDER
+from identify.identification import find
+from identify.outcome import Status
+
+MIDDLE = (1, 2, 3)  # the logs at 0.1, 1 and 5 mm/s of the study's problem: the slow one takes longest to read
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return fit(Scene.from_toml(FOLDER / "pair.toml"))
+
+
+@pytest.fixture(scope="module")
+def case():
+    return simulated_case(DEMO, 11)
+
+
+def _scene(logs, rig=RIG, **more):
+    entries = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in logs]
+    return Scene.from_document({"effects": list(NAMES), "rig": dict(rig), "logs": entries} | more, Path())
+
+
+def _records(case, logs):
+    return [case.records[i] for i in logs]
+
+
+@pytest.fixture
+def one_try(monkeypatch):
+    """A search that gives up after its first start: for what has no answer, the others only take time."""
+    monkeypatch.setattr(search, "RANDOM", ())
+    monkeypatch.setattr(search, "ATTEMPTS", 1)
+
+
+def test_the_example_pair_is_found(demo):
+    truth = json.loads((FOLDER / "truth.json").read_text(encoding="utf-8"))["parameters"]
+    document = check_document(demo.result)
+    assert demo.converged
+    assert document["parameters"].keys() == truth.keys()
+    for name, parameter in document["parameters"].items():
+        off = parameter["value"] - truth[name]
+        assert parameter["verdict"] == "identified"
+        assert abs(off) < 3 * parameter["standard_error"], name
+        assert abs(off) < 0.05 * abs(truth[name]), name
+    assert document["fit"]["cycles"] == sum(log["slip_count"] for log in document["logs"])
+    assert document["fit"]["rms_N"] == pytest.approx(5e-3, rel=0.02)
+    v_cr = document["derived"]["v_cr"]
+    assert v_cr["interval"][0] < truth["D"] / truth["t_cr"] < v_cr["interval"][1]
+    assert [log["friction_sign"] for log in document["logs"]] == [1, 1, 1, -1]
+    assert {"mass", "stiffness", "damping"} <= document["rig_sensitivity"].keys()
+
+
+def test_the_check_of_documents_sees_broken_promises(demo):
+    def broken(change):
+        document = copy.deepcopy(dict(demo.result))
+        change(document)
+        with pytest.raises((AssertionError, KeyError, ValueError)):
+            check_document(document)
+
+    broken(lambda d: d["parameters"]["a"].update(standard_error=math.nan))
+    broken(lambda d: d["parameters"]["a"].update(verdict="not identifiable"))
+    broken(lambda d: d["parameters"]["a"].update(interval=[200.0, 400.0]))
+    broken(lambda d: d.update(status="model_misfit"))
+    broken(lambda d: d.pop("provenance"))
+    broken(lambda d: d["correlation"]["matrix"][0].__setitem__(1, 0.123))
+
+
+def test_curves_of_a_fit(demo):
+    for curves, log in zip(demo.logs, demo.result["logs"], strict=True):
+        residual = (curves.friction_force - curves.fitted_force)[curves.used]
+        assert np.std(residual) == pytest.approx(5e-3, rel=0.05)
+        assert curves.cycles.shape == (log["slip_count"], 5)
+        assert np.all(np.diff(curves.cycles[:, :2].ravel()) > 0), "onsets and arrests take turns"
+        assert np.all(np.abs(curves.cycles[:, 4]) < 6)
+        slip = curves.slip
+        fitted = np.interp(curves.time[slip.samples], slip.time, slip.force)
+        shown = curves.fitted_force[slip.samples]
+        np.testing.assert_allclose(fitted, shown, atol=2e-3 * np.ptp(slip.force) + 1e-3)
+        assert np.max(slip.sliding_speed) > 2 * curves.drive_speed
+
+
+@pytest.mark.parametrize(("cases", "seed", "source"), [(2, 101, "data"), (1, 2, "user")])
+def test_random_pairs_are_recovered(cases, seed, source, capsys):
+    outcomes = study(cases, seed, source, 1.0, 1.0)
+    assert all(outcome.recovered for outcome in outcomes), capsys.readouterr().out
+    assert not any(outcome.false_success for outcome in outcomes)
+
+
+def test_a_wrong_mass_is_refused_with_the_last_iterate(case, one_try):
+    result = check_document(fit(_scene(range(4), RIG | {"mass": 0.24}), case.records).result)
+    assert result["status"] == "model_misfit"
+    assert "log_" in result["message"]
+    assert "rig" in result["message"]
+    assert result["correlation"] is None
+    assert result["derived"] == {}
+    assert {p["value"] for p in result["parameters"].values()} == {None}
+    assert result["last_iterate"]["mu_s"]["value"] == pytest.approx(0.62, rel=0.05)
+    assert result["gate"]["chi2_per_sample"] > 1.2
+
+
+def _flattened(record, begin, end):
+    """A slip hidden: the samples between are a straight line."""
+    force = record.friction_force.copy()
+    inside = (record.time >= begin) & (record.time <= end)
+    force[inside] = np.linspace(force[inside][0], force[inside][-1], np.count_nonzero(inside))
+    return Record(record.time, record.normal_force, force)
+
+
+def _cut(record, begin, end):
+    """A stretch cut out and the ends joined."""
+    keep = (record.time < begin) | (record.time > end)
+    step = float(np.median(np.diff(record.time)))
+    count = int(np.count_nonzero(keep))
+    return Record(np.arange(count) * step, record.normal_force[keep], record.friction_force[keep])
+
+
+@pytest.mark.parametrize("deleted", [_flattened, _cut])
+def test_a_deleted_slip_is_noticed(case, one_try, deleted):
+    truth = oracle.simulate(DEMO | RIG, SPEEDS[2][0], 1.0, 2.5)
+    begin, end = truth.onsets[5] - 0.02, truth.arrests[5] + 0.02
+    records = [case.records[1], deleted(case.records[2], begin, end), case.records[3]]
+    result = check_document(fit(_scene(MIDDLE), records).result)
+    assert result["status"] in ("wrong_event_count", "model_misfit")
+    assert "log_2.csv" in result["message"]
+
+
+def _uneven(log, seed, scatter):
+    """A log whose friction is another one in every cycle: all coefficients of a cycle by one random factor."""
+    (speed, duration, rate), random = SPEEDS[log], np.random.default_rng(seed)
+    times = np.arange(round(duration * rate) + 1) / rate
+    force, now, state = np.zeros(times.size), 0.0, (0.0, 0.0, 0.0)
+    while now < duration:
+        factor = 1 + scatter * random.standard_normal()
+        pair = DEMO | {name: factor * DEMO[name] for name in ("mu_s", "mu_k0", "delta_mu_k")}
+        cycle = oracle.simulate(pair | RIG, speed, 1.0, min(duration, 1.6 / (RIG["stiffness"] * speed)), state)
+        rest = times >= now
+        end = now + cycle.arrests[0]
+        force[rest & (times <= end)] = cycle.force(times[rest & (times <= end)] - now)
+        now, state = end, tuple(cycle.arrest_states[0])
+    return Record(times, np.ones_like(times), force + NOISE * random.standard_normal(times.size))
+
+
+@pytest.mark.parametrize(("scatter", "status"), [(0.1, Status.MODEL_MISFIT), (0.0, Status.CONVERGED)])
+def test_friction_that_differs_from_cycle_to_cycle_is_no_success(one_try, scatter, status):
+    logs = (1, 2)
+    records = [_uneven(log, 20 + log, scatter) for log in logs]
+    result = check_document(fit(_scene(logs), records).result)
+    assert result["status"] == status.value
+    if scatter:
+        assert "cycle to cycle" in result["message"]
+        drops = [log["classical"]["rows"][-1]["drop_sd_N"] for log in result["logs"]]
+        assert max(drops) > 5 * NOISE, "the classical table shows the scatter"
+
+
+def test_sliding_without_a_cycle_still_gives_the_classical_table():
+    random = np.random.default_rng(3)
+    times = np.arange(3001) / 1000
+    record = Record(times, np.full(times.size, 2.0), 0.9 + NOISE * random.standard_normal(times.size))
+    outcome = fit(_scene((2,)), [record])
+    result = check_document(outcome.result)
+    assert outcome.status is Status.NO_CYCLES
+    assert "log_2.csv" in result["message"]
+    row = result["logs"][0]["classical"]["rows"][0]
+    assert row["mean_coefficient"] == pytest.approx(0.45, rel=0.01)
+    assert row["cycles"] == 0
+    assert row["sliding_percent"] == pytest.approx(100.0)
+    assert outcome.logs[0].slip is None
+    assert not np.any(np.isfinite(outcome.logs[0].fitted_force))
+
+
+def test_drive_programmes_are_refused_by_name(case):
+    entry = {"path": "steps.csv", "drive_speed": [[0, 1e-3], [2, 2e-3]]}
+    scene = Scene.from_document({"effects": list(NAMES), "rig": dict(RIG), "logs": [entry]}, Path())
+    with pytest.raises(FitError, match=r"steps\.csv has a drive programme of 2 speeds"):
+        fit(scene, [case.records[2]])
+
+
+def test_records_and_logs_must_match(case):
+    with pytest.raises(FitError, match="2 records were given for 1 logs"):
+        fit(_scene((2,)), _records(case, (2, 3)))
+
+
+def test_fixed_prior_and_estimated_rig_quantities(case):
+    more = {
+        "parameters": {
+            "t_cr": {"fixed": 0.5},
+            "mass": {"start": 0.23, "prior": {"mean": 0.21, "sd": 0.02}},
+        }
+    }
+    result = check_document(fit(_scene(MIDDLE, **more), _records(case, MIDDLE)).result)
+    assert result["status"] == "converged"
+    parameters = result["parameters"]
+    assert parameters["t_cr"]["verdict"] == "fixed"
+    assert parameters["t_cr"]["value"] == 0.5
+    mass = parameters["mass"]
+    assert abs(mass["value"] - 0.2) < 4 * mass["standard_error"]
+    assert mass["standard_error"] < 0.005, "the data know it better than its prior"
+    assert set(result["correlation"]["names"]) == {"mu_s", "mu_k0", "D", "delta_mu_k", "a", "mass"}
+
+
+def test_the_sign_of_the_force_and_masked_samples_do_not_matter(case):
+    """Force negative throughout, some samples missing: the same answer but for the missing samples."""
+    logs = (1, 2)
+    quiet = {"clock": search.Clock(), "progress": lambda _stage, _share: None}
+    _, plain = find(_scene(logs), _records(case, logs), **quiet)
+    records = []
+    for record in _records(case, logs):
+        force = -record.friction_force
+        force[100::997] = np.nan
+        records.append(Record(record.time, record.normal_force, force))
+    prepared, holed = find(_scene(logs), records, **quiet)
+    assert [log.sign for log in prepared] == [-1, -1]
+    assert (plain.status, holed.status) == (Status.CONVERGED, Status.CONVERGED)
+    sd = np.sqrt(np.diag(plain.covariance))
+    free = plain.unknowns.free
+    off = (holed.attempt.solved.theta - plain.attempt.solved.theta)[free]
+    assert np.max(np.abs(off) / sd) < 0.3
