@@ -111,8 +111,8 @@ def table(outcomes: list[Outcome], rejected: int, sources: Sources, noise: float
 
 
 def main(fast: bool = False) -> list[Outcome]:
-    """The whole study: 60 cases from the data alone and 60 from a user's start alone; fast: 3 of each."""
-    count = 3 if fast else 60
+    """The whole study: 60 cases from the data alone and 60 from a user's start alone; fast: 2 of each."""
+    count = 2 if fast else 60
     return study(count, 1, "data", 1.0, 1.0) + study(count, 2, "user", 1.0, 1.0)
 
 

@@ -131,7 +131,15 @@ def _stick(law: Law, state: State, drive: float, load: tuple[float, float], room
 
 
 def _slip(
-    law: Law, mode: str, s: int, state: State, drive: float, load: tuple[float, float], room: float, broke_loose: bool
+    law: Law,
+    mode: str,
+    s: int,
+    state: State,
+    drive: float,
+    load: tuple[float, float],
+    room: float,
+    broke_loose: bool,
+    rtol: float,
 ) -> tuple[float, Array, Callable[[Array], Array], str]:
     """Integrate one piece of sliding: length, end increments, dense output, what ended it."""
     x0, v0, gamma0 = state
@@ -166,7 +174,7 @@ def _slip(
         (0.0, room),
         np.zeros(3 if free else 2),
         method="DOP853",
-        rtol=RTOL,
+        rtol=rtol,
         atol=np.array(ATOL[: 3 if free else 2]),
         first_step=min(room, 1e-3 * math.sqrt(m / k)),
         dense_output=True,
@@ -193,6 +201,7 @@ def simulate(
     normal_force: Programme,
     duration: float,
     initial: State = (0.0, 0.0, 0.0),
+    rtol: float = RTOL,
 ) -> Oracle:
     """Run the oscillator.
 
@@ -202,6 +211,7 @@ def simulate(
         normal_force: force [N], or ((time [s], force), ...), piecewise linear, constant beyond its ends.
         duration: [s].
         initial: elongation [m], sliding speed [m/s], gamma.
+        rtol: relative tolerance of the slips.
     """
     law = Law(**{name: float(parameters[name]) for name in Law.__annotations__})
     speeds, loads = _programme(drive), _programme(normal_force)
@@ -229,7 +239,7 @@ def simulate(
                     events["onset"].append((now, state))
                     directions.append(way)
                 continue
-            length, inc, sol, ended = _slip(law, mode, s, state, speed, load, room, broke_loose)
+            length, inc, sol, ended = _slip(law, mode, s, state, speed, load, room, broke_loose, rtol)
             pieces.append(Piece(now, length, mode, s, speed, load, state, sol))
             gamma = state[2] + float(inc[2]) if mode == "slip" else 0.0
             state, broke_loose = (state[0] + float(inc[0]), state[1] + float(inc[1]), gamma), False
