@@ -173,7 +173,7 @@ def _untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status
     uneven = max(prepared, key=lambda log: log.scatter)
     if uneven.scatter > UNEQUAL:
         return Status.MODEL_MISFIT, f"{_uneven(uneven)}; see the cycle scatter and the classical table in the report"
-    if any(log.falls.size for log in prepared):
+    if any(log.left_out is None for log in prepared):
         return Status.MODEL_MISFIT, (
             "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
             "slides steadily; check the rig values, or estimate them under [parameters]"

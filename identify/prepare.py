@@ -13,7 +13,7 @@ from identify.guess import LogData
 from identify.loads import smooth
 from identify.scene import Scene
 from identify.scene.values import LogEntry, Rig
-from identify.segment import STICK, Segmentation, segment
+from identify.segment import SLIDING, STICK, Segmentation, segment
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -209,7 +209,7 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
 def _reason(found: Segmentation, falls: Array, name: str) -> str | None:
     if falls.size == 0:
         return f"{name} shows no complete stick-slip cycle"
-    if found.ends_sliding and falls.size < 3:
+    if found.ends_sliding and (falls.size < 3 or found.share(SLIDING) > 0.5):
         return f"{name} slides without sticking after {falls.size} slip(s): above its stick-slip limit"
     return None
 
