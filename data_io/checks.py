@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from data_io.errors import LogError
-from data_io.frozen import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray
+from data_io.frozen import COLUMN_ROLES, LARGEST_FORCE, LONGEST_GAP, Finding, FloatArray
 
 Fail = Callable[[str], LogError]
 
@@ -27,11 +27,16 @@ def column(fail: Fail, name: str, values: Any, n: int | None = None) -> FloatArr
     return array
 
 
-def frozen_finite(values: FloatArray) -> FloatArray:
-    """Return the values with NaN for infinities, read-only."""
-    if not np.isinf(values).any():
+def force(fail: Fail, name: str, values: FloatArray) -> FloatArray:
+    """Return a force with NaN for what is no force: infinities, and the huge numbers by which devices mark overflow."""
+    beyond = np.abs(values) > LARGEST_FORCE
+    if not beyond.any():
         return values
-    values = np.where(np.isfinite(values), values, np.nan)
+    if np.count_nonzero(beyond & np.isfinite(values)) * 2 > values.size:
+        raise fail(
+            f"the {name} is beyond {LARGEST_FORCE:g} N in most rows; a force was expected; check its unit and column"
+        )
+    values = np.where(beyond, np.nan, values)
     values.flags.writeable = False
     return values
 

@@ -2,7 +2,7 @@
 
 import functools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -30,6 +30,7 @@ EXAMPLES: Final = {
     "friction_force": "Fx, Ff or Friction force",
 }
 
+_LONGEST_SHOWN: Final = 60
 _BRACKETS = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*(?:\([^()]*\))?)\s*[)\]}]\s*")
 _SUFFIX = re.compile(r"(.*?[^\s_/,])(?:\s*[_/,]\s*|\s+)(\S+)")
 
@@ -119,6 +120,12 @@ def role_indices(names: Sequence[Name], wanted: Mapping[str, str]) -> dict[str, 
     own = {role: next((i for i, name in enumerate(names) if name.name == role), None) for role in KIND}
     asked = {role: find_column(names, column) for role, column in wanted.items() if role in KIND}
     return {role: index for role, index in {**own, **asked}.items() if index is not None}
+
+
+def shown(names: Iterable[str], most: int = 40) -> str:
+    """Return column names for a sentence, however many and however long they are."""
+    listed = [name if len(name) <= _LONGEST_SHOWN else name[:_LONGEST_SHOWN] + "…" for name in names]
+    return ", ".join(map(repr, listed[:most])) + (f" and {len(listed) - most} more" if len(listed) > most else "")
 
 
 def words(role: str) -> str:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from data_io.clock import StepClock, usable_rows
-from data_io.columns import EXAMPLES, KIND, Name, find_column, words
+from data_io.columns import EXAMPLES, KIND, Name, find_column, shown, words
 from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
 from data_io.part import Part
@@ -55,8 +55,8 @@ def _choices(part: Part) -> list[Finding]:
         taken = part.columns.get(index)
         differing = [i for i in others if i in part.columns and not _same(taken, part.columns[i])]
         if differing:
-            named = ", ".join(repr(part.header.names[i].raw) for i in differing)
-            text = f"the {words(role)} was taken from {part.header.names[index].raw!r}, not from {named}"
+            named = shown(part.header.names[i].raw for i in differing)
+            text = f"the {words(role)} was taken from {shown([part.header.names[index].raw])}, not from {named}"
             notes.append(Finding("column_choice", "info", text))
     return notes
 
@@ -77,10 +77,10 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
             raise source.error(_missing(role, part, label))
     bare = [role for role in needed if not _unit(request, part, role)]
     if bare:
-        shown = ", ".join(f"{part.header.names[part.header.roles[role]].raw!r} ({words(role)})" for role in bare)
+        which = ", ".join(f"{shown([part.header.names[part.header.roles[role]].raw])} ({words(role)})" for role in bare)
         example = ",".join(f"{role}={SI_UNIT[KIND[role]]}" for role in bare)
         raise source.error(
-            f"no unit was found for column {shown}; a unit in the header was expected; give it, as in --units {example}"
+            f"no unit was found for column {which}; a unit in the header was expected; give it, as in --units {example}"
         )
 
 
@@ -88,14 +88,14 @@ def _check_unit(source: Source, part: Part, role: str, unit: str) -> None:
     try:
         factor(unit, SI_UNIT[KIND[role]])
     except UnitError as error:
-        where = f"column {part.header.names[part.header.roles[role]].raw!r} ({words(role)})"
+        where = f"column {shown([part.header.names[part.header.roles[role]].raw])} ({words(role)})"
         raise source.error(f"{where}: {error}; or give it with --units {role}=...") from error
 
 
 def _missing(role: str, part: Part, label: str) -> str:
-    shown = ", ".join(repr(name.name) for name in part.header.names[:40])
+    there = shown(name.name for name in part.header.names)
     text = (
-        f"no {words(role)} column was found among {shown}{' in ' if label else ''}{label}; a name such as "
+        f"no {words(role)} column was found among {there}{' in ' if label else ''}{label}; a name such as "
         f"{EXAMPLES.get(role, role)} was expected; say which one it is with --columns {role}=<name>"
     )
     text += ', or give a constant load with --normal-force "3 N"' if role == "normal_force" else ""
@@ -119,7 +119,7 @@ def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray
     values = _filled(part, part.header.roles[role])
     if values is None:
         raise source.error(
-            f"column {name.raw!r} ({words(role)}) holds no numbers; a column of numbers was expected; "
+            f"column {shown([name.raw])} ({words(role)}) holds no numbers; a column of numbers was expected; "
             f"name another one with --columns {role}=<name>"
         )
     return to_si(values, _unit(request, part, role) or "", KIND[role])

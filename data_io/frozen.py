@@ -15,6 +15,9 @@ SEVERITIES: Final = ("info", "warning", "reject")
 LONGEST_GAP: Final = 5
 """Rows in a row without a finite number that are kept as NaN; a longer block is an error."""
 
+LARGEST_FORCE: Final = 1e9
+"""Newtons that no tribometer measures; larger numbers (9.9e37, 1e30) are marks of overflow."""
+
 COLUMN_ROLES: Final = ("time", "normal_force", "friction_force", "drive_speed")
 """Names that no channel may carry."""
 

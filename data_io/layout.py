@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from data_io.columns import Header, Name, match_header
+from data_io.columns import Header, Name, match_header, shown
 from data_io.source import Request, Source
 from data_io.text import BLANKS, DELIMITERS, is_number, is_number_like, line_number, split
 from data_io.units import kind_of
@@ -112,7 +112,7 @@ def with_units(source: Source, header: Header, units: Sequence[str]) -> Header:
         given = units[index] if index < len(units) else ""
         if given and name.unit and given != name.unit:
             raise source.error(
-                f"column {name.raw!r} names one unit and the units row below it {given!r}; "
+                f"column {shown([name.raw])} names one unit and the units row below it {given!r}; "
                 f"one unit was expected; correct the header or give the unit with --units"
             )
         names.append(replace(name, unit=given) if units and name.unit is None else name)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from data_io.columns import Header, find_column, words
+from data_io.columns import Header, find_column, shown, words
 from data_io.frozen import COLUMN_ROLES, FloatArray
 from data_io.source import Request, Source
 
@@ -57,17 +57,17 @@ def chosen(source: Source, request: Request, run: Sequence[Part]) -> list[Part]:
 
 def check_request(source: Source, request: Request, header: Header) -> None:
     """Raise the source's `LogError` where the user names a column that the header does not have."""
-    shown = ", ".join(repr(name.name) for name in header.names[:40])
+    there = shown(name.name for name in header.names)
     twice = [column for column in request.columns.values() if list(request.columns.values()).count(column) > 1]
     if twice:
         raise source.error(f"the column {twice[0]!r} was named for two purposes; one was expected; name another one")
     for role, column in request.columns.items():
         if find_column(header.names, column) is None:
-            raise source.error(f"no column {column!r} was found for {words(role)}; there are {shown}; name one of them")
+            raise source.error(f"no column {column!r} was found for {words(role)}; there are {there}; name one of them")
     for key in request.units:
         if key not in COLUMN_ROLES and key not in request.columns and find_column(header.names, key) is None:
             raise source.error(
-                f"a unit was given for {key!r}, which is no column; {', '.join(COLUMN_ROLES[:3])} or one of {shown} "
+                f"a unit was given for {key!r}, which is no column; {', '.join(COLUMN_ROLES[:3])} or one of {there} "
                 "was expected; correct the name"
             )
 

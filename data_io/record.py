@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from data_io.checks import channel, check_clock, check_gaps, column, frozen_finite, speed, unit
+from data_io.checks import channel, check_clock, check_gaps, column, force, speed, unit
 from data_io.errors import LogError
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Frozen, Scalar, Step
 
@@ -17,7 +17,8 @@ class Record:
     """One run in SI; arrays are read-only float64 of shape (n,), n >= 2. Building one validates it (`LogError`).
 
     time [s] starts at 0 and rises strictly; normal_force [N] is positive in compression; friction_force [N] has the
-    sign of the file. Up to five rows in a row may hold NaN in a force, which adds a finding; infinities become NaN.
+    sign of the file. Up to five rows in a row may hold NaN in a force, which adds a finding; infinities and
+    marks of overflow become NaN.
     drive_speed [m/s]: one number, (n,), or None where the log does not say. channels: other columns, (n,) each, their
     units in channel_units. metadata: where the data came from ("path", "sha256", "format", "file_time_start" [s], ...).
     """
@@ -40,7 +41,7 @@ class Record:
         normal = column(self._error, "normal force", self.normal_force, n)
         friction = column(self._error, "friction force", self.friction_force, n)
         check_clock(self._error, time)
-        normal, friction = frozen_finite(normal), frozen_finite(friction)
+        normal, friction = force(self._error, "normal force", normal), force(self._error, "friction force", friction)
         gaps = check_gaps(self._error, time, normal, friction)
         values: dict[str, Any] = {
             "time": time,

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from data_io.columns import EXAMPLES, Header, parse_name, words
+from data_io.columns import EXAMPLES, Header, parse_name, shown, words
 from data_io.frozen import FloatArray
 from data_io.layout import COMMENT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.rows import read_numbers
@@ -140,12 +140,12 @@ def _why_no_header(above: list[str], width: int, request: Request) -> str:
         for delimiter in DELIMITERS:
             fields = split(COMMENT.sub("", line, count=1), delimiter)
             if len(fields) == width:
-                shown = ", ".join(repr(parse_name(name).name) for name in fields[:12])
+                there = shown((parse_name(name).name for name in fields), most=12)
                 if request.columns:
                     asked = ", ".join(f"{name!r}" for name in request.columns.values())
-                    return f"the columns {shown} were found, none of {asked}; give the names as the file has them"
+                    return f"the columns {there} were found, none of {asked}; give the names as the file has them"
                 return (
-                    f"no time column and no force column were recognised among {shown}; names such as "
+                    f"no time column and no force column were recognised among {there}; names such as "
                     f"{EXAMPLES['time']} and {EXAMPLES['friction_force']} were expected; say which is which with "
                     "--columns time=...,friction_force=..."
                 )

@@ -168,8 +168,15 @@ def test_dates_and_words_in_other_columns_do_no_harm(tmp_path):
 def test_every_float_is_read_exactly(tmp_path):
     bits = np.random.default_rng(3).integers(0, 2**63, 3000).view(np.float64)
     values = np.concatenate((bits[np.isfinite(bits)], [5e-324, 1.7976931348623157e308, 0.1, 2**53 + 1.0]))
-    record = read(tmp_path, UNITS_ROW + "".join(f"{i},{v!r},3\n" for i, v in enumerate(values.tolist())))
-    assert record.friction_force.tobytes() == values.tobytes()
+    text = "T,Fx,Fz,count\ns,N,N,\n" + "".join(f"{i},1,3,{v!r}\n" for i, v in enumerate(values.tolist()))
+    assert read(tmp_path, text).channels["count"].tobytes() == values.tobytes()
+
+
+def test_a_header_of_any_length_makes_a_short_sentence(tmp_path):
+    names = ["T", "Fz", "F" + "x" * 9000, *(f"channel {i}" for i in range(400))]
+    with pytest.raises(LogError, match=r"'Fx{59}…', .* and 363 more") as caught:
+        read(tmp_path, ",".join(names) + "\n" + "".join(",".join([str(i)] * 403) + "\n" for i in range(9)))
+    assert len(str(caught.value)) < 1000
 
 
 def test_measured_records_are_read_as_they_are():

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from data_io import LogError, Record, Step
+from data_io.frozen import LARGEST_FORCE
 
 
 def ramp(n=20, **changes):
@@ -95,6 +96,18 @@ def test_infinity_becomes_missing():
     assert np.isnan(ramp(friction_force=np.r_[np.zeros(19), np.inf]).friction_force[-1])
 
 
+@pytest.mark.parametrize("mark", [9.9e37, -9.91e37, 1e30, 1e300, -2e9])
+def test_marks_of_overflow_become_missing(mark):
+    record = ramp(friction_force=np.r_[np.zeros(18), mark, 0.9e9])
+    assert np.isnan(record.friction_force[18]) and record.friction_force[19] == 0.9e9
+    assert [f.code for f in record.findings] == ["missing_rows"]
+
+
+def test_a_force_beyond_all_forces_is_a_wrong_unit():
+    with pytest.raises(LogError, match="check its unit"):
+        ramp(normal_force=np.full(20, 3e9))
+
+
 def test_a_process_gets_the_same_frozen_record():
     record = ramp(drive_speed=1e-3, channels={"Z": np.ones(20)}, metadata={"path": "p"})
     other = pickle.loads(pickle.dumps(record))
@@ -102,10 +115,11 @@ def test_a_process_gets_the_same_frozen_record():
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
+forces = st.floats(-LARGEST_FORCE, LARGEST_FORCE)
 
 
 @given(
-    st.lists(st.tuples(st.floats(1e-6, 1e3), numbers, numbers, st.floats()), min_size=2, max_size=30),
+    st.lists(st.tuples(st.floats(1e-6, 1e3), forces, forces, st.floats()), min_size=2, max_size=30),
     st.one_of(st.none(), numbers),
 )
 def test_frames_bring_everything_back(rows, drive_speed):

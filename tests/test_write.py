@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from data_io import Finding, LogError, Record, Step, read_log, write_csv, write_hdf5
 from data_io.atomic import atomic_path, atomic_write
+from data_io.frozen import LARGEST_FORCE
 
 WRITERS = [(write_hdf5, "log.h5"), (write_csv, "log.csv")]
 NOT_KEPT = {"path", "sha256", "format"}  # they say where this file is
@@ -16,6 +17,7 @@ names = st.text(st.characters(exclude_categories=("Cs", "C", "Z")), min_size=1, 
     lambda name: name.isprintable() and name not in ("time", "normal_force", "friction_force", "drive_speed")
 )
 finite = st.floats(allow_nan=False, allow_infinity=False)
+forces = st.floats(-LARGEST_FORCE, LARGEST_FORCE)
 scalars = st.one_of(words, st.integers(-(2**60), 2**60), finite, st.booleans())
 
 
@@ -26,7 +28,7 @@ def records(draw):
     def column(elements):
         return np.array(draw(st.lists(elements, min_size=n, max_size=n)))
 
-    friction = column(finite)
+    friction = column(forces)
     if n > 4 and draw(st.booleans()):
         friction[2] = np.nan
     cut = draw(st.integers(1, n - 1))
@@ -34,7 +36,7 @@ def records(draw):
     channels = draw(st.lists(names, max_size=3, unique=True))
     return Record(
         time=np.concatenate(([0.0], np.cumsum(column(st.floats(1e-9, 1e6)))[:-1])),
-        normal_force=column(finite),
+        normal_force=column(forces),
         friction_force=friction,
         drive_speed=draw(st.one_of(st.none(), finite, st.builds(lambda: column(finite)))),
         channels={name: column(st.floats()) for name in channels},
