@@ -1,0 +1,243 @@
+"""How fast the fit is: from files to result, against least squares on a simulation, and with the sampling rate.
+
+a. The four logs of the test problem (33,000 samples, 36 cycles), written to files, fitted again and again in a
+   warm process on one core.
+b. The hard-constrained solve started at the truth (place, then solve in passes) against
+   scipy.optimize.least_squares on an event-driven solve_ivp simulation started at the truth, the same samples.
+c. The same logs sampled 30 times as fast: the time after reading.
+
+    python experiments/run_fit_speed.py
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")  # before numpy: one core means one thread
+
+import numpy as np  # noqa: E402
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from data_io import Record, write_hdf5  # noqa: E402
+from experiments.event_driven import Series, fit_by_least_squares  # noqa: E402
+from experiments.machine import describe  # noqa: E402
+from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS  # noqa: E402
+from identify import Scene, fit  # noqa: E402
+from identify.effects import NAMES  # noqa: E402
+from identify.identification import find  # noqa: E402
+from identify.model import assemble  # noqa: E402
+from identify.passes import COARSE, solve_in_passes  # noqa: E402
+from identify.placing import place  # noqa: E402
+from identify.search import Clock  # noqa: E402
+from identify.simulate import run  # noqa: E402
+
+LIMIT, TIMES_FASTER, RATE_LIMIT = 2.5, 10.0, 1.5  # what is asked for: s, ratio, ratio
+RATE = 30.0
+TRUTH = DEMO | RIG
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Repeated wall times [s] of one thing, and the processor times beside them."""
+
+    wall: tuple[float, ...]
+    cpu: tuple[float, ...]
+
+    @property
+    def median(self) -> float:
+        """Median wall time [s]."""
+        return float(np.median(self.wall))
+
+    def __str__(self) -> str:
+        spread = f"{min(self.wall):.2f} to {max(self.wall):.2f}"
+        return f"{self.median:6.2f} s  ({spread} s; processor {np.median(self.cpu):.2f} s)"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What was measured. fit: from files to result; stages: median seconds of each; solve and least_squares from
+    the truth; after_reading and its stages at the rates 1 and RATE; samples and cycles of the fit and its status."""
+
+    fit: Timing
+    stages: dict[str, float]
+    samples: int
+    cycles: int
+    status: str
+    solve: Timing
+    least_squares: Timing
+    after_reading: tuple[Timing, Timing]
+    after_stages: tuple[dict[str, float], dict[str, float]]
+    dense_samples: int
+
+    @property
+    def times_faster(self) -> float:
+        """How many times faster the hard solve is than least squares."""
+        return self.least_squares.median / self.solve.median
+
+    @property
+    def rate_ratio(self) -> float:
+        """Time after reading at RATE times the sampling rate over that at the plain rate."""
+        return self.after_reading[1].median / self.after_reading[0].median
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Run on one core where the system allows to say so."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def timed(function: Callable[[], Any], repeats: int) -> tuple[Timing, list[Any]]:
+    """Call again and again; times and results."""
+    wall, cpu, results = [], [], []
+    for _ in range(repeats):
+        since, used = time.perf_counter(), time.process_time()
+        results.append(function())
+        wall.append(time.perf_counter() - since)
+        cpu.append(time.process_time() - used)
+    return Timing(tuple(wall), tuple(cpu)), results
+
+
+def simulated(chosen: Sequence[int], rate: float) -> list[Record]:
+    """The chosen logs of the test problem at `rate` times their sampling rates."""
+    model, random, records = assemble(NAMES), np.random.default_rng(1), []
+    for speed, duration, hertz in (SPEEDS[i] for i in chosen):
+        times = np.arange(round(duration * hertz * rate) + 1) / (hertz * rate)
+        force = run(model, TRUTH, speed, NORMAL_FORCE, duration).sample(times)["force"]
+        noise = NOISE * random.standard_normal(times.size)
+        records.append(Record(times, np.full(times.size, NORMAL_FORCE), force + noise))
+    return records
+
+
+def written(records: Sequence[Record], chosen: Sequence[int], folder: Path) -> Scene:
+    """The records as HDF5 files, and the scene that lists them."""
+    logs = []
+    for i, record in zip(chosen, records, strict=True):
+        path = folder / f"log_{i}.h5"
+        write_hdf5(record, path)
+        logs.append({"path": str(path), "drive_speed": SPEEDS[i][0]})
+    return Scene.from_document({"effects": list(NAMES), "rig": dict(RIG), "logs": logs}, folder)
+
+
+def against_least_squares(
+    records: Sequence[Record], scene: Scene, repeats: int, most: int | None
+) -> tuple[Timing, Timing]:
+    """The hard solve and least squares, both from the truth on the same samples, taking turns."""
+    _, found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)
+    assert found.attempt is not None
+    unknowns, logs = found.unknowns, found.attempt.prepared
+    base = unknowns.base(RIG)
+    truth = unknowns.theta(np.array([TRUTH[name] for name in unknowns.names]), base)
+    data, start = [log.data for log in logs], replace(unknowns, start=truth)
+
+    def hard() -> float:
+        p = [start.values(truth, base) for _ in data]
+        guesses = place(start.model, data, p, [log.falls for log in logs], COARSE).guesses
+        return solve_in_passes(data, [g for g in guesses if g is not None], start.softened()).solution.cost
+
+    series = []
+    for log in data:
+        mine = (log.time >= log.begin) & (log.time <= log.end) & (log.weight > 0)
+        noise = float(log.weight[mine][0] ** -0.5)
+        series.append(Series(log.time[mine], log.force[mine], log.drive_speed, NORMAL_FORCE, noise))
+    first, costs = timed(hard, repeats)
+    usual, results = timed(lambda: fit_by_least_squares(TRUTH, series, most), 1)
+    second, _ = timed(hard, repeats)
+    cut = ", cut short" if most else ""
+    print(
+        f"half chi^2: hard solve {costs[0]:.1f}, least squares {results[0].cost:.1f} "
+        f"({results[0].nfev} evaluations, {results[0].njev} Jacobians{cut})"
+    )
+    return Timing(first.wall + second.wall, first.cpu + second.cpu), usual
+
+
+def with_the_rate(
+    plain: Sequence[Record], dense: Sequence[Record], scene: Scene, repeats: int
+) -> tuple[tuple[Timing, Timing], tuple[dict[str, float], dict[str, float]]]:
+    """Times after reading of both, taking turns, and their median stages."""
+    times: tuple[list[Timing], list[Timing]] = ([], [])
+    fits: tuple[list[Any], list[Any]] = ([], [])
+    for _ in range(repeats):
+        for which, records in enumerate((plain, dense)):
+            timing, made = timed(lambda r=records: fit(scene, r), 1)
+            times[which].append(timing)
+            fits[which].extend(made)
+    first, second = (Timing(sum((t.wall for t in ts), ()), sum((t.cpu for t in ts), ())) for ts in times)
+    return (first, second), (stages_of(fits[0]), stages_of(fits[1]))
+
+
+def stages_of(fits: Sequence[Any]) -> dict[str, float]:
+    """Median seconds of each stage; what no stage claims is the result document."""
+    stages = {name: float(np.median([f.result["timing_s"][name] for f in fits])) for name in fits[0].result["timing_s"]}
+    total = stages.pop("total")
+    return stages | {"document": total - sum(stages.values())}
+
+
+def main(fast: bool = False) -> Figures:
+    """Measure and print. fast: two logs, one repetition, not warmed up, least squares cut short."""
+    chosen, repeats, most = ((1, 2), 1, 1) if fast else ((0, 1, 2, 3), 5, None)
+    records, dense = simulated(chosen, 1.0), simulated(chosen, RATE)
+    print(describe())
+    with one_core(), tempfile.TemporaryDirectory() as folder:
+        scene = written(records, chosen, Path(folder))
+        if not fast:
+            fit(scene)
+        whole, fits = timed(lambda: fit(scene), repeats)
+        few = max(repeats // 2, 1)
+        solve, usual = against_least_squares(records, scene, few, most)
+        after, after_stages = with_the_rate(records, dense, scene, few)
+    made = fits[0].result["fit"]
+    figures = Figures(
+        fit=whole,
+        stages=stages_of(fits),
+        samples=made["samples"],
+        cycles=made["cycles"],
+        status=fits[0].result["status"],
+        solve=solve,
+        least_squares=usual,
+        after_reading=after,
+        after_stages=after_stages,
+        dense_samples=sum(record.time.size for record in dense),
+    )
+    table(figures)
+    return figures
+
+
+def _listed(stages: dict[str, float]) -> str:
+    return "   " + ", ".join(f"{name} {1e3 * seconds:.0f}" for name, seconds in stages.items()) + " ms"
+
+
+def table(f: Figures) -> None:
+    """Print the figures beside what is asked for."""
+    print(f"\n{f.samples} samples, {f.cycles} cycles, {f.status}")
+    print(f"a. from files to result           {f.fit}   asked: below {LIMIT} s")
+    print(_listed(f.stages))
+    print(f"b. hard solve from the truth      {f.solve}")
+    print(f"   least squares from the truth   {f.least_squares}")
+    print(f"   times faster                   {f.times_faster:6.1f}   asked: at least {TIMES_FASTER:g}")
+    print(f"c. after reading                  {f.after_reading[0]}")
+    print(_listed(f.after_stages[0]))
+    print(f"   {RATE:g} x the sampling rate         {f.after_reading[1]}   {f.dense_samples} samples")
+    print(_listed(f.after_stages[1]))
+    print(f"   ratio                          {f.rate_ratio:6.2f}   asked: below {RATE_LIMIT}")
+
+
+if __name__ == "__main__":
+    main("--fast" in sys.argv[1:])
