@@ -1,12 +1,14 @@
 """The command line: exit codes, one sentence per error, JSON on standard output, nothing half-written."""
 
 import contextlib
+import gzip
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import pytest
@@ -20,6 +22,7 @@ from identify.cli.progress import Progress
 from identify.scene import Scene
 
 RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
+SIMULATE = ["simulate", "--scene", examples.SCENE, *RIG, "--out", "a.csv"]
 LOG = "T,Fz,Fx\ns,N,N\n" + "".join(f"{0.01 * i:.2f},1.0,{0.3 + 0.001 * (i % 7)}\n" for i in range(200))
 
 
@@ -155,11 +158,72 @@ def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
         ),
         (["simulate", "--scene", examples.SCENE, *RIG, "--duration", "1", "--rate", "9 m", "--out", "a.csv"], "--rate"),
         (["simulate", "--scene", examples.SCENE, "--duration", "1", "--rate", "9", "--out", "a.csv"], "drive speed"),
+        ([*SIMULATE, "--duration", "1e12", "--rate", "100"], "1e+14 samples"),
+        ([*SIMULATE, "--duration", "1", "--rate", "0.1"], "1 sample;"),
+        ([*SIMULATE, "--duration", "1", "--rate", "9", "--noise", "-1 N"], "--noise is -1 N"),
+        ([*SIMULATE, "--duration", "1", "--rate", "9", "--seed", "-1"], "--seed is -1"),
+        (["fit", "none.csv", "--scene", examples.SCENE], "none.csv: there is no such log"),
+        (["fit", "--scene", examples.SCENE, "--set", "logs.2.path='none.csv'"], "none.csv: there is no such log"),
+        (["fit", "--scene", examples.SCENE, "--out", f"{__file__}/a/b"], "which is a file"),
+        (["fit", "--scene", examples.SCENE, "--out", "x" * 300], "too long"),
+        (["fit", "--sce", examples.SCENE], "--scene"),
+        (["inspect", examples.FOLDER / "1_mm_per_s.txt.gz", "--run", "3"], "run 3 was asked for"),
+        (["fit", "--scene", examples.SCENE, "--run", "last"], "--run"),
+        (["stability", "--scene", examples.SCENE, "--at", "mass=-1 kg"], "--at mass is -1"),
+        (["stability", "--scene", examples.SCENE, "--at", "stiffness=0"], "--at stiffness is 0"),
+        (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "mu_k0 is 0.9 here"),
+        (["amplitude", "--scene", examples.SCENE, "--at", "delta_mu_k=-0.9"], "above 0"),
+        (["amplitude", "--scene", examples.SCENE, "--plot", "none/a.png"], "folder does not exist"),
+        (["amplitude", "--result", "."], "this is a folder"),
     ],
 )
 def test_wrong_command_lines(folder, capsys, arguments, words):
     assert words in refused(capsys, *arguments)
     assert not list(folder.iterdir())
+
+
+NO_RESULT = {"schema": 1, "status": "converged", "parameters": {}, "logs": [], "provenance": {"scene": {}}}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[" * 100_000, "not JSON"),
+        (bytes(range(256)), "not JSON"),
+        ("3", "no result"),
+        (json.dumps({**NO_RESULT, "provenance": {}}), "no result"),
+        (json.dumps({**NO_RESULT, "parameters": 3}), "no result"),
+        (json.dumps({**NO_RESULT, "parameters": {"a": {}}}), "no result"),
+        (json.dumps({**NO_RESULT, "logs": [{}]}), "no result"),
+        (json.dumps({**NO_RESULT, "logs": [{"sha256": "0"}]}), "no result"),
+        (json.dumps({**NO_RESULT, "correlation": {"names": ["a"]}}), "no result"),
+        (json.dumps(NO_RESULT), "the scene recorded there: the scene has no effects"),
+    ],
+)
+def test_what_is_no_result_is_refused(folder, capsys, text, words):
+    name = write("result.json", text)
+    for command in (["verify", name], ["stability", "--result", name], ["amplitude", "--result", name]):
+        assert words in refused(capsys, *command)
+
+
+def test_version_and_help_are_documents_too(folder, capsys):
+    code, out, words = stickslip(capsys, "--version", "--json")
+    assert code == 0 and json.loads(out)["version"] in words
+    code, out, words = stickslip(capsys, "fit", "--help", "--json")
+    assert code == 0 and json.loads(out)["status"] == "done" and "--scene" in words
+    code, out, _ = stickslip(capsys, "--help")
+    assert code == 0 and "first steps" in out
+
+
+def test_warnings_of_libraries_are_shown_to_developers_only(folder, capsys, monkeypatch):
+    def warning(arguments, terminal):
+        warnings.warn("overflow in square", RuntimeWarning, stacklevel=1)
+        return Answer()
+
+    monkeypatch.setattr(fit_command, "run", warning)
+    assert stickslip(capsys, "fit", "--scene", "x") == (0, "", "")
+    with pytest.warns(RuntimeWarning, match="overflow"):
+        stickslip(capsys, "fit", "--scene", "x", "--debug")
 
 
 def test_output_into_a_missing_folder(folder, capsys):
@@ -265,6 +329,19 @@ def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
     assert json.loads(out)["to_fill_in"] == ["rig.mass", "rig.stiffness", "rig.damping", "logs.1.drive_speed"]
     assert 'normal_force = "2 N"' in Path("pair.toml").read_text()
     assert "exists" in refused(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml")
+
+
+def test_one_run_of_several_is_chosen(folder, capsys):
+    text = gzip.decompress((examples.FOLDER / "1_mm_per_s.txt.gz").read_bytes()).decode()
+    begin = text.index("Run # 1")
+    write("runs.txt", text + text[begin:].replace("Run # 1", "Run # 2"))
+    assert "--run" in refused(capsys, "inspect", "runs.txt")
+    code, out, _ = stickslip(capsys, "inspect", "runs.txt", "--run", "2", "--json")
+    assert code == 0 and [step["run"] for step in json.loads(out)["logs"][0]["steps"]] == [2, 2]
+    assert stickslip(capsys, "scene", "runs.txt", "--run", "2", "--out", "pair.toml")[0] == 0
+    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace("TODO N/m", "147 N/m")
+    (entry,) = Scene.from_toml(write("pair.toml", text)).logs
+    assert (entry.run, entry.step) == (2, 2)
 
 
 # ---- fit, and what is done with its result

@@ -141,6 +141,7 @@ def test_choosing_logs(scene_file, tmp_path):
     assert scene.choose([]) == scene
     assert scene.choose([tmp_path / "sub" / "fast.csv"]).logs == scene.logs[1:]
     assert scene.choose(["slow.csv"]).logs == scene.logs[:1], "by file name"
+    (tmp_path / "new.csv").touch()
     added = scene.choose([tmp_path / "new.csv"], LogEntry(Path(), step=4)).logs
     assert added == (LogEntry(tmp_path / "new.csv", step=4),)
     assert scene.rig_for(added[0]) == scene.rig
@@ -148,8 +149,19 @@ def test_choosing_logs(scene_file, tmp_path):
 
 def test_a_file_name_two_logs_share_is_refused(scene_file):
     scene = Scene.from_toml(scene_file(GOOD, "sub/fast.csv", "sub/slow.csv"))
-    with pytest.raises(SceneError, match="2 logs of the scene"):
+    with pytest.raises(SceneError, match="2 files of the scene"):
         scene.choose(["slow.csv"])
+
+
+def test_a_log_that_is_nowhere_is_refused(scene_file):
+    with pytest.raises(SceneError, match=r"nowhere\.csv: there is no such log"):
+        Scene.from_toml(scene_file(GOOD)).choose(["nowhere.csv"])
+
+
+def test_a_log_listed_step_by_step_is_chosen_with_all_its_steps(scene_file):
+    scene = Scene.from_toml(scene_file(GOOD + '[[logs]]\npath = "sub/fast.csv"\nstep = 4\nrun = 2\n'))
+    for name in ("fast.csv", scene.logs[1].path):
+        assert [(entry.step, entry.run) for entry in scene.choose([name]).logs] == [(2, None), (4, 2)]
 
 
 COMPLAINTS = {
@@ -187,6 +199,11 @@ COMPLAINTS = {
     "one time": ('["5 s", "1 min"]', '["5 s"]', ["[[logs]] number 1 window", "two times"]),
     "no path": ('path = "slow.csv"', "", ["[[logs]] number 1 has no path"]),
     "not filled in": ('"1.47 N/mm"', '"TODO N/m"', ["still to fill in: rig.stiffness"]),
+    "number without end": ('"1.47 N/mm"', "9" * 400, ["finite"]),
+    "brackets without end": ('"1.47 N/mm"', "[" * 9000, ["not valid TOML"]),
+    "digits without end": ('"1.47 N/mm"', "9" * 9000, ["not valid TOML"]),
+    "name": ("effects =", "name = 'a/b'\neffects =", ["'a/b'", "slashes"]),
+    "fixed outside": ('"500 ms"', '"-1 s"', ["the fixed value of t_cr"]),
     "no TOML": ("[rig]", "[rig", ["not valid TOML", "line"]),
     "own and estimated": ("mu_s =", "stiffness = {}\nmu_s =", ["fast.csv gives its own stiffness"]),
     "fixed rig": ("mu_s =", "mass = {fixed = 1}\nmu_s =", ["mass is fixed", "[rig]"]),
@@ -210,6 +227,8 @@ def test_complaints_name_the_place_and_the_remedy(scene_file, case):
         ("logs.3.step=1", "log 3 of 2"),
         ("rig.mass.value.x=1", "no table"),
         ("rig.mass=heavy", "[rig] mass"),
+        ("rig.mass=1\nstep=2", "[rig] mass"),
+        ("rig.mass=" + "9" * 9000, "finite"),
     ],
 )
 def test_overrides_that_fit_nowhere(scene_file, override, words):

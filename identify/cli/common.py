@@ -52,17 +52,32 @@ def picture(path: str | None) -> Path | None:
     Raises:
         CommandLineError: an ending that is no picture.
     """
-    if path is not None and Path(path).suffix not in PICTURES:
+    if path is not None and Path(path).suffix.lower() not in PICTURES:
         raise CommandLineError(
             f"--plot {path} is no picture; expected a name that ends in {', '.join(PICTURES)}: rename it"
         )
-    return Path(path) if path is not None else None
+    return None if path is None else file_to_write(path, "--plot")
+
+
+def file_to_write(path: str, option: str) -> Path:
+    """The file an option names; that its folder is there is asked before the work, not after it.
+
+    Raises:
+        CommandLineError: no folder to write it to, or a folder itself.
+    """
+    out = Path(path)
+    if out.is_dir():
+        raise CommandLineError(f"{option} {path} is a folder; expected the name of a file: add one")
+    if not out.parent.is_dir():
+        raise CommandLineError(f"{option} {path}: its folder does not exist; create it or choose another one")
+    return out
 
 
 def add_log_options(parser: ArgumentParser) -> None:
     """The options of every command that takes logs."""
     group = parser.add_argument_group("how to read the logs")
     group.add_argument("--step", type=int, metavar="N", help="use this step of the run (default: all, on one clock)")
+    group.add_argument("--run", type=int, metavar="N", dest="test_run", help="use this run, where a log holds several")
     group.add_argument("--columns", metavar="NAME=COLUMN,…", help="such as time=T,friction_force=Fx,normal_force=Fz")
     group.add_argument("--units", metavar="NAME=UNIT,…", help="such as friction_force=N,time=s")
     group.add_argument("--normal-force", metavar="FORCE", help='constant, where the log has none: "3 N"')
@@ -93,6 +108,7 @@ def log_options(arguments: Namespace) -> dict[str, Any]:
     """
     return {
         "step": arguments.step,
+        "run": arguments.test_run,
         "columns": pairs(arguments.columns, "--columns", "time=T,friction_force=Fx"),
         "units": pairs(arguments.units, "--units", "friction_force=N,time=s"),
         "normal_force": arguments.normal_force,

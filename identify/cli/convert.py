@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.cli.common import Answer, CommandLineError, Terminal, add_log_options, read
+from identify.cli.common import Answer, CommandLineError, Terminal, add_log_options, file_to_write, read
 
 if TYPE_CHECKING:
     from data_io import Record
@@ -30,8 +29,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, LogError, OSError: one sentence each.
     """
-    out = Path(arguments.out)
-    if out.suffix not in (".h5", ".hdf5"):
+    out = file_to_write(arguments.out, "--out")
+    if out.suffix.lower() not in (".h5", ".hdf5"):
         raise CommandLineError(f"--out {out} ends in {out.suffix!r}; expected .h5: rename it")
     from data_io import write_hdf5
 

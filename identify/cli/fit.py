@@ -44,6 +44,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.cli.folder import check_replaceable
 
     scene = scene_of(arguments)
+    check_logs(scene)
     out = Path(arguments.out or f"stickslip-{scene.name}")
     check_replaceable(out)
     fit = fit_and_report(scene, out, terminal)
@@ -66,6 +67,17 @@ def scene_of(arguments: Namespace) -> Scene:
     if not scene.logs:
         raise CommandLineError(f"{arguments.scene} lists no log and none was given; name a LOG, or add [[logs]] to it")
     return replace(scene, logs=tuple(replace(entry, **options) for entry in scene.logs))
+
+
+def check_logs(scene: Scene) -> None:
+    """Refuse a log that is not there, before the first one is read.
+
+    Raises:
+        CommandLineError: no such file.
+    """
+    for entry in scene.logs:
+        if not entry.path.exists():
+            raise CommandLineError(f"{entry.path}: there is no such log; check its path in the scene, or put it there")
 
 
 def fit_and_report(scene: Scene, out: Path, terminal: Terminal) -> Fit:

@@ -22,12 +22,13 @@ def check_replaceable(out: Path) -> None:
     """Refuse a path that must not be replaced; cheap, so that it can be asked before the work.
 
     Raises:
-        CommandLineError: a file, the folder one stands in, or a folder that holds something else.
+        CommandLineError: a file, the folder one stands in, one that holds something else, or no place to write to.
     """
     if out.is_dir() and Path.cwd().is_relative_to(out.resolve()):
         raise CommandLineError(f"--out {out} is the folder this command runs in; choose a new folder")
     if out.exists() and not out.is_dir():
         raise CommandLineError(f"--out {out} is a file; expected a folder: choose another name")
+    _check_place(out)
     if not out.is_dir() or not any(out.iterdir()):
         return
     if not _holds_a_result(out):
@@ -37,6 +38,15 @@ def check_replaceable(out: Path) -> None:
         raise CommandLineError(
             f"--out {out} holds {foreign[0]!r}, which is not part of a result; move it away or choose another folder"
         )
+
+
+def _check_place(out: Path) -> None:
+    """Refuse a place where no folder can be made."""
+    place = next(folder for folder in Path(os.path.realpath(out)).parents if folder.exists())
+    if not place.is_dir():
+        raise CommandLineError(f"--out {out} stands below {place}, which is a file; choose another folder")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise CommandLineError(f"--out {out}: nothing may be written in {place}; choose another folder")
 
 
 def _holds_a_result(folder: Path) -> bool:

@@ -7,10 +7,11 @@ import json
 import os
 import sys
 import traceback
+import warnings
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from identify.cli import amplitude, convert, demo, fit, inspect, scene, simulate, stability, verify
 from identify.cli.common import (
@@ -39,7 +40,10 @@ exit codes: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a d
 
 
 class _Parser(ArgumentParser):
-    """Complains by raising, so that a wrong command line ends like every other error."""
+    """Complains by raising, so that a wrong command line ends like every other error; takes no shortened options."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(allow_abbrev=False, **arguments)
 
     def error(self, message: str) -> NoReturn:
         raise CommandLineError(f"{message}; see: {self.prog} --help")
@@ -104,18 +108,25 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
 
 def _run(given: list[str], json_mode: bool) -> Answer:
     parser = build_parser()
-    arguments: Namespace = parser.parse_args(given)
     terminal = standard_terminal(json_mode)
-    if arguments.version:
-        from importlib.metadata import version
-
-        terminal.say(f"stickslip {version('stick-slip-workbench')}")
-        return Answer()
-    if arguments.command is None:
-        raise CommandLineError(f"no command was given; expected one of {', '.join(c.NAME for c in COMMANDS)}")
     # whatever a library prints must not spoil the document
     with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
-        answer: Answer = arguments.run(arguments, terminal)
+        try:
+            arguments: Namespace = parser.parse_args(given)
+        except SystemExit:  # help was asked for and printed
+            return Answer(document={"status": "done"})
+        if arguments.version:
+            from importlib.metadata import version
+
+            installed = version("stick-slip-workbench")
+            terminal.say(f"stickslip {installed}")
+            return Answer(document={"status": "done", "version": installed})
+        if arguments.command is None:
+            raise CommandLineError(f"no command was given; expected one of {', '.join(c.NAME for c in COMMANDS)}")
+        with warnings.catch_warnings():
+            if not arguments.debug:
+                warnings.simplefilter("ignore")  # of libraries, for developers; what users must know is in the answer
+            answer: Answer = arguments.run(arguments, terminal)
     return answer
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
-from identify.cli.results import read_result
+from identify.cli.results import read_result, scene_of
 from identify.cli.summary import wrapped
-from identify.outlook import outlook
+from identify.outlook import OperatingPoint, outlook, outlooks
 from identify.scene import LogEntry, Scene
 from identify.scene.tables import nearest
 
@@ -37,11 +37,6 @@ class Point:
     covariance: Array | None
     names: tuple[str, ...]
 
-    def outlook(self) -> dict[str, Any]:
-        """The answers here, as `identify.outlook` gives them."""
-        answer = outlook(self.model, self.values, self.drive_speed, self.normal_force, self.covariance, self.names)
-        return {"name": self.name, **answer}
-
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     """Say one part ("stability" or "amplitude") of the outlook of every operating point; plot it where asked.
@@ -51,19 +46,33 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     """
     plot = picture(arguments.plot)
     points = operating_points(arguments)
-    documents = []
-    for point in points:
-        document = point.outlook()
-        documents.append(document)
-        terminal.say(f"{point.name}:")
-        terminal.say(wrapped(document[part]["text"], "  ", ""))
-        terminal.say(wrapped(document["closed_forms"]["text"], "  ", ""))
+    documents = _outlooks(points)
+    for document in documents:
+        terminal.say(f"{document['name']}:")
+        told = [document[part], document["closed_forms"]] if part in document else [document]  # alone: no answer
+        for section in told:
+            terminal.say(wrapped(section["text"], "  ", ""))
     if plot:
         from identify.cli.point_plot import draw
 
         draw(points[0], [p.drive_speed for p in points], part, plot)
         terminal.say(f"plot: {plot}")
     return Answer(document={"status": "done", "points": documents})
+
+
+def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:
+    """The answers at each point, as `identify.outlook` gives them; they share what they have in common.
+
+    Raises:
+        SimulationError: no answer at the only point.
+    """
+    names, model = points[0].names, points[0].model
+    at = [OperatingPoint(p.values, p.drive_speed, p.normal_force, p.covariance) for p in points]
+    if len(points) == 1:
+        found = [outlook(model, at[0].values, at[0].drive_speed, at[0].normal_force, at[0].covariance, names)]
+    else:
+        found = outlooks(model, at, names)
+    return [{"name": point.name, **document} for point, document in zip(points, found, strict=True)]
 
 
 def operating_points(arguments: Namespace) -> list[Point]:
@@ -73,16 +82,19 @@ def operating_points(arguments: Namespace) -> list[Point]:
         CommandLineError, SceneError, LogError: one sentence each.
     """
     if arguments.result:
-        document = read_result(Path(arguments.result))
+        path = Path(arguments.result)
+        document = read_result(path)
         if document["status"] != "converged":
             raise CommandLineError(
                 f"{arguments.result}: this fit has no values ({document['status']}); mend the fit first"
             )
-        scene = Scene.from_document(document["provenance"]["scene"])
+        scene = scene_of(document, path)
     else:
         document, scene = None, Scene.from_toml(arguments.scene)
     changes = at_values(arguments.at, scene)
     points = _points(scene, changes, document)
+    if changes:
+        _check_order(points[0].values)
     if "drive_speed" in changes or len({(p.drive_speed, p.normal_force) for p in points}) == 1:
         return [replace(points[0], name="the operating point")] if len(points) > 1 else points
     return points
@@ -106,7 +118,22 @@ def at_values(items: list[str], scene: Scene) -> dict[str, float]:
                 f"Known are {', '.join(units)}"
             )
         values[key.strip()] = quantity(text, units[key.strip()], f"--at {key}")
+    for p in scene.model.parameters:
+        if p.name in values and not p.lower <= values[p.name] <= p.upper:
+            raise CommandLineError(
+                f"--at {p.name} is {values[p.name]:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}".rstrip()
+                + ": move it there"
+            )
     return values
+
+
+def _check_order(values: Mapping[str, float]) -> None:
+    static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
+    if not slow + change > 0.0 or not slow < static:
+        raise CommandLineError(
+            f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, and "
+            "mu_k0 + delta_mu_k above 0: change --at"
+        )
 
 
 def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[Point]:
@@ -153,7 +180,7 @@ def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, fl
         raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
     from data_io import read_log
 
-    record = read_log(entry.path, entry.step, entry.units, entry.columns)
+    record = read_log(entry.path, entry.step, entry.units, entry.columns, run=entry.run)
     return float(np.nanmedian(record.normal_force))
 
 

@@ -1,12 +1,17 @@
-"""Reading the result.json of an earlier fit."""
+"""Reading the result.json of an earlier fit, and the scene it was fitted with."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from identify.cli.common import CommandLineError
+from identify.errors import SceneError
+
+if TYPE_CHECKING:
+    from identify.scene import Scene
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -19,8 +24,42 @@ def read_result(path: Path) -> dict[str, Any]:
         document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise CommandLineError(f"{path}: no such file; give the result.json of a fit") from None
-    except ValueError:
+    except IsADirectoryError:
+        raise CommandLineError(f"{path}: this is a folder; give the result.json in it") from None
+    except (ValueError, RecursionError):
         raise CommandLineError(f"{path}: this is not JSON; give the result.json of a fit") from None
-    if not isinstance(document, dict) or not {"status", "parameters", "logs", "provenance"} <= set(document):
+    if not _is_result(document):
         raise CommandLineError(f"{path}: this is no result of a fit; give a result.json that stickslip fit wrote")
-    return document
+    return dict(document)
+
+
+def scene_of(document: Mapping[str, Any], path: Path) -> Scene:
+    """The scene that a result was fitted with.
+
+    Raises:
+        CommandLineError: what is recorded there is no scene any more.
+    """
+    from identify.scene import Scene
+
+    try:
+        return Scene.from_document(document["provenance"]["scene"])
+    except SceneError as error:
+        raise CommandLineError(f"{path}: the scene recorded there: {error}") from None
+
+
+def _is_result(document: Any) -> bool:
+    """Whether the parts that commands read are there and of the right kind."""
+    if not isinstance(document, Mapping) or not {"status", "parameters", "logs", "provenance"} <= set(document):
+        return False
+    parameters, logs, provenance = document["parameters"], document["logs"], document["provenance"]
+    if not isinstance(parameters, Mapping) or not isinstance(logs, list) or not isinstance(provenance, Mapping):
+        return False
+    scene = provenance.get("scene")
+    if not isinstance(scene, Mapping) or len(scene.get("logs", ())) != len(logs):
+        return False
+    told = (document.get("correlation") or {}).get("names") or []
+    return (
+        all(isinstance(p, Mapping) and {"value", "standard_error", "verdict"} <= set(p) for p in parameters.values())
+        and all(isinstance(log, Mapping) and "sha256" in log for log in logs)
+        and all(name in parameters for name in told)
+    )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from pathlib import Path
 
-from identify.cli.common import Answer, CommandLineError, Terminal, quantity
+from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, quantity
 
 NAME = "simulate"
 HELP = "run the model of a scene forward and write a log"
+MOST_SAMPLES = 2e7  # half a gigabyte of columns
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -28,14 +28,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, SceneError, SimulationError, OSError: one sentence each.
     """
-    out = Path(arguments.out)
-    if out.suffix not in (".csv", ".h5", ".hdf5"):
+    out = file_to_write(arguments.out, "--out")
+    if out.suffix.lower() not in (".csv", ".h5", ".hdf5"):
         raise CommandLineError(f"--out {out} ends in {out.suffix!r}; expected .csv or .h5: rename it")
-    duration = _positive(quantity(arguments.duration, "s", "--duration"), "--duration", "s")
-    rate = _positive(quantity(arguments.rate, "1/s", "--rate"), "--rate", "Hz")
-    noise = quantity(arguments.noise, "N", "--noise")
-    if noise < 0:
-        raise CommandLineError(f"--noise is {noise:g} N; expected zero or a positive number")
+    duration, rate, noise, seed = _asked(arguments)
 
     import numpy as np
 
@@ -46,27 +42,44 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     scene = Scene.from_toml(arguments.scene, arguments.set)
     motion = simulate(scene, duration)
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
-    if time.size < 2:
-        raise CommandLineError(f"{duration:g} s at {rate:g} Hz give {time.size} sample; expected more: raise --rate")
     samples = motion.sample(time)
-    force = samples["force"] + np.random.default_rng(arguments.seed).normal(0.0, noise, time.size)
     speed = scene.rig.drive_speed
     record = Record(
         time=time,
         normal_force=np.broadcast_to(samples["normal_force"], time.shape).copy(),
-        friction_force=force,
+        friction_force=samples["force"] + np.random.default_rng(seed).normal(0.0, noise, time.size),
         drive_speed=speed if isinstance(speed, float) else None,
-        metadata={"simulated": True, "scene": scene.name, "noise_N": noise, "seed": arguments.seed},
+        metadata={"simulated": True, "scene": scene.name, "noise_N": noise, "seed": seed},
     )
-    (write_csv if out.suffix == ".csv" else write_hdf5)(record, out)
-    terminal.say(
-        f"{out}: {time.size} samples, {motion.onsets.size} slips, noise {noise:g} N (seed {arguments.seed}), simulated"
-    )
-    document = {"status": "done", "out": str(out), "rows": time.size, "slips": motion.onsets.size}
-    return Answer(document=document)
+    (write_csv if out.suffix.lower() == ".csv" else write_hdf5)(record, out)
+    slips = motion.onsets.size
+    terminal.say(f"{out}: {time.size} samples, {slips} slips, noise {noise:g} N (seed {seed}), simulated")
+    return Answer(document={"status": "done", "out": str(out), "rows": time.size, "slips": slips})
+
+
+def _asked(arguments: Namespace) -> tuple[float, float, float, int]:
+    """Duration [s], rate [Hz], noise [N] and seed; what cannot be is refused before the work.
+
+    Raises:
+        CommandLineError: one sentence.
+    """
+    duration = _positive(quantity(arguments.duration, "s", "--duration"), "--duration", "s")
+    rate = _positive(quantity(arguments.rate, "1/s", "--rate"), "--rate", "Hz")
+    samples = duration * rate + 1
+    if not 2 <= samples <= MOST_SAMPLES:
+        count = f"{samples:.3g} samples" if samples >= 2 else "1 sample"
+        raise CommandLineError(
+            f"{duration:g} s at {rate:g} Hz give {count}; expected 2 to {MOST_SAMPLES:g}: change --rate or --duration"
+        )
+    noise = quantity(arguments.noise, "N", "--noise")
+    if noise < 0:
+        raise CommandLineError(f"--noise is {noise:g} N; expected zero or a positive number: correct it")
+    if arguments.seed < 0:
+        raise CommandLineError(f"--seed is {arguments.seed}; expected zero or a positive whole number: correct it")
+    return duration, rate, noise, arguments.seed
 
 
 def _positive(value: float, option: str, unit: str) -> float:
     if not value > 0:
-        raise CommandLineError(f"{option} is {value:g} {unit}; expected a positive number")
+        raise CommandLineError(f"{option} is {value:g} {unit}; expected a positive number: correct it")
     return value

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
-from identify.cli.results import read_result
+from identify.cli.results import read_result, scene_of
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
@@ -27,13 +27,13 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, SceneError, LogError: the result or its inputs are not there as they were.
     """
-    stored = read_result(Path(arguments.result))
+    path = Path(arguments.result)
+    stored = read_result(path)
 
     from identify.cli.progress import Progress
     from identify.identification import fit
-    from identify.scene import Scene
 
-    scene = Scene.from_document(stored["provenance"]["scene"])
+    scene = scene_of(stored, path)
     for entry, log in zip(scene.logs, stored["logs"], strict=True):
         check_unchanged(entry.path, log["sha256"])
     with Progress(terminal.notes) as progress:

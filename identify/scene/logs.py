@@ -42,6 +42,7 @@ def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -
         path=folder / Path(path).expanduser(),
         drive_speed=None if speed is None else speed_or_quantity(speed, "m/s", table.place("drive_speed")),
         step=table.whole("step"),
+        run=table.whole("run"),
         columns=table.words("columns"),
         units=table.words("units"),
         normal_force=table.quantity("normal_force", "N"),

@@ -132,18 +132,23 @@ class Scene:
             added: what is known of a log the scene does not list (its path is replaced).
 
         Raises:
-            SceneError: a file name that two logs of the scene share.
+            SceneError: a file name that two files of the scene share, or no such file.
         """
         template = added or LogEntry(Path())
-        return replace(self, logs=tuple(self._entry(Path(p), template) for p in paths)) if paths else self
+        return replace(self, logs=tuple(e for p in paths for e in self._entries(Path(p), template))) if paths else self
 
-    def _entry(self, path: Path, template: LogEntry) -> LogEntry:
+    def _entries(self, path: Path, template: LogEntry) -> list[LogEntry]:
+        """The scene's entries for a file (one per step, if it lists steps), or a new one."""
         same = [entry for entry in self.logs if entry.path.resolve() == path.resolve()]
-        if not same and not path.exists():
-            same = [entry for entry in self.logs if entry.path.name == path.name]
-        if len(same) > 1:
-            raise SceneError(f"{path} stands for {len(same)} logs of the scene; give the path as the scene has it")
-        return same[0] if same else replace(template, path=path)
+        if same or path.exists():
+            return same or [replace(template, path=path)]
+        same = [entry for entry in self.logs if entry.path.name == path.name]
+        files = {entry.path.resolve() for entry in same}
+        if not files:
+            raise SceneError(f"{path}: there is no such log, as a file or among the logs of the scene; check its path")
+        if len(files) > 1:
+            raise SceneError(f"{path} stands for {len(files)} files of the scene; give the path as the scene has it")
+        return same
 
 
 def _build(document: Mapping[str, Any], folder: Path, name: str, source: Path | None) -> Scene:

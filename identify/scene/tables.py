@@ -34,6 +34,8 @@ def quantity(value: Any, unit: str, where: str) -> float:
         number = float(parse_quantity(value, unit)) if isinstance(value, str) else float(value)
     except UnitError as error:
         raise SceneError(f"{where}: {error}") from None
+    except OverflowError:
+        number = math.inf
     if not math.isfinite(number):
         raise SceneError(f"{where} is {value!r}; expected a finite number: correct it")
     return number

@@ -45,7 +45,7 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
         raise SceneError("no such scene file; give an existing one, or write one with: stickslip scene LOG") from None
     except UnicodeDecodeError:
         raise SceneError("this is not UTF-8 text; save the scene file as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, and numbers or brackets without end
         raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
     except OSError as error:
         raise SceneError(f"the scene file cannot be read ({error.strerror}); check its permissions") from None
@@ -79,9 +79,10 @@ def put(document: dict[str, Any], override: str) -> None:
 
 def _value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        document = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
         return text  # the shell took the quotes away
+    return document["value"] if len(document) == 1 else text
 
 
 def to_fill_in(value: Any, where: str = "") -> Iterator[str]:
@@ -117,8 +118,11 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
     logs = document.get("logs", [])
     if not isinstance(logs, Sequence) or isinstance(logs, str):
         raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
+    name = top.text("name")
+    if name is not None and set(name) & set("/\0"):
+        raise SceneError(f"name is {name!r}; expected a word that a folder can be called: leave out the slashes")
     return Parts(
-        name=top.text("name"),
+        name=name,
         effects=effects,
         rig=rig,
         parameters=read_parameters(document.get("parameters", {}), model.parameters, effects),

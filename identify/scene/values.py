@@ -16,12 +16,16 @@ RIG_TOLERANCES = ("mass", "stiffness", "damping", "drive_speed")
 
 def _positive(where: str, unit: str, value: float | None) -> None:
     if value is not None and not (value > 0.0 and math.isfinite(value)):
-        raise SceneError(f"{where} is {value:g} {unit}; expected a positive number: correct it")
+        raise SceneError(f"{where} is {_said(value, unit)}; expected a positive number: correct it")
 
 
 def _not_negative(where: str, unit: str, value: float | None) -> None:
     if value is not None and not (value >= 0.0 and math.isfinite(value)):
-        raise SceneError(f"{where} is {value:g} {unit}; expected zero or a positive number: correct it")
+        raise SceneError(f"{where} is {_said(value, unit)}; expected zero or a positive number: correct it")
+
+
+def _said(value: float, unit: str) -> str:
+    return f"{value:g} {unit}".rstrip()
 
 
 def _check_speed(where: str, speed: DriveSpeed | None) -> None:
@@ -139,7 +143,7 @@ class ParameterSpec:
         bounds = f"its bounds {self.lower:g} to {self.upper:g}"
         if not self.lower < self.upper:
             raise SceneError(f"{self.name} has {bounds}; expected lower below upper: swap or widen them")
-        for word, value in (("start", self.start), ("fixed", self.fixed), ("prior mean", self.prior_mean)):
+        for word, value in (("start", self.start), ("fixed value", self.fixed), ("prior mean", self.prior_mean)):
             if value is not None and not self.lower <= value <= self.upper:
                 raise SceneError(
                     f"the {word} of {self.name} is {value:g}, outside {bounds}; move it inside or widen the bounds"
@@ -153,7 +157,7 @@ class ParameterSpec:
 class LogEntry:
     """One log of a scene and what differs from log to log. None: as in [rig], or left to the reader.
 
-    path; step; columns and units as `data_io.read_log` takes them; drive_speed, normal_force,
+    path; step, run, columns and units as `data_io.read_log` takes them; drive_speed, normal_force,
     stiffness, mass, damping, noise as in `Rig`; window (start, stop) [s] is the part to use,
     exclude are parts to leave out [s], skip_cycles cycles to drop at the start; tare is a force [N]
     to subtract, or the (start, stop) [s] over which the unloaded force is averaged; flip_sign
@@ -163,6 +167,7 @@ class LogEntry:
     path: Path
     drive_speed: DriveSpeed | None = None
     step: int | None = None
+    run: int | None = None
     columns: Mapping[str, str] | None = None
     units: Mapping[str, str] | None = None
     normal_force: float | None = None
