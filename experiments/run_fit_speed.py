@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -176,7 +177,7 @@ def with_the_rate(
     fits: tuple[list[Any], list[Any]] = ([], [])
     for _ in range(repeats):
         for which, records in enumerate((plain, dense)):
-            timing, made = timed(lambda r=records: fit(scene, r), 1)
+            timing, made = timed(partial(fit, scene, records), 1)
             times[which].append(timing)
             fits[which].extend(made)
     first, second = (Timing(sum((t.wall for t in ts), ()), sum((t.cpu for t in ts), ())) for ts in times)
