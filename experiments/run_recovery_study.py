@@ -19,6 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from experiments.machine import describe
 from experiments.study_problem import NOISE, Case, random_case, scene_of, wrong_start
 from identify.identification import find
 from identify.outcome import Status
@@ -101,7 +102,8 @@ def table(outcomes: list[Outcome], rejected: int, sources: Sources, noise: float
     seconds = [o.seconds for o in outcomes]
     counts = Counter(o.status.value for o in outcomes)
     verdicts = Counter(v for o in outcomes for v in o.verdicts.values())
-    print(f"\nstart from: {sources}; noise {noise:g} x {NOISE:g} N; sampling rate x {rate:g}")
+    print(f"\n{describe()}")
+    print(f"start from: {sources}; noise {noise:g} x {NOISE:g} N; sampling rate x {rate:g}")
     print(f"cases          {len(outcomes):5d}   (draws rejected: {rejected})")
     print(f"recovered      {sum(o.recovered for o in outcomes):5d}")
     print(f"false success  {sum(o.false_success for o in outcomes):5d}")

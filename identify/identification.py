@@ -96,12 +96,16 @@ def _read(scene: Scene, index: int) -> Record:
     """Read one log; the normal force of [rig] only where the log has none of its own."""
     entry = scene.logs[index]
     units, columns = (dict(said) if said else None for said in (entry.units, entry.columns))
+
+    def read(load: float | None) -> Record:
+        return read_log(entry.path, step=entry.step, units=units, columns=columns, normal_force=load, run=entry.run)
+
     try:
-        return read_log(entry.path, step=entry.step, units=units, columns=columns, normal_force=entry.normal_force)
+        return read(entry.normal_force)
     except LogError:
         if entry.normal_force is not None or scene.rig.normal_force is None:
             raise
-        return read_log(entry.path, step=entry.step, units=units, columns=columns, normal_force=scene.rig.normal_force)
+        return read(scene.rig.normal_force)
 
 
 def _findings(
