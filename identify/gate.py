@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 OVERALL = 5.0  # standard deviations of chi^2 over all samples
 PER_CYCLE = 6.0  # standard deviations of chi^2 of one cycle
 NOISE_ERROR = 0.015  # relative error of an estimated noise level
-JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong
+JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong,
+ALONE = 20.0  # if the others are this many times better: a missed slip spoils its neighbours a little
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def _judge(
     if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
         others = np.delete(np.abs(z), worst)
         typical = float(np.median(others)) if others.size else 0.0
-        if z[worst] > JUMP and typical < PER_CYCLE / 2:
+        if z[worst] > max(JUMP, ALONE * typical):
             return Status.WRONG_EVENT_COUNT, (
                 f"{where} misfits by {z[worst]:.0f} standard deviations while the others fit: a slip was missed "
                 "or invented there; look at it in the report and exclude that stretch"

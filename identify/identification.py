@@ -120,6 +120,9 @@ def _findings(
     if attempt is None:
         status, message = _untried(prepared, left_out)
         return Findings(status, message, unknowns, None, None, None, [], left_out, {})
+    if not np.all(np.isfinite(attempt.solved.theta)):
+        status, message = _status(attempt, {})
+        return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
     known = _information(attempt, unknowns)
     tolerance = scene.rig.tolerances.get("drive_speed", 0.0)
     bounds = _at_bounds(unknowns, attempt.solved.theta)

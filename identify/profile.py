@@ -134,7 +134,22 @@ def profile(
     if 2 * (lowest.cost - line.best.cost) < -BETTER:
         return Profiles({}, lowest.theta)
     free = np.flatnonzero(unknowns.free).tolist()
-    return Profiles({unknowns.names[i]: (walks[i, -1.0].side, walks[i, 1.0].side) for i in free}, None)
+    inside = np.array([point.theta for point in line.seen if line.loss_root(point) ** 2 < CRITICAL])
+    return Profiles(
+        {
+            unknowns.names[i]: (
+                _stretched(walks[i, -1.0].side, inside[:, i].min(), min),
+                _stretched(walks[i, 1.0].side, inside[:, i].max(), max),
+            )
+            for i in free
+        },
+        None,
+    )
+
+
+def _stretched(side: Side, farthest: float, farther: Callable[[float, float], float]) -> Side:
+    """The end, stretched over every point of any walk that the data do not object to."""
+    return side if side.end is None else replace(side, end=float(farther(side.end, farthest)))
 
 
 def _step(unknowns: Unknowns, theta: Array) -> float:

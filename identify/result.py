@@ -57,7 +57,7 @@ def document(
         "schema": 1,
         "status": found.status.value,
         "message": found.message,
-        "parameters": {e.name: _parameter(e, converged) for e in _told(found)},
+        "parameters": {e.name: _parameter(e, converged) for e in _told(found)} or _untold(found.unknowns),
         "correlation": _correlation(found) if converged else None,
         "gate": _gate(found),
         "fit": _fit(found),
@@ -70,8 +70,10 @@ def document(
     }
     if converged:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
-    elif found.estimates:
-        result["last_iterate"] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
+    else:
+        iterate = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
+        untold = {name: {"value": None, "unit": entry["unit"]} for name, entry in result["parameters"].items()}
+        result["last_iterate"] = iterate or untold
     result["timing_s"] = _timing(clock, began)
     result["provenance"] = {
         "version": importlib.metadata.version(DISTRIBUTION),
@@ -93,6 +95,16 @@ def _told(found: Findings) -> list[Estimate]:
     """The friction parameters, and of the rig what was estimated."""
     free = set(np.array(found.unknowns.names)[found.unknowns.free])
     return [e for e in found.estimates if e.name not in RIG_PARAMETERS or e.name in free]
+
+
+def _untold(unknowns: Unknowns) -> dict[str, Any]:
+    """Where nothing was estimated: every parameter by name, without numbers."""
+    reason = "nothing was fitted; see the message"
+    return {
+        q.name: _parameter(Estimate(q.name, q.unit, None, None, None, None, "not identifiable", reason), False)
+        for q in unknowns.model.parameters
+        if q.name not in RIG_PARAMETERS
+    }
 
 
 def _parameter(estimate: Estimate, converged: bool) -> dict[str, Any]:

@@ -113,7 +113,9 @@ def solve_equilibrated(matrix: sp.csc_matrix, right: Array) -> Array:
 
 def _inverse(matrix: Array) -> Array:
     """Inverse of a positive semidefinite matrix; what it does not hold gets a huge variance, not a small one."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    diagonal = np.diag(matrix)
+    # A parameter without any information: a variance large enough to say so and small enough to compute with.
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, max(1e-24 * float(np.max(diagonal)), 1e-24)))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     floor = 1e-13 * float(values[-1])
     inverse = vectors @ np.diag(1.0 / np.maximum(values, floor)) @ vectors.T
