@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from data_io.columns import EXAMPLES, Header, parse_name, shown, words
 from data_io.frozen import FloatArray
@@ -10,6 +11,9 @@ from data_io.layout import COMMENT, Head, head_at, is_row, line_at, lines_from, 
 from data_io.rows import read_numbers
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, line_number, split
+
+MOST_TABLES: Final = 5000
+"""Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,10 @@ def read_tables(
     while i < len(marks):
         head = head_at(source, text, marks[i], request)
         i = i + 1 if head is None else _read_one(walk, head, i)
+        if len(walk.tables) > MOST_TABLES:
+            raise source.error(
+                f"more than {MOST_TABLES} header rows were found; one per step was expected; drop repeated ones"
+            )
     if not walk.tables:
         head = numbered_head(text, request.columns)
         if head is None:

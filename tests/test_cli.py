@@ -331,6 +331,15 @@ def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
     assert "exists" in refused(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml")
 
 
+def test_steps_too_short_to_stand_alone_are_no_logs(folder, capsys):
+    step = "T,Fz,Fx\ns,N,N\n"
+    rise = "".join(f"{0.01 * i:.2f},2,{0.4 * (i % 50) / 50:.5f}\n" for i in range(500))
+    write("steps.csv", f"{step}0,2,0.1\n{step}{rise}")
+    assert stickslip(capsys, "scene", "steps.csv", "--out", "pair.toml")[0] == 0
+    text = Path("pair.toml").read_text()
+    assert text.count("[[logs]]") == 1 and "step = 2" in text
+
+
 def test_one_run_of_several_is_chosen(folder, capsys):
     text = gzip.decompress((examples.FOLDER / "1_mm_per_s.txt.gz").read_bytes()).decode()
     begin = text.index("Run # 1")

@@ -179,6 +179,11 @@ def test_a_header_of_any_length_makes_a_short_sentence(tmp_path):
     assert len(str(caught.value)) < 1000
 
 
+def test_headers_without_end_are_refused_quickly(tmp_path):
+    with pytest.raises(LogError, match="more than 5000 header rows"):
+        read(tmp_path, "T,Fx,Fz\n" * 200_000)
+
+
 def test_measured_records_are_read_as_they_are():
     if not MEASURED.is_dir():
         pytest.skip("the measured paper-on-paper records are not on this machine")

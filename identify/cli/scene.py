@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from identify.cli.common import Answer, CommandLineError, Terminal, add_log_options, file_to_write, log_options
 
 if TYPE_CHECKING:
+    from data_io import Record, Step
     from identify.draft import Piece
 
 NAME = "scene"
@@ -59,4 +60,18 @@ def pieces(log: str, said: Mapping[str, Any]) -> list[Piece]:
     record = read_log(log, **said)
     if len(record.steps) < 2:
         return [Piece(Path(log), None, record)]
-    return [Piece(Path(log), s.number, read_log(log, **{**said, "step": s.number})) for s in record.steps]
+    alone = [Piece(Path(log), step.number, part) for step in record.steps if (part := only(record, step)) is not None]
+    return alone or [Piece(Path(log), None, record)]
+
+
+def only(record: Record, step: Step) -> Record | None:
+    """One step of a record, on its own clock; None where it is too short for that."""
+    import numpy as np
+
+    from data_io import Record
+
+    rows = slice(step.start, step.stop)
+    if np.count_nonzero(np.isfinite(record.friction_force[rows] + record.normal_force[rows])) < 2:
+        return None
+    columns = {name: values[rows] for name, values in record.columns().items()}
+    return Record.from_columns(columns, {**record.about(), "steps": (), "findings": ()})
