@@ -21,6 +21,7 @@ from identify.report.envelope import envelope, extremes
 from identify.report.figures import Picture, pictures
 from identify.report.page import LARGEST, render_page
 from identify.report.quantity_text import number, quantity, speed
+from identify.report.words import solver_words
 from tests.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -265,6 +266,15 @@ def test_envelope_holds_the_extremes_of_every_stretch() -> None:
         (quantity(None, "N"), "–"),
         (speed(0.1 / 6e4), "0.1\N{NO-BREAK SPACE}mm/min"),
         (speed(1e-3), "1\N{NO-BREAK SPACE}mm/s"),
+        (speed(1e-4), "0.1\N{NO-BREAK SPACE}mm/s"),
+        (speed(-1e-4 / 60), "−0.1\N{NO-BREAK SPACE}mm/min"),
+        (speed(0.0), "0\N{NO-BREAK SPACE}m/s"),
+        (speed(None), "–"),
+        (quantity(500.0, "Hz"), "500\N{NO-BREAK SPACE}Hz"),
+        (quantity(2000.0, "Hz"), "2000\N{NO-BREAK SPACE}Hz"),
+        (solver_words("Solve_Succeeded"), "solved"),
+        (solver_words("Solved_To_Acceptable_Level"), "solved (to acceptable level)"),
+        (solver_words("Maximum_Iterations_Exceeded"), "maximum iterations exceeded"),
         (number(3.742e-5), "3.742·10⁻⁵"),
         (number(0.0), "0"),
     ],

@@ -13,7 +13,7 @@ from data_io.quality import Quality, assess
 from identify.classical import classical_table
 from identify.cli.common import Terminal
 from identify.cli.summary import columns, wrapped
-from identify.report.quantity_text import DASH, number, quantity, split_key
+from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 from identify.segment import SLIDING, SLIP, STICK, Segmentation, segment
 
 HEADINGS = ("run", "step", "stroke")
@@ -82,7 +82,7 @@ def say(seen: Inspection, terminal: Terminal) -> None:
 def _speed(record: Record) -> str:
     if record.drive_speed is None:
         return "not in the log"
-    return quantity(float(np.median(record.drive_speed)), "m/s")
+    return speed(float(np.median(record.drive_speed)))
 
 
 def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:

@@ -14,10 +14,11 @@ LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "N": (("N", 1.0), ("mN", 1e-3), ("µN", 1e-6)),
     "N/s": (("N/s", 1.0), ("mN/s", 1e-3), ("µN/s", 1e-6)),
     "kg": (("kg", 1.0), ("g", 1e-3), ("mg", 1e-6)),
-    "Hz": (("kHz", 1e3), ("Hz", 1.0), ("mHz", 1e-3)),
+    "Hz": (("Hz", 1.0), ("mHz", 1e-3)),
     "W": (("W", 1.0), ("mW", 1e-3), ("µW", 1e-6)),
     "J": (("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9)),
 }
+SLOW = 1e-5  # m/s, below which drive speeds are said per minute
 # How a key of the result document tells its unit; longer endings first.
 KEY_UNITS = (
     ("_m_per_s", "m/s"),
@@ -99,13 +100,10 @@ def quantity(value: float | None, unit: str, digits: int = 4) -> str:
 
 
 def speed(value: float | None) -> str:
-    """A drive speed [m/s]; in mm/min where that is the rounder number, as it is on the dial of the tribometer."""
-    if value is None:
-        return DASH
-    per_minute, shown = number(value * 6e4, 6), quantity(value, "m/s", 6)
-    if len(per_minute) < len(shown.split("\N{NO-BREAK SPACE}")[0]) and abs(value) < 1e-3:
-        return f"{per_minute}\N{NO-BREAK SPACE}mm/min"
-    return quantity(value, "m/s")
+    """A drive speed [m/s]; a slow one in mm/min, as it is on the dial of the tribometer."""
+    if value is None or not 0.0 < abs(value) < SLOW:
+        return quantity(value, "m/s")
+    return f"{number(value * 6e4)}\N{NO-BREAK SPACE}mm/min"
 
 
 def split_key(key: str) -> tuple[str, str]:

@@ -25,6 +25,7 @@ from identify.report.words import (
     VERDICT_CLASS,
     VERDICT_MARK,
     plain_symbol,
+    solver_words,
 )
 
 
@@ -167,7 +168,7 @@ def _tiles(result: Mapping[str, Any]) -> tuple[Tile, ...]:
         where = f"log {worst.get('log', DASH)}, cycle {worst.get('cycle', DASH)}; a few is usual, above 6 is refused"
         tiles.append(Tile("worst cycle", f"z = {number(finite(worst.get('z')), 3)}", where))
     if gate.get("solver") is not None:
-        tiles.append(Tile("solver", str(gate["solver"]).replace("_", " "), "how the optimiser ended"))
+        tiles.append(Tile("solver", solver_words(str(gate["solver"])), "how the optimiser ended"))
     if "event_shift_samples" in gate:
         shift = number(finite(gate["event_shift_samples"]), 2)
         tiles.append(Tile("switch times", f"{shift} samples", "last movement; settled below 0.5"))

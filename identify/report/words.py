@@ -36,6 +36,11 @@ STATUS: Mapping[Status, StatusWords] = {
     ),
 }
 
+SOLVED: Mapping[str, str] = {
+    "Solve_Succeeded": "solved",
+    "Solved_To_Acceptable_Level": "solved (to acceptable level)",
+}
+
 # Symbol (base, subscript) and meaning; a result may bring its own for effects this table does not know.
 SYMBOLS: Mapping[str, tuple[str, str]] = {
     "mu_s": ("μ", "s"),
@@ -143,3 +148,8 @@ PLAIN_SYMBOLS: Mapping[str, str] = {
 def plain_symbol(name: str) -> str:
     """The symbol of a parameter without markup, for figures and sentences: "mu_s" -> "μₛ"."""
     return PLAIN_SYMBOLS.get(name, name)
+
+
+def solver_words(status: str) -> str:
+    """How the solver says it ended, in words."""
+    return SOLVED.get(status) or status.replace("_", " ").lower()
