@@ -114,7 +114,8 @@ def _rig_lines(told: Sequence[Told]) -> list[str]:
     if known:
         listed = ", ".join(f"{k:.4g}" for k in known)
         stiffness = (
-            f'stiffness = "{np.median(known):.4g} N/m"   # k, from the stick slopes over the speeds: {listed} N/m'
+            f'stiffness = {{ value = "{np.median(known):.4g} N/m", tolerance = "1 %" }}   '
+            f"# k, from the stick slopes over the speeds: {listed} N/m"
         )
     else:
         stiffness = 'stiffness = "TODO N/m"   # k of rig, holder and specimen along the drive'

@@ -114,6 +114,11 @@ def _judge(
             f"{failing} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst {where} ({z[worst]:.0f}); "
             "friction that differs from cycle to cycle, a wrong rig value or a wrong noise level do this: "
             "see the cycle scatter in the report"
+            + (
+                ""
+                if solution.success
+                else f"; the solver itself stopped with {solution.words}: a better start may still fit"
+            )
         )
     if not solved.event_shift < SETTLED:
         return Status.SOLVER_FAILED, (

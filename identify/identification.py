@@ -124,6 +124,19 @@ def _findings(
         status, message = _status(attempt, {})
         return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
     known = _information(attempt, unknowns)
+    if not np.all(np.isfinite(known.total)):
+        return Findings(
+            Status.SOLVER_FAILED,
+            f"the answer ends where the model has no derivatives (misfit {attempt.gate.chi2_per_sample:.3g} times the "
+            "noise variance); check the units of the forces, and mass, stiffness and drive speed",
+            unknowns,
+            attempt,
+            None,
+            None,
+            [],
+            left_out,
+            {},
+        )
     tolerance = scene.rig.tolerances.get("drive_speed", 0.0)
     bounds = _at_bounds(unknowns, attempt.solved.theta)
     base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})

@@ -17,7 +17,7 @@ WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaik
 DRAWN = 8  # straight pieces per spline segment
 
 
-def smooth(time: Array, normal_force: Array, name: str = "the log") -> tuple[NormalForce, float]:
+def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> tuple[NormalForce, float]:
     """The slow course of a measured normal force: level, or a cubic spline fitted by least squares.
 
     The number of spline segments is the one with the best information criterion: noise is averaged away, drift
@@ -26,6 +26,8 @@ def smooth(time: Array, normal_force: Array, name: str = "the log") -> tuple[Nor
 
     Args:
         time, normal_force: (n,) [s], [N]; NaN is left out.
+        cycles: how many will use it, each with an error of its own: their mean must not seem better known than the
+            course is.
 
     Returns:
         the course, and its standard deviation [N] as the noise leaves it; 0 where the file says one number.
@@ -59,7 +61,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log") -> tuple[Nor
         if score < best_score:
             drawn = np.linspace(centres[0], centres[-1], DRAWN * segments + 1)
             best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
-    return _checked(best, name), noise * float(np.sqrt(count / t.size))
+    return _checked(best, name), noise * float(np.sqrt(max(count, cycles) / t.size))
 
 
 def _binned(t: Array, f: Array) -> tuple[Array, Array, Array, float]:

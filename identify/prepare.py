@@ -90,7 +90,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     noise = rig.noise or found.noise
     floor = 1e-6 * float(np.nanmax(np.abs(force)))
     weight = np.where(used & ~spikes & np.isfinite(force), 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
-    load, load_sd = smooth(record.time[used], record.normal_force[used], name)
+    load, load_sd = smooth(record.time[used], record.normal_force[used], name, found.count)
     load_sd = float(np.hypot(load_sd, REPEATABLE * np.mean(load.values)))
     falls = found.cycles.fall[entry.skip_cycles :]
     begin, end = _window(record.time[first:last], shown[first:last], found, noise, entry.skip_cycles)

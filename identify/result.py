@@ -146,12 +146,11 @@ def _fit(found: Findings) -> dict[str, Any] | None:
     if found.attempt is None:
         return None
     solved = found.attempt.solved
-    fitted = solved.problem.fitted(solved.solution.z)
-    squares, count = 0.0, 0
-    for curve, log in zip(fitted, found.attempt.prepared, strict=True):
-        good = np.isfinite(curve) & (log.data.weight > 0)
-        squares += float(np.sum((log.force[good] - curve[good]) ** 2))
-        count += int(np.count_nonzero(good))
+    # One weight holds for all samples of a log that count, so the compressed squares give the residual in newtons.
+    squares, count = 0.0, solved.problem.samples
+    variance = np.array([1.0 / np.max(log.data.weight) for log in found.attempt.prepared])
+    for family, cost in zip(solved.problem.layout.families, solved.problem.block_costs(solved.solution.z), strict=True):
+        squares += float(variance[family.log] @ cost)
     return {
         "samples": count,
         "cycles": int(sum(guess.cycles for guess in solved.guesses)),
@@ -165,6 +164,7 @@ def _fit(found: Findings) -> dict[str, Any] | None:
 def _derived(found: Findings) -> dict[str, Any]:
     """What follows from the parameters alone: the creep velocity D/t_cr."""
     names = found.unknowns.names
+    open_ = [e.name for e in found.estimates if e.name in ("D", "t_cr") and e.verdict == "not identifiable"]
     if found.attempt is None or found.covariance is None or not {"D", "t_cr"} <= set(names):
         return {}
     theta = found.attempt.solved.theta
@@ -174,6 +174,10 @@ def _derived(found: Findings) -> dict[str, Any]:
     half = float(norm.ppf(0.5 + LEVEL / 2)) * math.sqrt(float(slope @ found.covariance @ slope))
     ends = [_finite(_exp(log_ratio - half)), _finite(_exp(log_ratio + half))]
     validity = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
+    if open_:
+        reason = f"interval open: these data do not tell {' and '.join(open_)}"
+        value = {"value": math.exp(log_ratio), "unit": "m/s", "interval": [None, None], "validity": validity}
+        return {"v_cr": value | {"reason": reason}}
     return {"v_cr": {"value": math.exp(log_ratio), "unit": "m/s", "interval": ends, "validity": validity}}
 
 
@@ -207,13 +211,19 @@ def _outlooks(prepared: list[Prepared], found: Findings) -> list[dict[str, Any]]
         return [{} for _ in prepared]
     unknowns = found.unknowns
     free = np.flatnonzero(unknowns.free)
+    # What these data do not tell has no variance to carry on: the curvature at one point says nothing of it.
+    untold = {e.name for e in found.estimates if e.verdict == "not identifiable"}
+    covariance = found.covariance.copy()
+    for i, index in enumerate(free.tolist()):
+        if unknowns.names[index] in untold:
+            covariance[i, i] = np.inf
     points = []
     for log in prepared:
         p = unknowns.values(found.attempt.solved.theta, log.data.base)
         slope = np.where(unknowns.logarithmic, p, 1.0)[free]
         values = dict(zip(unknowns.names, p.tolist(), strict=True))
         load = float(np.nanmean(log.record.normal_force))
-        points.append(OperatingPoint(values, log.data.drive_speed, load, found.covariance * np.outer(slope, slope)))
+        points.append(OperatingPoint(values, log.data.drive_speed, load, covariance * np.outer(slope, slope)))
     return outlooks(unknowns.model, points, [unknowns.names[i] for i in free])
 
 

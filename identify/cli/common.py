@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
@@ -60,7 +61,7 @@ def picture(path: str | None) -> Path | None:
 
 
 def file_to_write(path: str, option: str) -> Path:
-    """The file an option names; that its folder is there is asked before the work, not after it.
+    """The file an option names; whether it can be written is asked before the work, not after it.
 
     Raises:
         CommandLineError: no folder to write it to, or a folder itself.
@@ -70,6 +71,8 @@ def file_to_write(path: str, option: str) -> Path:
         raise CommandLineError(f"{option} {path} is a folder; expected the name of a file: add one")
     if not out.parent.is_dir():
         raise CommandLineError(f"{option} {path}: its folder does not exist; create it or choose another one")
+    if not os.access(out.parent, os.W_OK | os.X_OK):
+        raise CommandLineError(f"{option} {path}: nothing may be written in its folder; choose another one")
     return out
 
 
