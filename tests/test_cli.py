@@ -268,6 +268,34 @@ def test_an_interruption_that_a_solver_swallows_still_ends_the_command(folder, c
     assert stickslip(capsys, "fit", "--scene", "x")[0] == 0, "it is forgotten with the next command"
 
 
+def test_an_interruption_that_a_library_makes_an_error_of_is_still_one(folder, capsys, monkeypatch):
+    def converting(arguments, terminal):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise SystemError("returned a result with an exception set") from None
+        return Answer()
+
+    monkeypatch.setattr(fit_command, "run", converting)
+    code, out, _ = stickslip(capsys, "fit", "--scene", "x", "--json")
+    assert code == 130 and "interrupted" in json.loads(out)["message"]
+
+
+def test_an_interruption_of_the_garbage_collector_is_remembered_quietly(folder, capsys, monkeypatch):
+    class Dying:
+        def __del__(self):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def collecting(arguments, terminal):
+        Dying()
+        return Answer()
+
+    monkeypatch.setattr(fit_command, "run", collecting)
+    before = sys.unraisablehook
+    code, _, words = stickslip(capsys, "fit", "--scene", "x")
+    assert code == 130 and words.count("\n") == 1 and sys.unraisablehook is before
+
+
 def test_help_is_quick_and_brings_no_casadi():
     script = "import sys, identify.cli.main as m; m.build_parser().format_help(); print('casadi' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -21,9 +22,18 @@ def interruptible() -> Iterator[None]:
     except ValueError:  # not the main thread: signals do not come here
         yield
         return
+    unraisable = sys.unraisablehook
+
+    def without_interruptions(event: sys.UnraisableHookArgs) -> None:
+        """A signal that comes within a callback of the garbage collector is not raised, but it is remembered."""
+        if not isinstance(event.exc_value, KeyboardInterrupt):
+            unraisable(event)
+
+    sys.unraisablehook = without_interruptions
     try:
         yield
     finally:
+        sys.unraisablehook = unraisable
         for number, handler in zip(signals, before, strict=True):
             signal.signal(number, handler)
 
@@ -33,7 +43,12 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
+def interrupted() -> bool:
+    """Whether a signal came since the command began, whatever became of its KeyboardInterrupt."""
+    return bool(_received)
+
+
 def check_interrupted() -> None:
     """Raise the KeyboardInterrupt again that CasADi turns into a solver that "stopped by itself"."""
-    if _received:
+    if interrupted():
         raise KeyboardInterrupt

@@ -22,11 +22,12 @@ from identify.cli.common import (
     CommandLineError,
     standard_terminal,
 )
-from identify.cli.interrupt import check_interrupted, interruptible
+from identify.cli.interrupt import check_interrupted, interrupted, interruptible
 from identify.errors import IdentifyError
 
 COMMANDS: tuple[ModuleType, ...] = (demo, inspect, scene, fit, verify, simulate, stability, amplitude, convert)
 
+STOPPED = "interrupted; no half-written result is left behind"
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
 EPILOG = """\
 first steps:
@@ -98,8 +99,10 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
     except BrokenPipeError:
         raise
     except KeyboardInterrupt:
-        return _failed(INTERRUPTED, "interrupted; no half-written result is left behind", debug)
+        return _failed(INTERRUPTED, STOPPED, debug)
     except Exception as error:  # noqa: BLE001 - the last resort: a defect is said, never shown as a traceback
+        if interrupted():  # a library made an error of its own out of the KeyboardInterrupt
+            return _failed(INTERRUPTED, STOPPED, debug)
         if _mendable(error):
             return _failed(WRONG_INPUT, _sentence(error), debug)
         words = f"{type(error).__name__}: {error}".strip()
