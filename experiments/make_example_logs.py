@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_write
-from identify.effects import NAMES
+from identify.effects import MAIN
 from identify.model import assemble
 from identify.simulate import run
 
@@ -83,7 +83,7 @@ def record(test: Test) -> list[Samples]:
     normal = NORMAL_FORCE * (1.0 - RELAXATION * -np.expm1(-2.0 * grid / end))
     normal += RIPPLE * np.sin(2.0 * np.pi * 7.3 * grid / end)
     drive = ((0.0, 0.0), (test.hold, test.speed)) if test.hold else test.speed
-    motion = run(assemble(NAMES), FRICTION | RIG, drive, (grid, normal), end)
+    motion = run(assemble(MAIN), FRICTION | RIG, drive, (grid, normal), end)
     steps = []
     for start, duration, speed in ((0.0, test.hold, 0.0), (test.hold, test.duration, test.speed)):
         if duration:

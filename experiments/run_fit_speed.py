@@ -34,7 +34,7 @@ from experiments.event_driven import Series, fit_by_least_squares  # noqa: E402
 from experiments.machine import describe  # noqa: E402
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS  # noqa: E402
 from identify import Scene, fit  # noqa: E402
-from identify.effects import NAMES  # noqa: E402
+from identify.effects import MAIN as NAMES  # noqa: E402
 from identify.identification import find  # noqa: E402
 from identify.model import assemble  # noqa: E402
 from identify.passes import COARSE, solve_in_passes  # noqa: E402

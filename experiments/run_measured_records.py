@@ -14,7 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identify.effects import NAMES
+from identify.effects import MAIN as NAMES
 from identify.identification import find
 from identify.scene import Scene
 from identify.search import Clock

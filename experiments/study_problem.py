@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from data_io import Record
-from identify.effects import NAMES
+from identify.effects import MAIN as NAMES
 from identify.model import assemble
 from identify.scene import Scene
 from identify.simulate import run

@@ -17,12 +17,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.model import SPEED, Model
+from identify.model import INPUTS, SPEED, Model
 from identify.tableaus import RK4, step
 
 Array = NDArray[np.float64]
 BlockKind = Literal["stick", "stick_reaged", "slip", "saturated", "rest", "rest_reaged"]
 
+REST_CELLS = 6  # cubics per block of a rest that is no straight line
 CHUNK = 32  # blocks per call: small enough to stay in cache, large enough to hide the call
 
 
@@ -34,7 +35,7 @@ class Block:
     start time [s], offset of the end time [s], deviation of the normal force in this cycle from its measured
     course [N], then the search variables (n_p,). Constants, in order:
     base values of the parameters (n_p,), row scales (n_x,), drive speed, normal force at the start and at the
-    end of the phase and its slope, reference duration of the phase, first and last fraction of it.
+    end of the phase and its slope, time of its start, reference duration of it, first and last fraction of it.
     """
 
     kind: BlockKind
@@ -123,6 +124,7 @@ class _Symbols:
     force_start: ca.SX
     force_end: ca.SX
     force_slope: ca.SX
+    since: ca.SX
     reference: ca.SX
     first: ca.SX
     last: ca.SX
@@ -146,6 +148,7 @@ class _Symbols:
             self.force_start,
             self.force_end,
             self.force_slope,
+            self.since,
             self.reference,
             self.first,
             self.last,
@@ -168,7 +171,7 @@ class _Symbols:
 
 def constants_size(model: Model) -> int:
     """Number of constants of a block."""
-    return len(model.parameters) + len(model.states) + 7
+    return len(model.parameters) + len(model.states) + 8
 
 
 def _resting_start(model: Model, s: _Symbols, p: ca.SX, reaged: bool) -> ca.SX:
@@ -177,7 +180,7 @@ def _resting_start(model: Model, s: _Symbols, p: ca.SX, reaged: bool) -> ca.SX:
     start[SPEED] = 0
     if not reaged:
         return start
-    u = ca.vertcat(s.drive_speed, s.force_start, 1)
+    u = ca.vertcat(s.drive_speed, s.force_start, 1, s.since + s.offset_start)
     deceleration = -model.saturated(start, p, u)[SPEED]
     arrested = model.at_arrest(start, p, u, ca.fmax(deceleration, 1e-9))
     for i, state in enumerate(model.states):
@@ -191,11 +194,15 @@ def _rest(model: Model, reaged: bool, with_end: bool) -> tuple[_Symbols, ca.SX, 
     s = _Symbols.of(model)
     p = s.parameters(model)
     start = _resting_start(model, s, p, reaged)
-    u = ca.vertcat(s.drive_speed, s.force_end + s.force_slope * s.offset_end + s.deviation, 1)
+    ended = s.since + s.reference + s.offset_end
+    u = ca.vertcat(s.drive_speed, s.force_end + s.force_slope * s.offset_end + s.deviation, 1, ended)
     after = model.rest(start, p, u, s.duration)
-    before_force, after_force = model.load_cell(start, p, u), model.load_cell(after, p, u)
-    slope = (after_force - before_force) / s.duration
-    curve = ca.vertcat(before_force - slope * s.offset_start, slope * s.reference)
+    if model.straight:
+        before_force, after_force = model.load_cell(start, p, u), model.load_cell(after, p, u)
+        slope = (after_force - before_force) / s.duration
+        curve = ca.vertcat(before_force - slope * s.offset_start, slope * s.reference)
+    else:
+        curve = _bent_rest(model, s, p, start)
     if not with_end:
         return s, ca.SX(0, 1), curve
     free = [i for i in range(len(model.states)) if i != SPEED]
@@ -204,6 +211,28 @@ def _rest(model: Model, reaged: bool, with_end: bool) -> tuple[_Symbols, ca.SX, 
     rows = [(end[i] - after[i]) / s.row_scale[i] for i in free]
     guard = (model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED]
     return s, ca.vertcat(*rows, guard), curve
+
+
+def _bent_rest(model: Model, s: _Symbols, p: ca.SX, start: ca.SX) -> ca.SX:
+    """What the load cell shows between two fractions of a rest that is no straight line: REST_CELLS cubics."""
+    t = ca.SX.sym("t")
+    u = ca.vertcat(s.drive_speed, s.force_start, 1, s.since + s.offset_start + t)
+    force = model.load_cell(model.rest(start, p, u, t), p, u)
+    rate = ca.jacobian(force, t)
+    fractions = [s.first + (s.last - s.first) * j / REST_CELLS for j in range(REST_CELLS + 1)]
+    points = [(ca.substitute(force, t, s.duration * f), ca.substitute(rate, t, s.duration * f)) for f in fractions]
+    return _cells(s, points, fractions[:-1], s.duration * (s.last - s.first) / REST_CELLS)
+
+
+def _cells(s: _Symbols, points: list[tuple[ca.SX, ca.SX]], fractions: list[ca.SX], h: ca.SX) -> ca.SX:
+    """Coefficients in reference time of the cubics between points (value, rate) that lie h [s] apart; the cells begin
+    at these fractions of the phase."""
+    stretch = s.reference / s.duration
+    curves = []
+    for j, fraction in enumerate(fractions):
+        shift = -(s.offset_start + fraction * (s.duration - s.reference)) / h
+        curves.append(_composed(_hermite(points[j], points[j + 1], h), stretch, shift))
+    return ca.vertcat(*curves)
 
 
 def _slip(model: Model, saturated: bool, steps: int) -> tuple[_Symbols, ca.SX, ca.SX]:
@@ -215,9 +244,13 @@ def _slip(model: Model, saturated: bool, steps: int) -> tuple[_Symbols, ca.SX, c
 
     def inputs(t: ca.SX) -> ca.SX:
         force = s.force_start + s.force_slope * (s.offset_start + t) + s.deviation
-        return ca.vertcat(s.drive_speed, force, 1)
+        return ca.vertcat(s.drive_speed, force, 1, s.since + s.offset_start + t)
 
-    seed, state, inner = ca.SX.sym("rate", len(model.states)), ca.SX.sym("x", len(model.states)), ca.SX.sym("u", 3)
+    seed, state, inner = (
+        ca.SX.sym("rate", len(model.states)),
+        ca.SX.sym("x", len(model.states)),
+        ca.SX.sym("u", len(INPUTS)),
+    )
     inner_p = ca.SX.sym("p", len(model.parameters))
     sensor = model.load_cell(state, inner_p, inner)
     sensor_rate = ca.Function("sensor_rate", [state, inner_p, inner, seed], [ca.jtimes(sensor, state, seed)])
@@ -239,14 +272,9 @@ def _slip(model: Model, saturated: bool, steps: int) -> tuple[_Symbols, ca.SX, c
     t = s.duration * s.last
     points.append((model.load_cell(x, p, inputs(t)), sensor_rate(x, p, inputs(t), field(x, p, inputs(t)))))
 
-    curves = []
-    stretch = s.reference / s.duration
-    for j in range(steps):
-        fraction = s.first + (s.last - s.first) * j / steps
-        shift = -(s.offset_start + fraction * (s.duration - s.reference)) / h
-        curves.append(_composed(_hermite(points[j], points[j + 1], h), stretch, shift))
+    fractions = [s.first + (s.last - s.first) * j / steps for j in range(steps)]
     rows = [(s.end[i] - x[i]) / s.row_scale[i] for i in range(len(model.states)) if i not in held]
-    return s, ca.vertcat(*rows), ca.vertcat(*curves)
+    return s, ca.vertcat(*rows), _cells(s, points, fractions, h)
 
 
 def _hermite(left: tuple[ca.SX, ca.SX], right: tuple[ca.SX, ca.SX], h: ca.SX) -> list[ca.SX]:
@@ -277,7 +305,7 @@ def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
     values = ca.Function(f"{kind}_values", [slots, s.constants], [rows, curve])
     jacobians = [ca.densify(ca.jacobian(rows, slots)), ca.densify(ca.jacobian(curve, slots))]
     derivatives = ca.Function(f"{kind}_derivatives", [slots, s.constants], [rows, curve, *jacobians])
-    cells, order = (steps, 4) if sliding else (1, 2)
+    cells, order = (steps, 4) if sliding else (1, 2) if model.straight else (REST_CELLS, 4)
     return Block(
         kind,
         slots.numel(),

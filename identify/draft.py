@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.effects import NAMES
+from identify.effects import MAIN
 from identify.scene.toml import to_fill_in
 from identify.segment import segment
 
@@ -63,7 +63,7 @@ def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, Any]) -> tup
     lines = [
         "# A first scene, written from the logs below by: stickslip scene",
         "# Everything marked TODO is for you to fill in. A quantity is text with a unit, or a bare SI number.",
-        f"effects = [{', '.join(json.dumps(name) for name in NAMES)}]",
+        f"effects = [{', '.join(json.dumps(name) for name in MAIN)}]",
         "",
         *_rig_lines(used),
         "",

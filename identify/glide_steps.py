@@ -30,7 +30,7 @@ def glide_functions(model: Model) -> Mapping[str, ca.Function]:
     xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
     tolerances = ca.SX.sym("tolerances", n_x + 1)
     x, h, p = xh[:n_x], xh[n_x], w[:n_p]
-    u = ca.vertcat(w[n_p + 1], w[n_p], direction)
+    u = ca.vertcat(w[n_p + 1], w[n_p], direction, 0)
     out: dict[str, ca.Function] = {}
     for name in sliding_modes(model.clamped is not None):
         field = model.saturated if name == "saturated" else model.slip
@@ -55,7 +55,7 @@ def glide_functions(model: Model) -> Mapping[str, ca.Function]:
             one = ca.Function("tangent", [xh, w, direction], [slope])
             out[f"{kind}_{name}"] = one.map(LANES, [False, True, True], [False])
         out[f"rate_{name}"] = ca.Function(f"rate_{name}", [xh, w, direction], [motion(x, 0)])
-    forward = ca.vertcat(w[n_p + 1], w[n_p], 1)
+    forward = ca.vertcat(w[n_p + 1], w[n_p], 1, 0)
     hold = ca.vertcat(model.driving_force(x, p, forward), model.grip(x, p, forward))
     out["hold"] = ca.Function("hold", [x, w], [hold])
     return out

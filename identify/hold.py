@@ -27,7 +27,7 @@ def _functions(model: Model) -> dict[str, ca.Function]:
     `spare_slope` its derivatives by (x, w, t), one column per row. `load`: (x, w) -> load cell and derivatives."""
     n_x, n_p = len(model.states), len(model.parameters)
     x, w, t = ca.SX.sym("x", n_x), ca.SX.sym("w", n_p + 2), ca.SX.sym("t")
-    p, u = w[:n_p], ca.vertcat(w[n_p + 1], w[n_p], 1)
+    p, u = w[:n_p], ca.vertcat(w[n_p + 1], w[n_p], 1, 0)
     rested = model.rest(x, p, u, t)
     spare = model.grip(rested, p, u) - model.driving_force(rested, p, u)
     both = ca.vertcat(spare, rested)

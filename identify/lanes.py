@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.model import SPEED, Model
+from identify.model import INPUTS, SPEED, TIME, Model
 from identify.tableaus import RK4, step
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Slips:
 
 @lru_cache(maxsize=16)
 def _functions(model: Model) -> dict[str, ca.Function]:
-    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", 3)
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
     h = ca.SX.sym("h")
 
     def clamp(state: ca.SX) -> ca.SX:
@@ -89,6 +89,7 @@ def _functions(model: Model) -> dict[str, ca.Function]:
         "step": ca.Function("lane_step", [x, p, u, h], [clamp(after), after, stages[0]]).map(CHUNK),
         "spare": ca.Function("lane_spare", [x, p, u, t], [spare, slope, rested]).map(CHUNK),
         "force": ca.Function("lane_force", [x, p, u], [model.load_cell(x, p, u)]).map(CHUNK),
+        "at_force": ca.Function("lane_at_force", [t, p, u], [model.at_force(t, p, u)]).map(CHUNK),
     }
 
 
@@ -114,7 +115,7 @@ def _call(function: ca.Function, arguments: list[Array], sizes: list[int]) -> li
 
 
 def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
-    """What the load cell sees [N], shape (n,); x (n, n_x), p (n, n_p), u (n, 3)."""
+    """What the load cell sees [N], shape (n,); x (n, n_x), p (n, n_p), u (n, 4)."""
     return _call(_functions(model)["force"], [x, p, u], [1])[0][:, 0]
 
 
@@ -151,7 +152,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     """Slide every lane from x (n, n_x) until it rests, with steps of half a natural period / per_half_period.
 
     Args:
-        p: (n, n_p); u: (n, 3) drive speed, normal force, direction +1.
+        p: (n, n_p); u: (n, 4) drive speed, normal force, direction +1, time at the start.
     """
     functions, n, n_x = _functions(model), x.shape[0], len(model.states)
     names = model.parameter_names
@@ -161,7 +162,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     arrest, saturation = np.full(n, np.nan), np.full(n, np.nan)
     at_arrest, at_saturation = np.full((n, n_x), np.nan), np.full((n, n_x), np.nan)
     active = np.arange(n)
-    current, last_rate = x.copy(), np.zeros((n, n_x))
+    current, last_rate, u = x.copy(), np.zeros((n, n_x)), u.copy()
     pending: list[tuple[int, Indices, Array, Array, Bools]] = []
     for s in range(int(LONGEST * per_half_period)):
         after, free, rate = _call(
@@ -176,6 +177,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
         current[active] = np.where(finite[:, None], after, before)
         states.append(current.copy())
         active = active[finite & ~stopped]
+        u[:, TIME] += h
         if active.size == 0:
             break
     rates.append(last_rate.copy())
@@ -217,10 +219,6 @@ def _first_root(y: Array, slope: Array, bend: Array) -> Array:
     return np.asarray(np.clip(np.where(np.isfinite(w), w, 1.0), 1e-9, 1.0))
 
 
-def elongation_of(model: Model, force: Array, p: Array, u: Array) -> Array:
-    """Elongation [m] at which a resting lane shows this load cell force [N]; shapes (n,)."""
-    x = np.zeros((force.size, len(model.states)))
-    offset = load_cell(model, x, p, u)
-    k = p[:, model.parameter_names.index("stiffness")]
-    out: Array = (force - offset) / k
-    return out
+def at_force(model: Model, force: Array, p: Array, u: Array) -> Array:
+    """States (n, n_x) in which resting lanes settle at these load cell forces (n,) [N]."""
+    return _call(_functions(model)["at_force"], [force, p, u], [len(model.states)])[0]

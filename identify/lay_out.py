@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.blocks import Block, BlockKind, block
+from identify.blocks import REST_CELLS, Block, BlockKind, block
 from identify.guess import Grid, Guess, LogData
 from identify.layout import KNOWN, Family, Indices, Layout, Places
 from identify.model import SPEED, Model
@@ -16,6 +17,9 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 NO_OFFSET = np.array([KNOWN])
 ZERO = np.zeros(1)
+DECAYED = 6.0  # time constants one block follows: REST_CELLS cubics over them are good to 1e-4
+CELLS_PER_PERIOD = 8  # of an oscillation while the mass rests
+MOST_PARTS = 4000  # of one rest
 
 
 class Collector:
@@ -119,6 +123,9 @@ class _LogWalk:
         force = 0.1 * log.mean_normal_force
         self.size = np.ones(self.n_x)
         self.size[0], self.size[1] = force / k, force / np.sqrt(k * m)
+        self.rates, self.frequencies = (
+            np.array(f(p)).ravel() for f in (model.decays, model.waves)
+        )  # of what makes a rest no straight line
         self.rest_rows = self.size.copy()
         self.rest_rows[SPEED] = force  # the onset guard is a force
         self.tick = 0.1 * float(np.sqrt(m / k))
@@ -144,18 +151,9 @@ class _LogWalk:
             self._load(cycle)
             self._stick(cycle)
             self._slide(cycle)
-        window = np.array([[self.since, self.log.end]])
-        kind: BlockKind = "rest_reaged" if self.reaged else "rest"
-        self.c.put(
-            kind,
-            1,
-            self.number,
-            self.guess.cycles,
-            [self.node, self.offset, NO_OFFSET, NO_OFFSET],
-            [self.value, ZERO, ZERO, ZERO],
-            self._constants(self.rest_rows, self.since, self.log.end, self.log.end),
-            window,
-        )
+        constants = self._constants(self.rest_rows, self.since, self.log.end, self.log.end)
+        for part in self._parts(self.since, self.log.end):
+            self._rest_part(self.guess.cycles, NO_OFFSET, NO_OFFSET, ZERO, constants, part)
         events = self.events
         return Places(
             start, events["onset"], events["saturation"], events["arrest"], self.loads, self.slip, self.saturated
@@ -176,7 +174,7 @@ class _LogWalk:
     def _constants(self, rows: Array, start: float, end: float, slope_at: float) -> Array:
         force_start, force_end = self.log.normal_force.at([start, end])
         slope = self.log.normal_force.line(slope_at)[1]
-        ends = [self.log.drive_speed, force_start, force_end, slope, end - start, 0.0, 1.0]
+        ends = [self.log.drive_speed, force_start, force_end, slope, start, end - start, 0.0, 1.0]
         return np.concatenate([self.log.base, rows, ends])
 
     def _middle(self, cycle: int) -> float:
@@ -190,6 +188,10 @@ class _LogWalk:
         value = self.guess.slip[cycle, 0].copy()
         value[SPEED] = 0.0
         node = self.c.state(value, self.size, (SPEED,))
+        constants = self._constants(self.rest_rows, self.since, on, on)
+        *before, last = self._parts(self.since, on)
+        for part in before:
+            self._rest_part(cycle, np.array([index]), self.load, self.load_value, constants, part)
         self.c.put(
             "stick_reaged" if self.reaged else "stick",
             1,
@@ -197,11 +199,47 @@ class _LogWalk:
             cycle,
             [self.node, node, self.offset, np.array([index]), self.load],
             [self.value, value, ZERO, ZERO, self.load_value],
-            self._constants(self.rest_rows, self.since, on, on),
-            np.array([[self.since, on]]),
+            *self._cut(constants, last),
         )
         self.events["onset"][cycle], self.slip[cycle, 0] = index, node
         self.node, self.value, self.offset = node, value, np.array([index])
+
+    def _rest_part(
+        self, cycle: int, end: Indices, load: Indices, load_value: Array, constants: Array, part: tuple[float, float]
+    ) -> None:
+        """A part of a rest without the guard that ends it."""
+        self.c.put(
+            "rest_reaged" if self.reaged else "rest",
+            1,
+            self.number,
+            cycle,
+            [self.node, self.offset, end, load],
+            [self.value, ZERO, ZERO, load_value],
+            *self._cut(constants, part),
+        )
+
+    def _cut(self, constants: Array, part: tuple[float, float]) -> tuple[Array, Array]:
+        """The constants of a rest for one part of it (fractions), and the windows of its cells [s]."""
+        own = constants.copy()
+        own[-2:] = part
+        cells = 1 if self.c.model.straight else REST_CELLS
+        since, duration = constants[-4], constants[-3]
+        edges = since + duration * np.linspace(*part, cells + 1)
+        return own, np.stack([edges[:-1], edges[1:]], axis=1)
+
+    def _parts(self, since: float, until: float) -> list[tuple[float, float]]:
+        """Fractions of a rest that one block each can follow: fine where something decays, and where it oscillates."""
+        if self.c.model.straight or until <= since:
+            return [(0.0, 1.0)]
+        duration = until - since
+        ends = [DECAYED / r for r in self.rates if DECAYED / r < duration]
+        edges = np.unique([0.0, *ends, duration])
+        longest = min((REST_CELLS * 2 * np.pi / (CELLS_PER_PERIOD * w) for w in self.frequencies), default=np.inf)
+        cuts = [
+            np.linspace(a, b, 1 + min(int(np.ceil((b - a) / longest)), MOST_PARTS))[:-1] for a, b in pairwise(edges)
+        ]
+        inner = np.append(np.concatenate(cuts), duration) / duration
+        return list(zip(inner[:-1].tolist(), inner[1:].tolist(), strict=True))
 
     def _slide(self, cycle: int) -> None:
         """The slip: until the bounded state is at its bound, then until the mass rests."""

@@ -1,13 +1,13 @@
 """The stick-slip oscillator, composed from effects: sums the ports, checks the names, makes the functions.
 
-m_s v' = k x_b + (rig forces) - s F_n [mu_k(v) + (mu_s - mu_k(v)) strengthening],  x_b' = v_0 - v
-(eqs. 1 and 5 in the elongation x_b = v_0 t - x; v = x' is the sliding speed, s its sign). The friction
-law is formed here and nowhere else; effects only deliver port values.
+m_s v' = load - s F_n e^level [mu_k(v) + (mu_s - mu_k(v)) e^strength strengthening + excess],  x_b' = v_d - v
+(eqs. 1 and 5 in the elongation x_b = drive motion - x; v = x' is the sliding speed, s its sign, v_d the speed of
+the drive with all its motions). The friction law is formed here and nowhere else; effects only deliver port values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
@@ -16,19 +16,23 @@ import casadi as ca
 
 from identify.effects import ALL, NAMES
 from identify.errors import SceneError
-from identify.quantities import Effect, Expression, Parameter, Situation, State, Terms
+from identify.quantities import Effect, Expression, Lag, Parameter, Series, Situation, State, Terms, Wave
+from identify.signal import Signal
 
 # What every model has: the spring of the rig and Coulomb friction.
 BASE_PARAMETERS = (
     Parameter("mu_s", "", 1e-3, 20.0, 0.6, "μs", "static friction coefficient of a saturated contact", "linear", 0.1),
     Parameter("mu_k0", "", 1e-4, 20.0, 0.45, "μk0", "kinetic friction coefficient at slow sliding", "linear", 0.1),
-    Parameter("stiffness", "N/m", 1e-2, 1e9, 1470.0, "k", "stiffness of the rig along the drive", spread=0.05),
+    Parameter(
+        "stiffness", "N/m", 1e-2, 1e9, 1470.0, "k", "stiffness of the rig along the drive", spread=0.05, kind="rig"
+    ),
 )
 BASE_STATES = (State("elongation", "m", 0.0), State("sliding_speed", "m/s", 0.0))
 RIG_PARAMETERS = ("mass", "stiffness", "damping")
 FRICTION_PARAMETERS = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
-INPUTS = ("drive_speed", "normal_force", "direction")
-ELONGATION, SPEED = 0, 1
+INPUTS = ("drive_speed", "normal_force", "direction", "time")
+ELONGATION, SPEED = 0, 1  # among the states
+TIME = 3  # among the inputs
 
 
 @dataclass(frozen=True)
@@ -36,8 +40,8 @@ class Model:
     """The composed oscillator as CasADi functions (SX, so they inline when called with SX).
 
     Shapes: x (n_x,) in the order of `states`: elongation [m], sliding speed [m/s], then the effects'
-    states; p (n_p,) in the order of `parameters`; u (3,) = drive speed [m/s], normal force [N],
-    direction of sliding (+1 or -1).
+    states; p (n_p,) in the order of `parameters`; u (4,) = drive speed [m/s], normal force [N],
+    direction of sliding (+1 or -1), time since the start of the record [s].
     """
 
     effects: tuple[str, ...]
@@ -46,16 +50,29 @@ class Model:
     clamped: int | None  # index of the state with a lower bound, None without one
     slip: ca.Function  # (x, p, u) -> dx/dt, no state clamped
     saturated: ca.Function  # (x, p, u) -> dx/dt, the bounded state held at its lower bound
-    rest: ca.Function  # (x, p, u, t) -> x after resting for t [s], closed form
+    rest: ca.Function  # (x, p, u at the end, t) -> x after resting for t [s], closed form
     driving_force: ca.Function  # (x, p, u) -> force that tries to move a mass at rest [N], signed
     grip: ca.Function  # (x, p, u) -> force a mass at rest withstands [N]
-    load_cell: ca.Function  # (x, p, u) -> force the load cell sees [N]
+    load: ca.Function  # (x, p, u) -> force the rig puts on the mass [N]
+    load_cell: ca.Function  # (x, p, u) -> force the load cell shows [N]
     at_arrest: ca.Function  # (x, p, u, deceleration) -> x at rest after a saturated slip
+    at_stick: ca.Function  # (x, p, u) -> x at the start of a stick that follows a slip
+    at_force: ca.Function  # (force, p, u) -> x at rest in which the load cell settles at this force [N]
+    decays: ca.Function  # p -> rates [1/s] of what decays while the mass rests (series element, lags)
+    waves: ca.Function  # p -> angular frequencies [rad/s] of what oscillates
+    clocked: bool  # whether anything depends on time as such
+    jumps: bool  # whether a state jumps where a stick begins
+    follows_load: bool  # whether the course of the normal force counts, or only its mean
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of p."""
         return tuple(p.name for p in self.parameters)
+
+    @property
+    def straight(self) -> bool:
+        """Whether the load cell shows a straight line while the mass rests."""
+        return self.decays.numel_out(0) + self.waves.numel_out(0) == 0
 
     def parameter(self, name: str) -> Parameter:
         """The declaration of one parameter."""
@@ -68,7 +85,15 @@ def _choose(names: Sequence[str]) -> tuple[Effect, ...]:
         raise SceneError(f"no effect is called {unknown[0]!r}; effects are {', '.join(NAMES)}")
     if "inertia" not in names:
         raise SceneError("the effect inertia is off: quasi-static sliding is not built yet; add 'inertia' to effects")
-    return tuple(effect for effect in ALL if effect.name in names)
+    effects = tuple(effect for effect in ALL if effect.name in names)
+    for effect in effects:
+        missing = [need for need in effect.needs if need not in names]
+        if missing:
+            raise SceneError(f"the effect {effect.name} needs the effect {missing[0]}; add it, or drop {effect.name}")
+        rivals = [e.name for e in effects if effect.role and e.role == effect.role]
+        if len(rivals) > 1:
+            raise SceneError(f"{' and '.join(rivals)} are laws of the same thing ({effect.role}); keep one of them")
+    return effects
 
 
 def _declared(effects: Sequence[Effect]) -> tuple[tuple[Parameter, ...], tuple[State, ...]]:
@@ -83,7 +108,189 @@ def _declared(effects: Sequence[Effect]) -> tuple[tuple[Parameter, ...], tuple[S
     return parameters, states
 
 
-@lru_cache(maxsize=32)
+def _absent(value: Expression) -> bool:
+    """Whether nothing was delivered to a port that adds up."""
+    return isinstance(value, (int, float)) and value == 0.0
+
+
+def _times_exp(value: Expression, log_factor: Expression) -> Expression:
+    return value if _absent(log_factor) else value * ca.exp(log_factor)
+
+
+class _Composition:
+    """The symbols of one model and the sums of its ports; thrown away when the functions are made."""
+
+    def __init__(self, effects: Sequence[Effect]) -> None:
+        self.effects = effects
+        self.parameters, self.states = _declared(effects)
+        self.names = [s.name for s in self.states]
+        self.x = ca.SX.sym("x", len(self.states))
+        self.p = ca.SX.sym("p", len(self.parameters))
+        self.u = ca.SX.sym("u", len(INPUTS))
+        self.t, self.deceleration, self.force = ca.SX.sym("t"), ca.SX.sym("deceleration"), ca.SX.sym("force")
+        self.drive_speed, self.normal_force, self.direction, self.time = ca.vertsplit(self.u)
+        self.values = SimpleNamespace(**{q.name: self.p[i] for i, q in enumerate(self.parameters)})
+        self.clamped = next((i for i, s in enumerate(self.states) if s.lower is not None), None)
+        ports = self.ports(self.situation(self.x, at_rest=False))
+        self.series: Series | None = self._one("series", [q.series for q in ports if q.series is not None])
+        self.lags: tuple[Lag, ...] = tuple(q.lag for q in ports if q.lag is not None)
+        self.waves: tuple[Wave, ...] = tuple(w for q in ports for w in q.waves)
+        self.drift: Expression = sum(q.drift for q in ports)
+        self.damping: Expression = sum(q.damping for q in ports)
+        self.offset: Expression = sum(q.offset for q in ports)
+        self.gain: Expression = 1.0
+        for q in ports:
+            self.gain = self.gain * q.gain
+
+    @staticmethod
+    def _one(what: str, found: list[Series]) -> Series | None:
+        if len(found) > 1:
+            raise SceneError(f"two effects put a {what} element between rig and contact; drop one of them")
+        return found[0] if found else None
+
+    def clock(self) -> Expression:
+        """Ageing time gained by the time of the inputs [s]."""
+        return sum(e.terms(self._situation(self.x, True, 1.0)).clock for e in self.effects)
+
+    def situation(self, state: ca.SX, at_rest: bool) -> Situation:
+        clock = self.clock()
+        pace = 1.0 if _absent(clock) else 1.0 + ca.jacobian(clock, self.time)
+        return self._situation(state, at_rest, pace)
+
+    def _situation(self, state: ca.SX, at_rest: bool, pace: Expression) -> Situation:
+        inner = SimpleNamespace(**{s.name: state[i] for i, s in enumerate(self.states)})
+        v = ca.SX(0) if at_rest else self.direction * state[SPEED]
+        return Situation(
+            self.values,
+            inner,
+            v,
+            state[ELONGATION],
+            self.drive_speed,
+            self.normal_force,
+            self.direction,
+            self.time,
+            pace,
+        )
+
+    def ports(self, s: Situation) -> list[Terms]:
+        return [effect.terms(s) for effect in self.effects]
+
+    def state(self, x: ca.SX, name: str) -> ca.SX:
+        return x[self.names.index(name)]
+
+    def drive(self, loading: Expression) -> Expression:
+        """Speed of the drive with all its motions [m/s]."""
+        waves = sum(w.amplitude * w.omega * ca.cos(w.omega * self.time + w.phase) for w in self.waves)
+        own = self.drive_speed if _absent(loading) else self.drive_speed * (1.0 + loading)
+        return own + self.drift + waves
+
+    def rig(self, x: ca.SX, speed: Expression, loading: Expression = 0.0) -> tuple[Expression, Expression]:
+        """Force of the rig on the mass [N], and rate of the deformation of the series element [m/s] (0 without)."""
+        k, c = self.values.stiffness, self.damping
+        stretching = self.drive(loading) - speed
+        if self.series is None:
+            return k * x[ELONGATION] + c * stretching, 0.0
+        y = self.state(x, self.series.state)
+        rate = (k * (x[ELONGATION] - y) + c * stretching - self.series.stiffness * y) / (c + self.series.damping)
+        return k * (x[ELONGATION] - y) + c * (stretching - rate), rate
+
+    def friction(self, terms: Sequence[Terms], without_ageing: float) -> Expression:
+        shares = [term.strengthening for term in terms if term.strengthening is not None]
+        strengthening = sum(shares) if shares else without_ageing
+        strengthening = _times_exp(strengthening, sum(term.strength for term in terms))
+        kinetic = self.values.mu_k0 + sum(term.kinetic for term in terms)
+        excess = sum(term.excess for term in terms)
+        coefficient = kinetic + (self.values.mu_s - kinetic) * strengthening + excess
+        return self.normal_force * _times_exp(coefficient, sum(term.level for term in terms))
+
+    def motion(self, held: bool) -> ca.SX:
+        """dx/dt while sliding."""
+        state = ca.SX(self.x)
+        if held and self.clamped is not None:
+            state[self.clamped] = self.states[self.clamped].lower
+        s = self.situation(state, at_rest=False)
+        terms = self.ports(s)
+        rates = {name: rate for term in terms for name, rate in term.rates.items()}
+        if held and self.clamped is not None:
+            rates[self.states[self.clamped].name] = 0.0
+        load, give = self.rig(state, state[SPEED])
+        if self.series is not None:
+            rates[self.series.state] = give
+        followed = load
+        for lag in self.lags:
+            rates[lag.state] = (followed - self.state(state, lag.state)) / lag.time
+            followed = self.state(state, lag.state)
+        acceleration = (load - self.direction * self.friction(terms, 0.0)) / sum(term.inertia for term in terms)
+        stretching = self.drive(0.0) - self.x[SPEED]
+        return ca.vertcat(stretching, acceleration, *(rates.get(name, 0.0) for name in self.names[2:]))
+
+    def shown(self, x: ca.SX, load: Expression) -> Expression:
+        """What the load cell shows of a load [N]."""
+        followed = self.state(x, self.lags[-1].state) if self.lags else load
+        return self.gain * followed + self.offset
+
+    def rested(self) -> ca.SX:
+        """x after resting for t from x, ending at the time of the inputs."""
+        s = self.situation(self.x, at_rest=True)
+        terms = self.ports(s)
+        loading = sum(term.loading for term in terms)
+        start = self.time - self.t
+        slope = (self.drive_speed if _absent(loading) else self.drive_speed * (1.0 + loading)) + self.drift
+        value, waves = self.x[ELONGATION], []
+        for w in self.waves:
+            psi = w.omega * start + w.phase
+            value = value - w.amplitude * ca.sin(psi)
+            waves.append((w.amplitude * ca.sin(psi), w.amplitude * ca.cos(psi), w.omega))
+        stretch = Signal(value, slope, tuple(waves))
+        after = {"elongation": stretch.at(self.t), "sliding_speed": 0.0}
+        k, c = self.values.stiffness, self.damping
+        held = stretch
+        if self.series is not None:
+            total, damping = k + self.series.stiffness, c + self.series.damping
+            pull = (stretch.times(k) + stretch.rate().times(c)).times(1 / total)
+            give = pull.lagged(total / damping, self.state(self.x, self.series.state))
+            after[self.series.state] = give.at(self.t)
+            held = stretch + give.times(-1.0)
+        followed = held.times(k) + held.rate().times(c)
+        for lag in self.lags:
+            followed = followed.lagged(1 / lag.time, self.state(self.x, lag.state))
+            after[lag.state] = followed.at(self.t)
+        clock = self.clock()
+        gained = 0.0 if _absent(clock) else clock - ca.substitute(clock, self.time, start)
+        for effect in self.effects:
+            after |= effect.at_rest(s, self.t + gained)
+        return ca.vertcat(*(after.get(name, self.x[i]) for i, name in enumerate(self.names)))
+
+    def jumped(self, jump: Callable[[Effect, Situation], Mapping[str, Expression]]) -> ca.SX:
+        """x at rest after what `jump` does to the effects' states."""
+        s = self.situation(self.x, at_rest=True)
+        after: dict[str, Expression] = {"sliding_speed": 0.0}
+        for effect in self.effects:
+            after |= jump(effect, s)
+        return ca.vertcat(*(after.get(name, self.x[i]) for i, name in enumerate(self.names)))
+
+    def decays(self) -> list[Expression]:
+        """Rates of what decays while the mass rests [1/s]."""
+        own = [1 / lag.time for lag in self.lags]
+        if self.series is None:
+            return own
+        return [(self.values.stiffness + self.series.stiffness) / (self.damping + self.series.damping), *own]
+
+    def settled(self) -> ca.SX:
+        """x at rest in which the load cell has settled at a force."""
+        load = (self.force - self.offset) / self.gain
+        x = ca.SX(ca.vertcat(*(s.start for s in self.states)))
+        x[ELONGATION] = (load - self.damping * self.drive(0.0)) / self.values.stiffness
+        if self.series is not None:
+            y = load / self.series.stiffness
+            x[ELONGATION] += y
+            x[self.names.index(self.series.state)] = y
+        for lag in self.lags:
+            x[self.names.index(lag.state)] = load
+        return x
+
+
+@lru_cache(maxsize=256)
 def assemble(names: tuple[str, ...]) -> Model:
     """The model with exactly these effects.
 
@@ -94,65 +301,37 @@ def assemble(names: tuple[str, ...]) -> Model:
         SceneError: an unknown effect, or a composition that is refused, by name.
     """
     effects = _choose(names)
-    parameters, states = _declared(effects)
-    x, p, u = ca.SX.sym("x", len(states)), ca.SX.sym("p", len(parameters)), ca.SX.sym("u", len(INPUTS))
-    t, deceleration = ca.SX.sym("t"), ca.SX.sym("deceleration")
-    drive_speed, normal_force, direction = ca.vertsplit(u)
-    values = SimpleNamespace(**{q.name: p[i] for i, q in enumerate(parameters)})
-    clamped = next((i for i, s in enumerate(states) if s.lower is not None), None)
+    m = _Composition(effects)
+    resting = m.ports(m.situation(m.x, at_rest=True))
+    pull = m.rig(m.x, 0.0, sum(term.loading for term in resting))[0]
+    moved = m.rig(m.x, m.x[SPEED])[0]
+    slip = m.motion(held=False)
+    jumped = m.jumped(lambda effect, s: effect.at_stick(s))
+    arrested = m.jumped(lambda effect, s: effect.at_arrest(s, m.deceleration))
+    grip = m.friction(resting, 1.0)
+    rested = m.rested()
 
-    def situation(state: ca.SX, at_rest: bool) -> Situation:
-        inner = SimpleNamespace(**{s.name: state[i] for i, s in enumerate(states)})
-        v = ca.SX(0) if at_rest else direction * state[SPEED]
-        return Situation(values, inner, v, state[ELONGATION], drive_speed, normal_force, direction)
-
-    def ports(s: Situation) -> list[Terms]:
-        return [effect.terms(s) for effect in effects]
-
-    def load(s: Situation, terms: Sequence[Terms]) -> Expression:
-        return values.stiffness * s.elongation + sum(term.rig_force for term in terms)
-
-    def friction(terms: Sequence[Terms], without_ageing: float) -> Expression:
-        shares = [term.strengthening for term in terms if term.strengthening is not None]
-        strengthening = sum(shares) if shares else without_ageing
-        kinetic = values.mu_k0 + sum(term.kinetic for term in terms)
-        return normal_force * (kinetic + (values.mu_s - kinetic) * strengthening)
-
-    def motion(held: bool) -> ca.SX:
-        state = ca.SX(x)
-        if held and clamped is not None:
-            state[clamped] = states[clamped].lower
-        s = situation(state, at_rest=False)
-        terms = ports(s)
-        rates = {name: rate for term in terms for name, rate in term.rates.items()}
-        if held and clamped is not None:
-            rates[states[clamped].name] = 0.0
-        acceleration = (load(s, terms) - direction * friction(terms, 0.0)) / sum(term.inertia for term in terms)
-        return ca.vertcat(drive_speed - x[SPEED], acceleration, *(rates[s.name] for s in states[2:]))
-
-    resting = situation(x, at_rest=True)
-    resting_terms = ports(resting)
-    rested = {name: value for e in effects for name, value in e.at_rest(resting, t).items()}
-    arrested = {name: value for e in effects for name, value in e.at_arrest(resting, deceleration).items()}
-    moving = situation(x, at_rest=False)
-
-    def function(name: str, arguments: list[ca.SX], result: Expression) -> ca.Function:
-        return ca.Function(name, arguments, [result])
+    def function(name: str, more: list[ca.SX], result: Expression) -> ca.Function:
+        return ca.Function(name, [m.x, m.p, m.u, *more], [ca.densify(ca.SX(result))])
 
     return Model(
         effects=tuple(e.name for e in effects),
-        parameters=parameters,
-        states=states,
-        clamped=clamped,
-        slip=function("slip", [x, p, u], motion(held=False)),
-        saturated=function("saturated", [x, p, u], motion(held=True)),
-        rest=function(
-            "rest", [x, p, u, t], ca.vertcat(x[0] + drive_speed * t, 0, *(rested[s.name] for s in states[2:]))
-        ),
-        driving_force=function("driving_force", [x, p, u], load(resting, resting_terms)),
-        grip=function("grip", [x, p, u], friction(resting_terms, 1.0)),
-        load_cell=function("load_cell", [x, p, u], load(moving, ports(moving))),
-        at_arrest=function(
-            "at_arrest", [x, p, u, deceleration], ca.vertcat(x[0], 0, *(arrested[s.name] for s in states[2:]))
-        ),
+        parameters=m.parameters,
+        states=m.states,
+        clamped=m.clamped,
+        slip=function("slip", [], slip),
+        saturated=function("saturated", [], m.motion(held=True)),
+        rest=function("rest", [m.t], rested),
+        driving_force=function("driving_force", [], pull),
+        grip=function("grip", [], grip),
+        load=function("load", [], moved),
+        load_cell=function("load_cell", [], m.shown(m.x, moved)),
+        at_arrest=function("at_arrest", [m.deceleration], arrested),
+        at_stick=function("at_stick", [], jumped),
+        at_force=ca.Function("at_force", [m.force, m.p, m.u], [ca.densify(m.settled())]),
+        decays=ca.Function("decays", [m.p], [ca.densify(ca.vertcat(*m.decays()))]),
+        waves=ca.Function("waves", [m.p], [ca.densify(ca.vertcat(*(w.omega for w in m.waves)))]),
+        clocked=bool(ca.depends_on(ca.vertcat(slip, grip, pull, rested), m.time)),
+        jumps=any(type(e).at_stick is not Effect.at_stick for e in effects),
+        follows_load=any(e.follows_load for e in effects),
     )

@@ -68,8 +68,7 @@ def _spare_grip(model: Model, x: Array, situated: Situated, times: Array) -> Arr
     """Grip minus driving force while resting, shape of times [N]; negative: the mass is moved."""
     n = times.size
     p = situated.p[:, None]
-    u = np.empty((3, n))
-    u[0], u[1], u[2] = situated.drive_speed, situated.normal_force + situated.force_slope * times, 1.0
+    u = situated.at(times)
     state = np.array(model.rest(x, p, u, times[None, :])) if n > 1 else np.array(model.rest(x, p, u, times))
     driving = np.array(model.driving_force(state, p, u)).ravel()
     return np.asarray(np.array(model.grip(state, p, u)).ravel() - np.abs(driving))
@@ -106,8 +105,7 @@ def stick(model: Model, x: Array, situated: Situated, start: float, limit: float
             rtol=1e-15,
         )
         ended_by = "speed"
-    u = np.array([situated.drive_speed, situated.normal_force + situated.force_slope * end, 1.0])
-    after = np.array(model.rest(x, situated.p, u, end)).ravel()
+    after = np.array(model.rest(x, situated.p, situated.at(end), end)).ravel()
     return Phase("stick", start, situated, np.array([0.0, end]), np.stack([x, after]), ended_by)
 
 

@@ -95,7 +95,7 @@ def _side_by_side(logs: list[LogData], p: list[Array], falls: list[Array]) -> _L
     fall = np.concatenate(falls)
     force = np.concatenate([log_.normal_force.at(f) for log_, f in zip(logs, falls, strict=True)])
     speed = np.array([log_.drive_speed for log_ in logs])[log]
-    u = np.stack([speed, force, np.ones_like(force)], axis=1)
+    u = np.stack([speed, force, np.ones_like(force), fall], axis=1)
     return _Lanes(log, first, fall, np.stack(p)[log], u)
 
 
@@ -111,8 +111,9 @@ def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
         if np.any(mine):
             k = p[model.parameter_names.index("stiffness")]
             level = np.median(log.force[mine] - k * log.drive_speed * (log.time[mine] - log.begin))
-            u = np.array([[log.drive_speed, float(log.normal_force.at(log.begin)), 1.0]])
-            x[0] = lanes.elongation_of(model, np.array([level]), p[None, :], u)[0]
+            u = np.array([[log.drive_speed, float(log.normal_force.at(log.begin)), 1.0, log.begin]])
+            settled = lanes.at_force(model, np.array([level]), p[None, :], u)[0]
+            x = np.where(np.arange(x.size) == (-1 if model.clamped is None else model.clamped), x, settled)
     return x
 
 
@@ -121,8 +122,7 @@ def _first_arrests(model: Model, side: _Lanes, starts: list[Array]) -> Array:
     names = model.parameter_names
     mu_s, mu_k0 = side.p[:, names.index("mu_s")], side.p[:, names.index("mu_k0")]
     level = np.maximum(2 * mu_k0 - mu_s, 0.05 * mu_k0) * side.u[:, 1]
-    x = np.zeros((side.fall.size, len(model.states)))
-    x[:, 0] = lanes.elongation_of(model, level, side.p, side.u)
+    x = lanes.at_force(model, level, side.p, side.u)
     x[side.first] = np.stack([s for i, s in enumerate(starts) if np.any(side.log == i)])
     return x
 
@@ -254,7 +254,7 @@ def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: floa
     candidates = np.linspace(0.0, 1.0, 41)
     x = np.repeat(start[None, :], candidates.size, axis=0)
     x[:, g] = candidates
-    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0], (candidates.size, 1))
+    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, onset], (candidates.size, 1))
     times, _ = lanes.stick(model, x, np.repeat(p[None, :], candidates.size, axis=0), u)
     best = int(np.argmin(np.abs(times - (onset - log.begin))))
     out = start.copy()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, Literal, Protocol
+from typing import Any, ClassVar, Literal
 
 Expression = Any  # a CasADi SX, or a float
 NOTHING: Mapping[str, Expression] = MappingProxyType({})
@@ -17,6 +18,8 @@ class Parameter:
 
     `scale` "log" means that the logarithm is estimated (the quantity is positive); `spread` is
     the typical size of its uncertainty before a fit, in `scale` units: it only conditions.
+    `kind`: "friction" is searched unless fixed; "rig" stands in [rig]; "given" is taken as the scene (or
+    the default) has it and searched only where [parameters] gives it a start or a prior.
     """
 
     name: str
@@ -28,6 +31,7 @@ class Parameter:
     meaning: str
     scale: Literal["linear", "log"] = "log"
     spread: float = 0.5
+    kind: Literal["friction", "rig", "given"] = "friction"
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,8 @@ class Situation:
 
     p: parameters by name; x: the effects' states by name; v: sliding speed along the direction
     of slip [m/s] (never negative but for trial steps of a solver); drive_speed [m/s], signed;
-    direction: +1 or -1, the sign of sliding; elongation of the spring [m]; normal_force [N].
+    direction: +1 or -1, the sign of sliding; elongation of the spring [m]; normal_force [N];
+    time [s] since the start of the record; pace: how fast contacts age against the clock (1: as it says).
     """
 
     p: SimpleNamespace
@@ -57,74 +62,118 @@ class Situation:
     drive_speed: Expression
     normal_force: Expression
     direction: Expression
+    time: Expression
+    pace: Expression
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A harmonic displacement amplitude * sin(omega * time + phase) of the drive [m], [rad/s], [rad]."""
+
+    amplitude: Expression
+    omega: Expression
+    phase: Expression
+
+
+@dataclass(frozen=True)
+class Series:
+    """A Kelvin-Voigt element in series with the rig: stiffness [N/m], damping [N s/m] (positive).
+
+    Its deformation [m] is the state called `state`; its rate is written by the model.
+    """
+
+    state: str
+    stiffness: Expression
+    damping: Expression
+
+
+@dataclass(frozen=True)
+class Lag:
+    """A first-order lag of the load cell: time constant [s], and the state [N] that follows the force."""
+
+    state: str
+    time: Expression
 
 
 @dataclass(frozen=True)
 class Terms:
     """The ports: every effect adds to some of them, the model sums each port over its effects.
 
-    inertia [kg]; rig_force [N], transmitted by the rig and seen by the load cell, positive along
-    the drive; kinetic [1], added to the kinetic friction coefficient; strengthening [1], share of
-    (mu_s - mu_k) that is present (None: the effect has none); rates: d(state)/dt by state name.
+    inertia [kg]; damping [N s/m], a damper beside the spring of the rig; kinetic [1], added to the kinetic
+    friction coefficient; strengthening [1], share of (mu_s - mu_k) that is present (None: the effect has none);
+    strength [1], logarithm of a factor on that share; excess [1], added to the coefficient whatever the
+    strengthening, at rest too; level [1], logarithm of a factor on all friction; loading [1], relative change of
+    the loading rate while sticking; clock [s], ageing time gained over the clock by s.time, a function of s.time
+    and p alone; waves and drift [m/s], motion of the drive beyond its programme; series, a compliance between
+    rig and contact; lag, gain [1] and offset [N] of the load cell; rates: d(state)/dt by state name.
     """
 
     inertia: Expression = 0.0
-    rig_force: Expression = 0.0
+    damping: Expression = 0.0
     kinetic: Expression = 0.0
     strengthening: Expression | None = None
+    strength: Expression = 0.0
+    excess: Expression = 0.0
+    level: Expression = 0.0
+    loading: Expression = 0.0
+    clock: Expression = 0.0
+    waves: tuple[Wave, ...] = ()
+    drift: Expression = 0.0
+    series: Series | None = None
+    lag: Lag | None = None
+    gain: Expression = 1.0
+    offset: Expression = 0.0
     rates: Mapping[str, Expression] = field(default_factory=lambda: NOTHING)
 
 
-class Effect(Protocol):
-    """One effect: a file that declares all it needs. `null` are values at which it is as good as absent."""
+@dataclass(frozen=True)
+class Importance:
+    """When an effect matters: a dimensionless group, its value, and the sentence that says what it means."""
 
-    @property
-    def name(self) -> str:
-        """What the scene calls it."""
-        ...
+    group: str
+    value: float
+    sentence: str
 
-    @property
-    def source(self) -> str:
-        """Equation or reference."""
-        ...
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """What it needs to know."""
-        ...
+class Effect(ABC):
+    """One effect: a file that declares all it needs.
 
-    @property
-    def states(self) -> tuple[State, ...]:
-        """What it keeps in memory."""
-        ...
+    name: what the scene calls it; says: one line; source: equation or reference; `null`: parameter values at
+    which it is as good as absent (zero or infinity for a log-scaled parameter: a limit); `role`: of the effects that
+    share a role (interchangeable laws) a scene takes one at most; `needs`: effects it cannot do without.
+    """
 
-    @property
-    def null(self) -> Mapping[str, float]:
-        """Parameter values at which it is as good as absent."""
-        ...
+    name: ClassVar[str]
+    says: ClassVar[str]
+    source: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    states: ClassVar[tuple[State, ...]] = ()
+    null: ClassVar[Mapping[str, float]] = NOTHING
+    role: ClassVar[str] = ""
+    needs: ClassVar[tuple[str, ...]] = ()
+    follows_load: ClassVar[bool] = False  # whether it asks for the measured course of the normal force, not its mean
 
     def terms(self, s: Situation) -> Terms:
         """The effect's contribution to every port in this situation."""
-        ...
+        return Terms()
 
-    def at_rest(self, s: Situation, t: Expression) -> Mapping[str, Expression]:
-        """The effect's states after resting for t [s] from the situation s: closed form."""
-        ...
-
-    def at_arrest(self, s: Situation, deceleration: Expression) -> Mapping[str, Expression]:
-        """The effect's states when a slip that had them clamped comes to rest, deceleration [m/s^2] > 0."""
-        ...
-
-
-class Stateless:
-    """What an effect without states of its own answers about them."""
-
-    states: tuple[State, ...] = ()
-
-    def at_rest(self, s: Situation, t: Expression) -> Mapping[str, Expression]:
-        """No states: nothing evolves."""
+    def at_rest(self, s: Situation, aged: Expression) -> Mapping[str, Expression]:
+        """Those of its states that change while the mass rests, after an ageing time `aged` [s] from the situation s:
+        closed form. The states of a series element and of a lag are the model's business."""
         return NOTHING
 
     def at_arrest(self, s: Situation, deceleration: Expression) -> Mapping[str, Expression]:
-        """No states: nothing evolves."""
+        """Those of its states that were clamped, when the slip comes to rest: deceleration [m/s^2] > 0."""
         return NOTHING
+
+    def at_stick(self, s: Situation) -> Mapping[str, Expression]:
+        """Those of its states that jump where a slip has come to rest and a stick begins."""
+        return NOTHING
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance | None:
+        """When it matters, from the numbers of a scene; None where numbers alone do not tell."""
+        return None
+
+    def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:
+        """Why it does not apply at this operating point (outside its measured range), a sentence with its remedy."""
+        return None

@@ -66,7 +66,7 @@ def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> 
     out = []
     for times, states in ((guess.onset, guess.slip[:, 0]), (guess.arrest, ends)):
         u = np.column_stack(
-            [np.full(times.size, log.data.drive_speed), log.data.normal_force.at(times), np.ones(times.size)]
+            [np.full(times.size, log.data.drive_speed), log.data.normal_force.at(times), np.ones(times.size), times]
         )
         out.append(lanes.load_cell(unknowns.model, states, np.tile(p, (times.size, 1)), u))
     return out[0], out[1]

@@ -59,7 +59,7 @@ def phases(
         mode = "slip"
     for _ in range(MAX_PHASES):
         force, slope = normal_force.line(t)
-        situated = Situated(p, drive.at(t), direction, force, slope)
+        situated = Situated(p, drive.at(t), direction, force, slope, t)
         limit = float(ends[segment]) - t
         if mode == "stick":
             phase = stick(model, x, situated, t, limit)
@@ -79,11 +79,13 @@ def phases(
             if segment == ends.size:
                 return
         elif mode == "stick":
-            u = np.array([situated.drive_speed, float(normal_force.at(t)), 1.0])
+            u = np.array([situated.drive_speed, float(normal_force.at(t)), 1.0, t])
             direction = float(np.sign(np.array(model.driving_force(x, p, u)).item())) or 1.0
             mode = "slip"
         else:
             mode = dict(sliding_modes(model.clamped is not None)[mode].exits)[phase.ended_by]
+            if mode == "stick" and model.jumps:
+                x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
     raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
 
 

@@ -46,11 +46,16 @@ class Sliding:
         return self.growth < 0.0
 
 
+def _inputs(drive_speed: Array, normal_force: Array) -> Array:
+    """u (n, 4) of the model: sliding forwards, at time 0."""
+    return np.stack([drive_speed, normal_force, np.ones(drive_speed.size), np.zeros(drive_speed.size)], axis=1)
+
+
 @lru_cache(maxsize=32)
 def _linear(model: Model, worn: bool, lanes: int) -> ca.Function:
     """(x, p, u) -> dx/dt and, row by row, its Jacobian, of the sliding model; for so many lanes."""
     x, p = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters))
-    u = ca.SX.sym("u", 3)
+    u = ca.SX.sym("u", 4)
     rate = (model.saturated if worn else model.slip)(x, p, u)
     both = ca.densify(ca.vertcat(rate, ca.vec(ca.jacobian(rate, x).T)))
     function = ca.Function("linear", [x, p, u], [both])
@@ -58,7 +63,7 @@ def _linear(model: Model, worn: bool, lanes: int) -> ca.Function:
 
 
 def _linearised(model: Model, worn: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
-    """dx/dt (n, n_x) and its Jacobian (n, n_x, n_x) of n lanes: x (n, n_x), p (n, n_p), u (n, 3)."""
+    """dx/dt (n, n_x) and its Jacobian (n, n_x, n_x) of n lanes: x (n, n_x), p (n, n_p), u (n, 4)."""
     n, n_x = x.shape
     lanes = 1 if n == 1 else LANES
     call = compiled(_linear(model, worn, lanes))
@@ -92,7 +97,7 @@ def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]
 
 
 def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.complex128]]:
-    """States (n, n_x), worn (n,) and eigenvalues (n, n_x; NaN last where worn) of lanes p (n, n_p), u (n, 3)."""
+    """States (n, n_x), worn (n,) and eigenvalues (n, n_x; NaN last where worn) of lanes p (n, n_p), u (n, 4)."""
     try:
         x, slope = _steady(model, p, u, worn=False)
         worn = np.zeros(x.shape[0], dtype=bool)
@@ -117,7 +122,7 @@ def slidings(model: Model, p: Array, drive_speed: Array, normal_force: Array) ->
     Raises:
         SimulationError: no finite steady state.
     """
-    u = np.stack([drive_speed, normal_force, np.ones(drive_speed.size)], axis=1)
+    u = _inputs(drive_speed, normal_force)
     x, worn, values = _slidings(model, p, u)
     out = []
     for i in range(drive_speed.size):
@@ -146,7 +151,7 @@ def growth_rates(model: Model, p: Array, drive_speed: Array, normal_force: float
     Raises:
         SimulationError: no finite steady state.
     """
-    u = np.stack([drive_speed, np.full(drive_speed.size, normal_force), np.ones(drive_speed.size)], axis=1)
+    u = _inputs(drive_speed, np.full(drive_speed.size, normal_force))
     values = _slidings(model, np.broadcast_to(p, (drive_speed.size, np.shape(p)[-1])), u)[2]
     return np.asarray(np.nanmax(values.real, axis=1))
 

@@ -54,7 +54,7 @@ class _Fold:
             self.weight[i, : f.times.size] = 1.0 / f.sd
         self.period = np.array([f.period if np.isfinite(f.period_sd) else 0.0 for f in features])
         self.period_weight = np.array([1.0 / f.period_sd for f in features])
-        self.u = np.stack([[f.drive_speed, f.normal_force, 1.0] for f in features])
+        self.u = np.stack([[f.drive_speed, f.normal_force, 1.0, 0.0] for f in features])
 
     @property
     def count(self) -> int:
@@ -68,8 +68,7 @@ class _Fold:
         s = theta.shape[0]
         p = self.unknowns.values(theta[:, None, :], self.base[None]).reshape(s * self.n_logs, -1)
         u = np.tile(self.u, (s, 1))
-        x = np.zeros((p.shape[0], len(model.states)))
-        x[:, 0] = lanes.elongation_of(model, arrest.ravel(), p, u)
+        x = lanes.at_force(model, arrest.ravel(), p, u)
         stick, at_onset = lanes.stick(model, x, p, u)
         slips = lanes.slip(model, at_onset, p, u, PER_HALF_PERIOD)
         steps = slips.states.shape[0]

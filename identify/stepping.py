@@ -20,33 +20,41 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Situated:
     """What stays the same during one phase: parameters p (n_p,), drive speed [m/s], direction of sliding,
-    normal force at the start of the phase [N] and its slope [N/s]."""
+    normal force at the start of the phase [N] and its slope [N/s], time at its start [s]."""
 
     p: Array
     drive_speed: float
     direction: float
     normal_force: float
     force_slope: float
+    time: float = 0.0
 
     @property
     def inputs(self) -> Array:
-        """The inputs of the step function, shape (4,)."""
-        return np.array([self.drive_speed, self.direction, self.normal_force, self.force_slope])
+        """The inputs of the step function, shape (5,)."""
+        return np.array([self.drive_speed, self.direction, self.normal_force, self.force_slope, self.time])
+
+    def at(self, t: float | Array, direction: float = 1.0) -> Array:
+        """u of the model (4,) or (4, n) at times t [s] within the phase."""
+        t = np.asarray(t, float)
+        ones = np.ones_like(t)
+        force = self.normal_force + self.force_slope * t
+        return np.stack([self.drive_speed * ones, force, direction * ones, self.time + t])
 
 
 def _inputs(model: Model, drive: ca.SX, t: ca.SX) -> ca.SX:
     """u of the model at time t within the phase."""
-    return ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1])
+    return ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1], drive[4] + t)
 
 
 @lru_cache(maxsize=16)
 def step_functions(model: Model, tableau: Tableau) -> Mapping[ModeName, ca.Function]:
-    """Per sliding mode: (x, p, drive (4,), t in phase, h, rtol, atol (n_x,)) -> x after, error norm, guards, dx/dt.
+    """Per sliding mode: (x, p, drive (5,), t in phase, h, rtol, atol (n_x,)) -> x after, error norm, guards, dx/dt.
 
     The error norm is the largest component error relative to atol + rtol |x|: at most 1 is acceptable.
     """
     n_x, n_p = len(model.states), len(model.parameters)
-    x, p, drive = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("drive", 4)
+    x, p, drive = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("drive", 5)
     t, h, rtol, atol = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("rtol"), ca.SX.sym("atol", n_x)
     functions: dict[ModeName, ca.Function] = {}
     fields: dict[ModeName, ca.Function] = {"slip": model.slip}
@@ -81,7 +89,7 @@ class Stepper:
     def __init__(self, model: Model, rtol: float, atol: Array, tableau: Tableau = DORMAND_PRINCE) -> None:
         self.model, self.tableau = model, tableau
         n_x = len(model.states)
-        self._x, self._drive, self._scalars = np.empty(n_x), np.empty(4), np.array([0.0, 0.0, rtol])
+        self._x, self._drive, self._scalars = np.empty(n_x), np.empty(5), np.array([0.0, 0.0, rtol])
         self._p = np.empty(len(model.parameters))
         self._after, self._norm, self._guards, self._rate = np.empty(n_x), np.empty(1), np.empty(3), np.empty(n_x)
         self._calls = {}

@@ -74,7 +74,7 @@ def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], w
     s, n = phase.situated, t.size
     t = np.clip(t, 0.0, phase.duration)
     p = np.repeat(s.p[:, None], n, axis=1)
-    u = np.stack([np.full(n, s.drive_speed), s.normal_force + s.force_slope * t, np.full(n, s.direction)])
+    u = s.at(t, s.direction)
     if phase.mode == "stick":
         x = np.array(model.rest(np.repeat(phase.x[0][:, None], n, axis=1), p, u, t[None, :]))
     else:
@@ -95,5 +95,6 @@ def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], w
         field = model.slip if phase.mode == "slip" else model.saturated
         acceleration = np.array(field(x, p, u))[SPEED]
         mass = s.p[model.parameter_names.index("mass")]
-        out["coefficient"][where] = (out["force"][where] - mass * acceleration) / u[1]
+        load = np.array(model.load(x, p, u)).ravel()
+        out["coefficient"][where] = (load - mass * acceleration) / u[1]
     out["sliding"][where] = float(phase.mode != "stick")

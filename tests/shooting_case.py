@@ -10,7 +10,7 @@ import oracle
 from numpy.typing import NDArray
 
 from identify.drive import NormalForce
-from identify.effects import NAMES
+from identify.effects import MAIN
 from identify.guess import Grid, Guess, LogData
 from identify.model import RIG_PARAMETERS, Model, assemble
 from identify.placing import place
@@ -22,7 +22,7 @@ PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 LOAD = 1.0
 NOISE = 5e-3
-MODEL = assemble(NAMES)
+MODEL = assemble(MAIN)
 # drive speed [m/s], duration [s], rate [Hz]
 SLOW, MIDDLE, FAST = (1e-4, 11.0, 500.0), (1e-3, 2.0, 1000.0), (5e-3, 0.6, 2000.0)
 

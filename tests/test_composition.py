@@ -14,11 +14,11 @@ import identify.scene.scene
 import identify.scene.toml
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
-from identify.effects import NAMES
+from identify.effects import MAIN
 from identify.identification import find
 from identify.model import assemble
 from identify.outcome import Status
-from identify.quantities import Parameter, Situation, Stateless, Terms
+from identify.quantities import Effect, Parameter, Situation, Terms
 from identify.scene import Scene
 from identify.search import Clock
 from identify.simulate import run
@@ -27,7 +27,7 @@ SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
 NOISE = 5e-3
 
 
-class ViscousContact(Stateless):
+class ViscousContact(Effect):
     """A fluid film: friction that rises in proportion to the sliding speed."""
 
     name = "viscous_contact"
@@ -72,14 +72,14 @@ def test_a_model_without_ageing_is_fitted_with_its_own_parameters_only():
 
 def test_one_more_effect_reaches_simulation_and_fit_by_being_listed(monkeypatch):
     effects = (*identify.effects.ALL, ViscousContact())
-    names = tuple(e.name for e in effects)
+    names = (*MAIN, ViscousContact.name)
     tables = (identify.scene.scene, identify.scene.parameters, identify.scene.toml)
     for module in (identify.effects, identify.model, *tables):
         monkeypatch.setattr(module, "ALL", effects, raising=False)
-        monkeypatch.setattr(module, "NAMES", names, raising=False)
+        monkeypatch.setattr(module, "NAMES", tuple(e.name for e in effects), raising=False)
     truth = DEMO | {"viscosity": 3.0}
     model = assemble(names)
-    plain = assemble(NAMES)
+    plain = assemble(MAIN)
     with_it, without = (
         run(m, {n: (truth | RIG)[n] for n in m.parameter_names}, 1e-3, 1.0, 1.0).onsets for m in (model, plain)
     )

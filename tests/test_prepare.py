@@ -10,7 +10,7 @@ import pytest
 
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
-from identify.effects import NAMES
+from identify.effects import MAIN
 from identify.errors import FitError
 from identify.loads import smooth
 from identify.model import assemble
@@ -25,13 +25,13 @@ QUIET = 0.4  # [s] before the drive starts
 
 def _scene(**log: object) -> Scene:
     rig = dict(RIG) | {"drive_speed": 1e-3}
-    return Scene.from_document({"effects": list(NAMES), "rig": rig, "logs": [{"path": "a.csv", **log}]}, Path())
+    return Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": [{"path": "a.csv", **log}]}, Path())
 
 
 def _record(quiet: float = 0.0, sign: float = 1.0, offset: float = 0.0, seed: int = 0) -> Record:
     times = np.arange(4000) / 1000.0
     drive = ((0.0, 0.0), (quiet, 1e-3)) if quiet else 1e-3
-    force = run(assemble(NAMES), DEMO | RIG, drive, 1.0, 4.0).sample(times)["force"]
+    force = run(assemble(MAIN), DEMO | RIG, drive, 1.0, 4.0).sample(times)["force"]
     noise = NOISE * np.random.default_rng(seed).standard_normal(times.size)
     return Record(times, np.ones(times.size), sign * (force + noise) + offset)
 

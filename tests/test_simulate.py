@@ -6,7 +6,7 @@ import numpy as np
 import oracle
 import pytest
 
-from identify.effects import NAMES
+from identify.effects import MAIN
 from identify.errors import SimulationError
 from identify.model import assemble
 from identify.simulate import run
@@ -23,7 +23,7 @@ PAIR = {
     "stiffness": 1470.0,
     "damping": 147.0,
 }
-MODEL = assemble(NAMES)
+MODEL = assemble(MAIN)
 STEPS = ((0.0, 1e-3), (0.9, 3e-3), (1.4, 0.0), (2.0, 5e-4))
 STROKES = ((0.0, 1e-3), (0.9, -2e-3), (2.0, 1e-3))
 RELAXING = ((0.0, 1.0), (1.0, 0.9), (3.0, 0.85))

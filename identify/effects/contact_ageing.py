@@ -6,13 +6,14 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.quantities import Expression, Parameter, Situation, State, Terms
+from identify.quantities import Effect, Expression, Parameter, Situation, State, Terms
 
 
-class ContactAgeing:
+class ContactAgeing(Effect):
     """State gamma: gamma' = (1 - gamma)/t_cr - |x'|/D, held within 0 and 1 (eq. 2, drive frame)."""
 
     name = "contact_ageing"
+    says = "the contact strengthens while it rests and is renewed by sliding"
     source = "eqs. (2)-(5)"
     parameters = (
         Parameter("D", "m", 1e-8, 1e-1, 40e-6, "D", "relaxation length: sliding that renews the contact"),
@@ -24,13 +25,13 @@ class ContactAgeing:
     def terms(self, s: Situation) -> Terms:
         """Strengthening gamma and its rate."""
         gamma = s.x.gamma
-        return Terms(strengthening=gamma, rates={"gamma": (1 - gamma) / s.p.t_cr - s.v / s.p.D})
+        return Terms(strengthening=gamma, rates={"gamma": s.pace * (1 - gamma) / s.p.t_cr - s.v / s.p.D})
 
-    def at_rest(self, s: Situation, t: Expression) -> Mapping[str, Expression]:
+    def at_rest(self, s: Situation, aged: Expression) -> Mapping[str, Expression]:
         """Eq. (3a) from any start: 1 - (1 - gamma) exp(-t/t_cr)."""
-        return {"gamma": s.x.gamma - (1 - s.x.gamma) * ca.expm1(-t / s.p.t_cr)}
+        return {"gamma": s.x.gamma - (1 - s.x.gamma) * ca.expm1(-aged / s.p.t_cr)}
 
     def at_arrest(self, s: Situation, deceleration: Expression) -> Mapping[str, Expression]:
         """Ageing in the last moment of a saturated slip, once v < v_cr = D/t_cr and v falls linearly:
         the integral of 1/t_cr - v/D from there to rest is D/(2 t_cr^2 deceleration)."""
-        return {"gamma": s.p.D / (2 * deceleration * s.p.t_cr**2)}
+        return {"gamma": s.pace**2 * s.p.D / (2 * deceleration * s.p.t_cr**2)}

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import casadi as ca
 
-from identify.quantities import Parameter, Situation, Stateless, Terms
+from identify.quantities import Effect, Parameter, Situation, Terms
 
 
-class HysteresisDamping(Stateless):
+class HysteresisDamping(Effect):
     """Force c (v_0 - x') with c = h/omega_n = h sqrt(m/k), in parallel with the spring (eq. 1)."""
 
     name = "hysteresis_damping"
+    says = "damper beside the spring, h over the natural frequency"
+    role = "damping of the rig"
+    needs = ("inertia",)
     source = "eq. (1), h/omega_n; EQUATIONS section 1 (damper between mass and drive)"
-    parameters = (Parameter("damping", "N/m", 0.0, 1e8, 147.0, "h", "hysteresis damping; zeta = h/(2k)", spread=0.3),)
+    parameters = (
+        Parameter("damping", "N/m", 0.0, 1e8, 147.0, "h", "hysteresis damping; zeta = h/(2k)", spread=0.3, kind="rig"),
+    )
     null = {"damping": 0.0}
 
     def terms(self, s: Situation) -> Terms:
-        """The damper's force on the mass, which the load cell sees as well."""
-        c = s.p.damping * ca.sqrt(s.p.mass / s.p.stiffness)
-        return Terms(rig_force=c * (s.drive_speed - s.direction * s.v))
+        """The damper, which the load cell sees as well."""
+        return Terms(damping=s.p.damping * ca.sqrt(s.p.mass / s.p.stiffness))

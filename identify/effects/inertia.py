@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from identify.quantities import Parameter, Situation, Stateless, Terms
+from identify.quantities import Effect, Parameter, Situation, Terms
 
 
-class Inertia(Stateless):
+class Inertia(Effect):
     """The mass resists acceleration (eq. 1). Off means quasi-static sliding."""
 
     name = "inertia"
+    says = "the mass resists acceleration; off: force balance"
     source = "eq. (1), m_s x''"
     parameters = (
-        Parameter("mass", "kg", 1e-6, 1e4, 0.2, "m", "moving mass of the specimen and its holder", spread=0.05),
+        Parameter(
+            "mass", "kg", 1e-6, 1e4, 0.2, "m", "moving mass of the specimen and its holder", spread=0.05, kind="rig"
+        ),
     )
     null = {"mass": 0.0}
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import casadi as ca
 
-from identify.quantities import Parameter, Situation, Stateless, Terms
+from identify.quantities import Effect, Parameter, Situation, Terms
 
 
-class VelocityWeakening(Stateless):
+class VelocityWeakening(Effect):
     """mu_k(v) = mu_k0 + delta_mu_k (1 - exp(-a v)) (eq. 6); delta_mu_k < 0 weakens."""
 
     name = "velocity_weakening"
+    says = "kinetic friction falls (or rises) exponentially with sliding speed"
+    role = "velocity law"
     source = "eq. (6)"
     parameters = (
         Parameter(

@@ -35,8 +35,12 @@ def read_parameters(value: Any, declared: Sequence[Parameter], effects: Sequence
     table = Table.of(value, "[parameters]", known, "[parameters] mu_s = { start = 0.6 }")
     specs = {}
     for name, p in known.items():
-        if name in table.data or name not in RIG_PARAMETERS:
-            specs[name] = _parameter(table.data.get(name, {}), p)
+        if name in table.data or p.kind != "rig":
+            untold = {"fixed": p.default} if p.kind == "given" else {}
+            said = table.data.get(name, untold)
+            specs[name] = _parameter(
+                {"fixed": said} if p.kind == "given" and isinstance(said, (str, int, float)) else said, p
+            )
     return specs
 
 

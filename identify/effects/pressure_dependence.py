@@ -1,0 +1,69 @@
+"""Friction coefficient falling with contact pressure: the measured law of Derler and Rotaru (eq. 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+
+from identify.quantities import Effect, Parameter, Situation, Terms
+
+
+class PressureDependence(Effect):
+    """All friction times (p/p_ref)^-n with p = F_n/A_c and A_c = A_1 (F_n/1 N)^e (eq. 7, pressure: n = 0.526).
+
+    e = 0 is a constant area; e = 0.2395, A_1 = 2.262 cm^2 is what makes the two forms of eq. (7) agree.
+    """
+
+    name = "pressure_dependence"
+    says = "the friction coefficient falls with contact pressure (measured: finger on wet smooth glass)"
+    source = "eq. (7), 57.9 p^-0.526; Derler and Rotaru, Wear 301 (2013) 324; area law: EQUATIONS section 2"
+    parameters = (
+        Parameter("pressure_exponent", "", -2.0, 2.0, 0.526, "n_p", "exponent of contact pressure", "linear", 0.1),
+        Parameter(
+            "reference_pressure",
+            "Pa",
+            1.0,
+            1e9,
+            4421.7,
+            "p_ref",
+            "pressure at which the coefficients hold",
+            kind="given",
+        ),
+        Parameter("contact_area", "m^2", 1e-9, 1.0, 2.262e-4, "A_1", "apparent contact area under 1 N", kind="given"),
+        Parameter(
+            "area_exponent",
+            "",
+            -1.0,
+            2.0,
+            0.2395,
+            "e",
+            "exponent of the area with normal force",
+            "linear",
+            0.1,
+            "given",
+        ),
+        Parameter(
+            "lowest_pressure", "Pa", 1e-3, 1e9, 900.0, "p_low", "lowest pressure of the measurements", kind="given"
+        ),
+        Parameter(
+            "highest_pressure", "Pa", 1e-3, 1e9, 9e4, "p_high", "highest pressure of the measurements", kind="given"
+        ),
+    )
+    null = {"pressure_exponent": 0.0}
+    role = "load law"
+
+    def terms(self, s: Situation) -> Terms:
+        """Logarithm of the factor."""
+        pressure = s.normal_force ** (1 - s.p.area_exponent) / s.p.contact_area
+        return Terms(level=-s.p.pressure_exponent * ca.log(pressure / s.p.reference_pressure))
+
+    def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:
+        """Outside the measured pressures."""
+        pressure = normal_force ** (1 - p["area_exponent"]) / p["contact_area"]
+        if p["lowest_pressure"] <= pressure <= p["highest_pressure"]:
+            return None
+        return (
+            f"pressure_dependence was measured from {p['lowest_pressure']:g} to {p['highest_pressure']:g} Pa "
+            f"(a finger on wet smooth glass) and the contact pressure is {pressure:.3g} Pa; drop it"
+        )

@@ -1,0 +1,21 @@
+"""A second lag of the load cell behind the first: together a second-order (overdamped) sensor."""
+
+from __future__ import annotations
+
+from identify.quantities import Effect, Lag, Parameter, Situation, State, Terms
+
+
+class SensorSecondLag(Effect):
+    """State: what the second stage shows of the first. Null as its lag goes to zero."""
+
+    name = "sensor_second_lag"
+    says = "second lag behind the first: a second-order load cell"
+    source = "instrument model"
+    parameters = (Parameter("second_lag_time", "s", 1e-6, 10.0, 1e-3, "τ_2", "time constant of the second stage"),)
+    states = (State("second_lagged_force", "N", 0.0),)
+    null = {"second_lag_time": 0.0}  # a limit
+    needs = ("sensor_lag",)
+
+    def terms(self, s: Situation) -> Terms:
+        """The lag; the model writes its rate."""
+        return Terms(lag=Lag("second_lagged_force", s.p.second_lag_time))

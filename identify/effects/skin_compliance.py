@@ -1,0 +1,33 @@
+"""Skin compliance: a Kelvin-Voigt element in series with the rig, the tangential give of a finger pad."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from identify.quantities import Effect, Importance, Parameter, Series, Situation, State, Terms
+
+
+class SkinCompliance(Effect):
+    """Stiffness k_skin and damping c_skin between rig and contact; the skin's own mass is neglected.
+
+    State: the deformation of the skin. In stick the rig is softer by it: 1/k + 1/k_skin. Null as k_skin grows.
+    """
+
+    name = "skin_compliance"
+    says = "tangential give of the skin in series with the rig"
+    source = "Kelvin-Voigt element in series; ESTIMATION_NOTES section 4"
+    parameters = (
+        Parameter("skin_stiffness", "N/m", 1.0, 1e12, 4400.0, "k_skin", "tangential stiffness of the skin"),
+        Parameter("skin_damping", "N s/m", 1e-6, 1e9, 5.0, "c_skin", "tangential damping of the skin", kind="given"),
+    )
+    states = (State("skin_deformation", "m", 0.0),)
+    null = {"skin_stiffness": float("inf")}  # a limit
+
+    def terms(self, s: Situation) -> Terms:
+        """The element; the model writes its rate."""
+        return Terms(series=Series("skin_deformation", s.p.skin_stiffness, s.p.skin_damping))
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Rig against skin."""
+        ratio = p["stiffness"] / p["skin_stiffness"]
+        return Importance("k/k_skin", ratio, f"the skin softens the rig by {100 * ratio / (1 + ratio):.2g} %")
