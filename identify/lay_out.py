@@ -121,8 +121,8 @@ class _LogWalk:
         p = collector.unknowns.values(collector.unknowns.start, log.base)
         k, m = (p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
         force = 0.1 * log.mean_normal_force
-        self.size = np.ones(self.n_x)
-        self.size[0], self.size[1] = force / k, force / np.sqrt(k * m)
+        by_unit = {"m": force / k, "m/s": force / np.sqrt(k * m), "N": force}
+        self.size = np.array([by_unit.get(s.unit, 1.0) for s in model.states])
         self.rates, self.frequencies = (
             np.array(f(p)).ravel() for f in (model.decays, model.waves)
         )  # of what makes a rest no straight line
@@ -138,13 +138,15 @@ class _LogWalk:
 
     def walk(self) -> Places:
         """Note everything of this log."""
-        # The state the record starts from: elongation free, bounded states with a weak prior.
+        # The state the record starts from: elongation free, the other states with a weak prior.
         start = np.full(self.n_x, KNOWN)
         start[[0]] = self.c.add(self.guess.start[[0]], self.size[[0]])
         extra = list(range(2, self.n_x))
         if extra:
-            half = np.full(len(extra), 0.5)
-            start[extra] = self.c.add(self.guess.start[extra], self.size[extra], mean=half, sd=half)
+            bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
+            mean = np.where(bounded, 0.5, self.guess.start[extra])
+            sd = np.where(bounded, 0.5, self.size[extra])
+            start[extra] = self.c.add(self.guess.start[extra], self.size[extra], mean=mean, sd=sd)
         self.node, self.value, self.offset = start, self.guess.start, NO_OFFSET
         self.since, self.reaged = self.log.begin, False
         for cycle in range(self.guess.cycles):

@@ -92,6 +92,8 @@ def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> 
     for log, guess in zip(logs, guesses, strict=True):
         p = dict(zip(names, unknowns.values(unknowns.start, log.base).tolist(), strict=True))
         rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
+        decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
+        rate = max([rate, *decays.tolist()])
         longest = np.nanmax(np.concatenate([guess.arrest - guess.saturation, (guess.arrest - guess.onset) / 2, [0.0]]))
         needed = max(needed, rate * float(longest) / COARSE.saturated / FASTEST)
     steps = next((s for s in STEPS if s >= needed), STEPS[-1])

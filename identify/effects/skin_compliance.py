@@ -8,7 +8,7 @@ from identify.quantities import Effect, Importance, Parameter, Series, Situation
 
 
 class SkinCompliance(Effect):
-    """Stiffness k_skin and damping c_skin between rig and contact; the skin's own mass is neglected.
+    """Stiffness k_skin and damping k_skin * t_skin between rig and contact; the skin's own mass is neglected.
 
     State: the deformation of the skin. In stick the rig is softer by it: 1/k + 1/k_skin. Null as k_skin grows.
     """
@@ -18,14 +18,14 @@ class SkinCompliance(Effect):
     source = "Kelvin-Voigt element in series; ESTIMATION_NOTES section 4"
     parameters = (
         Parameter("skin_stiffness", "N/m", 1.0, 1e12, 4400.0, "k_skin", "tangential stiffness of the skin"),
-        Parameter("skin_damping", "N s/m", 1e-6, 1e9, 5.0, "c_skin", "tangential damping of the skin", kind="given"),
+        Parameter("skin_retardation", "s", 1e-6, 1e3, 2e-3, "t_skin", "damping over stiffness of the skin", kind="given"),
     )
     states = (State("skin_deformation", "m", 0.0),)
     null = {"skin_stiffness": float("inf")}  # a limit
 
     def terms(self, s: Situation) -> Terms:
         """The element; the model writes its rate."""
-        return Terms(series=Series("skin_deformation", s.p.skin_stiffness, s.p.skin_damping))
+        return Terms(series=Series("skin_deformation", s.p.skin_stiffness, s.p.skin_stiffness * s.p.skin_retardation))
 
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """Rig against skin."""
