@@ -60,6 +60,7 @@ class Model:
     at_force: ca.Function  # (force, p, u) -> x at rest in which the load cell settles at this force [N]
     decays: ca.Function  # p -> rates [1/s] of what decays while the mass rests (series element, lags)
     waves: ca.Function  # p -> angular frequencies [rad/s] of what oscillates
+    swings: ca.Function  # p -> bounds of the forces that what oscillates puts on the contact [N]
     clocked: bool  # whether anything depends on time as such
     jumps: bool  # whether a state jumps where a stick begins
     follows_load: bool  # whether the course of the normal force counts, or only its mean
@@ -178,16 +179,15 @@ class _Composition:
     def state(self, x: ca.SX, name: str) -> ca.SX:
         return x[self.names.index(name)]
 
-    def drive(self, loading: Expression) -> Expression:
+    def drive(self) -> Expression:
         """Speed of the drive with all its motions [m/s]."""
         waves = sum(w.amplitude * w.omega * ca.cos(w.omega * self.time + w.phase) for w in self.waves)
-        own = self.drive_speed if _absent(loading) else self.drive_speed * (1.0 + loading)
-        return own + self.drift + waves
+        return self.drive_speed + self.drift + waves
 
-    def rig(self, x: ca.SX, speed: Expression, loading: Expression = 0.0) -> tuple[Expression, Expression]:
+    def rig(self, x: ca.SX, speed: Expression) -> tuple[Expression, Expression]:
         """Force of the rig on the mass [N], and rate of the deformation of the series element [m/s] (0 without)."""
         k, c = self.values.stiffness, self.damping
-        stretching = self.drive(loading) - speed
+        stretching = self.drive() - speed
         if self.series is None:
             return k * x[ELONGATION] + c * stretching, 0.0
         y = self.state(x, self.series.state)
@@ -221,7 +221,7 @@ class _Composition:
             rates[lag.state] = (followed - self.state(state, lag.state)) / lag.time
             followed = self.state(state, lag.state)
         acceleration = (load - self.direction * self.friction(terms, 0.0)) / sum(term.inertia for term in terms)
-        stretching = self.drive(0.0) - self.x[SPEED]
+        stretching = self.drive() - self.x[SPEED]
         return ca.vertcat(stretching, acceleration, *(rates.get(name, 0.0) for name in self.names[2:]))
 
     def shown(self, x: ca.SX, load: Expression) -> Expression:
@@ -235,23 +235,26 @@ class _Composition:
         terms = self.ports(s)
         loading = sum(term.loading for term in terms)
         start = self.time - self.t
-        slope = (self.drive_speed if _absent(loading) else self.drive_speed * (1.0 + loading)) + self.drift
+        faster = 0.0 if _absent(loading) else self.drive_speed * loading
+        slope = self.drive_speed + faster + self.drift
         value, waves = self.x[ELONGATION], []
         for w in self.waves:
             psi = w.omega * start + w.phase
             value = value - w.amplitude * ca.sin(psi)
             waves.append((w.amplitude * ca.sin(psi), w.amplitude * ca.cos(psi), w.omega))
         stretch = Signal(value, slope, tuple(waves))
+        # The spring alone is loaded faster: the damper feels the drive as it does in slip, so no force jumps there.
+        strain = stretch.rate() + Signal(-faster, 0.0)
         after = {"elongation": stretch.at(self.t), "sliding_speed": 0.0}
         k, c = self.values.stiffness, self.damping
-        held = stretch
+        held, straining = stretch, strain
         if self.series is not None:
             total, damping = k + self.series.stiffness, c + self.series.damping
-            pull = (stretch.times(k) + stretch.rate().times(c)).times(1 / total)
+            pull = (stretch.times(k) + strain.times(c)).times(1 / total)
             give = pull.lagged(total / damping, self.state(self.x, self.series.state))
             after[self.series.state] = give.at(self.t)
-            held = stretch + give.times(-1.0)
-        followed = held.times(k) + held.rate().times(c)
+            held, straining = stretch + give.times(-1.0), strain + give.rate().times(-1.0)
+        followed = held.times(k) + straining.times(c)
         for lag in self.lags:
             followed = followed.lagged(1 / lag.time, self.state(self.x, lag.state))
             after[lag.state] = followed.at(self.t)
@@ -276,11 +279,16 @@ class _Composition:
             return own
         return [(self.values.stiffness + self.series.stiffness) / (self.damping + self.series.damping), *own]
 
+    def swings(self) -> list[Expression]:
+        """Force of each wave in a rig that is held: a series element only takes from it [N]."""
+        k, c = self.values.stiffness, self.damping
+        return [ca.fabs(w.amplitude) * ca.sqrt(k**2 + (c * w.omega) ** 2) for w in self.waves]
+
     def settled(self) -> ca.SX:
         """x at rest in which the load cell has settled at a force."""
         load = (self.force - self.offset) / self.gain
         x = ca.SX(ca.vertcat(*(s.start for s in self.states)))
-        x[ELONGATION] = (load - self.damping * self.drive(0.0)) / self.values.stiffness
+        x[ELONGATION] = (load - self.damping * self.drive()) / self.values.stiffness
         if self.series is not None:
             y = load / self.series.stiffness
             x[ELONGATION] += y
@@ -303,7 +311,7 @@ def assemble(names: tuple[str, ...]) -> Model:
     effects = _choose(names)
     m = _Composition(effects)
     resting = m.ports(m.situation(m.x, at_rest=True))
-    pull = m.rig(m.x, 0.0, sum(term.loading for term in resting))[0]
+    pull = m.rig(m.x, 0.0)[0]
     moved = m.rig(m.x, m.x[SPEED])[0]
     slip = m.motion(held=False)
     jumped = m.jumped(lambda effect, s: effect.at_stick(s))
@@ -331,6 +339,7 @@ def assemble(names: tuple[str, ...]) -> Model:
         at_force=ca.Function("at_force", [m.force, m.p, m.u], [ca.densify(m.settled())]),
         decays=ca.Function("decays", [m.p], [ca.densify(ca.vertcat(*m.decays()))]),
         waves=ca.Function("waves", [m.p], [ca.densify(ca.vertcat(*(w.omega for w in m.waves)))]),
+        swings=ca.Function("swings", [m.p], [ca.densify(ca.vertcat(*m.swings()))]),
         clocked=bool(ca.depends_on(ca.vertcat(slip, grip, pull, rested), m.time)),
         jumps=any(type(e).at_stick is not Effect.at_stick for e in effects),
         follows_load=any(e.follows_load for e in effects),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from identify.crossing import first_zero
 from identify.errors import SimulationError
 from identify.model import SPEED, Model
 from identify.modes import GuardName, ModeName, sliding_modes
@@ -21,7 +22,6 @@ from identify.stepping import Situated, Stepper
 Array = NDArray[np.float64]
 
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
-_SCAN = np.unique(np.concatenate([np.geomspace(1e-9, 1.0, 46), np.linspace(0.0, 1.0, 65)]))
 
 
 @dataclass(frozen=True)
@@ -74,38 +74,26 @@ def _spare_grip(model: Model, x: Array, situated: Situated, times: Array) -> Arr
     return np.asarray(np.array(model.grip(state, p, u)).ravel() - np.abs(driving))
 
 
-def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> Phase:
-    """Rest from state x until the grip is overcome, or for `limit` [s].
+def _swing(model: Model, p: Array) -> tuple[float, float]:
+    """Shortest period [s] of what oscillates in the drive (infinite without), bound of its force on the contact [N]."""
+    if model.waves.numel_out(0) == 0:
+        return np.inf, 0.0
+    forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
+    moving = forces > 0.0
+    return (2.0 * np.pi / float(np.max(omegas[moving])), float(np.sum(forces))) if moving.any() else (np.inf, 0.0)
 
-    The spare grip is scanned on a grid dense at both ends and its first zero refined by Brent's method.
-    """
+
+def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> Phase:
+    """Rest from state x until the grip is overcome, or for `limit` [s]."""
     x = x.copy()
     x[SPEED] = 0.0
-    end = limit
-    ended_by: GuardName | None = None
     if _spare_grip(model, x, situated, np.zeros(1))[0] <= 0.0:
         return Phase("stick", start, situated, np.zeros(1), x[None, :], "speed")
-    k = situated.p[model.parameter_names.index("stiffness")]
-    rate = k * abs(situated.drive_speed)
-    # Within `reach` the drive has loaded the spring by twice any grip: the first zero lies before it.
-    horizon = limit
-    if rate > 0.0:
-        most = np.max(situated.p[:2]) * (situated.normal_force + abs(situated.force_slope) * limit)
-        horizon = min(limit, 2.5 * (most + k * abs(x[0])) / rate)
-    times = _SCAN * horizon
-    spare = _spare_grip(model, x, situated, times)
-    crossed = np.flatnonzero(spare <= 0.0)
-    if crossed.size:
-        i = int(crossed[0])
-        end = brentq(
-            lambda t: float(_spare_grip(model, x, situated, np.array([t]))[0]),
-            times[i - 1],
-            times[i],
-            xtol=1e-16 * max(times[i], 1e-300),
-            rtol=1e-15,
-        )
-        ended_by = "speed"
+    period, swing = _swing(model, situated.p)
+    onset = first_zero(lambda t: _spare_grip(model, x, situated, t), limit, period, swing) if limit > 0.0 else None
+    end = limit if onset is None else onset
     after = np.array(model.rest(x, situated.p, situated.at(end), end)).ravel()
+    ended_by: GuardName | None = None if onset is None else "speed"
     return Phase("stick", start, situated, np.array([0.0, end]), np.stack([x, after]), ended_by)
 
 

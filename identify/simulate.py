@@ -60,7 +60,7 @@ def phases(
     for _ in range(MAX_PHASES):
         force, slope = normal_force.line(t)
         situated = Situated(p, drive.at(t), direction, force, slope, t)
-        limit = float(ends[segment]) - t
+        limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
             phase = stick(model, x, situated, t, limit)
         else:

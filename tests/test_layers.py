@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ROOMS = """
 errors quantities signal outcome examples
 effects model scene
-tableaus drive modes stepping phases trajectory simulate
+tableaus drive modes crossing stepping phases trajectory simulate
 noise zigzag local_fits waveform slips segment strokes classical draft
 bracket steady ageing amplitude groups critical stability spread comparison
 compiled sliding glide_steps glide hold cycle orbit trace branch prospect sensitivity outlook_words outlook
