@@ -19,7 +19,8 @@ class Parameter:
     `scale` "log" means that the logarithm is estimated (the quantity is positive); `spread` is
     the typical size of its uncertainty before a fit, in `scale` units: it only conditions.
     `kind`: "friction" is searched unless fixed; "rig" stands in [rig]; "given" is taken as the scene (or
-    the default) has it and searched only where [parameters] gives it a start or a prior.
+    the default) has it and searched only where [parameters] gives it a start or a prior. `own`: where it is searched,
+    every log has its own (a phase: each record begins at its own time).
     """
 
     name: str
@@ -32,6 +33,7 @@ class Parameter:
     scale: Literal["linear", "log"] = "log"
     spread: float = 0.5
     kind: Literal["friction", "rig", "given"] = "friction"
+    own: bool = False
 
 
 @dataclass(frozen=True)
@@ -103,8 +105,8 @@ class Terms:
     friction coefficient; strengthening [1], share of (mu_s - mu_k) that is present (None: the effect has none);
     strength [1], logarithm of a factor on that share; excess [1], added to the coefficient whatever the
     strengthening, at rest too; level [1], logarithm of a factor on all friction; loading [1], relative change of
-    the loading rate while sticking; clock [s], ageing time gained over the clock by s.time, a function of s.time
-    and p alone; waves and drift [m/s], motion of the drive beyond its programme; series, a compliance between
+    the rate at which the drive stretches the spring while sticking; clock [s], ageing time gained over the clock by
+    s.time, a function of s.time and p alone; waves and drift [m/s], motion of the drive beyond its programme; series, a compliance between
     rig and contact; lag, gain [1] and offset [N] of the load cell; rates: d(state)/dt by state name.
     """
 

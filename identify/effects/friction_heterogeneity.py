@@ -75,14 +75,16 @@ class FrictionHeterogeneity(Effect):
     def terms(self, s: Situation) -> Terms:
         """The field where the mass is, and what this stick was dealt."""
         p = s.p
+        # Whole numbers, so that a draw has no derivative.
+        seed, stick = ca.floor(p.field_seed + 0.5), ca.floor(s.x.stick_number + 0.5)
         field = 0.0
         for i, number in enumerate(_wave_numbers()):
-            field = field + ca.cos(number * s.x.track / p.field_length + 2 * np.pi * _uniform(p.field_seed, i + 0.5))
+            field = field + ca.cos(number * s.x.track / p.field_length + 2 * np.pi * _uniform(seed, i + 0.5))
         spread = np.sqrt(2.0 / MODES)
         return Terms(
             excess=p.field_sd * spread * field,
-            strength=p.strength_sd * _normal(p.field_seed, s.x.stick_number),
-            loading=p.loading_sd * _normal(p.field_seed, s.x.stick_number + 1e4),
+            strength=p.strength_sd * _normal(seed, stick),
+            loading=p.loading_sd * _normal(seed, stick + 1e4),
             rates={"track": s.direction * s.v},
         )
 

@@ -10,9 +10,9 @@ from identify.quantities import Effect, Parameter, Situation, Terms
 
 
 class PressureDependence(Effect):
-    """All friction times (p/p_ref)^-n with p = F_n/A_c and A_c = A_1 (F_n/1 N)^e (eq. 7, pressure: n = 0.526).
+    """All friction times (p/p_ref)^-n with p = F_n/A_c and A_c = A_1 (F_n/F_A)^e (eq. 7, pressure: n = 0.526).
 
-    e = 0 is a constant area; e = 0.2395, A_1 = 2.262 cm^2 is what makes the two forms of eq. (7) agree.
+    e = 0 is a constant area; e = 0.2395, A_1 = 2.262 cm^2 at F_A = 1 N is what makes the two forms of eq. (7) agree.
     """
 
     name = "pressure_dependence"
@@ -30,7 +30,8 @@ class PressureDependence(Effect):
             "pressure at which the coefficients hold",
             kind="given",
         ),
-        Parameter("contact_area", "m^2", 1e-9, 1.0, 2.262e-4, "A_1", "apparent contact area under 1 N", kind="given"),
+        Parameter("contact_area", "m^2", 1e-9, 1.0, 2.262e-4, "A_1", "apparent contact area under F_A", kind="given"),
+        Parameter("area_force", "N", 1e-6, 1e5, 1.0, "F_A", "normal force under which the area is A_1", kind="given"),
         Parameter(
             "area_exponent",
             "",
@@ -55,12 +56,12 @@ class PressureDependence(Effect):
 
     def terms(self, s: Situation) -> Terms:
         """Logarithm of the factor."""
-        pressure = s.normal_force ** (1 - s.p.area_exponent) / s.p.contact_area
-        return Terms(level=-s.p.pressure_exponent * ca.log(pressure / s.p.reference_pressure))
+        area = s.p.contact_area * (s.normal_force / s.p.area_force) ** s.p.area_exponent
+        return Terms(level=-s.p.pressure_exponent * ca.log(s.normal_force / area / s.p.reference_pressure))
 
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:
         """Outside the measured pressures."""
-        pressure = normal_force ** (1 - p["area_exponent"]) / p["contact_area"]
+        pressure = normal_force / (p["contact_area"] * (normal_force / p["area_force"]) ** p["area_exponent"])
         if p["lowest_pressure"] <= pressure <= p["highest_pressure"]:
             return None
         return (
