@@ -42,6 +42,9 @@ class Model:
     Shapes: x (n_x,) in the order of `states`: elongation [m], sliding speed [m/s], then the effects'
     states; p (n_p,) in the order of `parameters`; u (4,) = drive speed [m/s], normal force [N],
     direction of sliding (+1 or -1), time since the start of the record [s].
+
+    Without the effect inertia there is no state sliding_speed: slip, saturated, load and load_cell take the speed
+    along the direction of slip [m/s] as one more, last argument, and `balance` is zero while the contact slides.
     """
 
     effects: tuple[str, ...]
@@ -64,6 +67,7 @@ class Model:
     clocked: bool  # whether anything depends on time as such
     jumps: bool  # whether a state jumps where a stick begins
     follows_load: bool  # whether the course of the normal force counts, or only its mean
+    balance: ca.Function | None = None  # (x, p, u, v) -> load minus friction along the slip [N]; None with inertia
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -84,8 +88,6 @@ def _choose(names: Sequence[str]) -> tuple[Effect, ...]:
     unknown = [n for n in names if n not in NAMES]
     if unknown:
         raise SceneError(f"no effect is called {unknown[0]!r}; effects are {', '.join(NAMES)}")
-    if "inertia" not in names:
-        raise SceneError("the effect inertia is off: quasi-static sliding is not built yet; add 'inertia' to effects")
     effects = tuple(effect for effect in ALL if effect.name in names)
     for effect in effects:
         missing = [need for need in effect.needs if need not in names]
@@ -97,9 +99,14 @@ def _choose(names: Sequence[str]) -> tuple[Effect, ...]:
     return effects
 
 
+def _inertial(effects: Sequence[Effect]) -> bool:
+    return any(e.name == "inertia" for e in effects)
+
+
 def _declared(effects: Sequence[Effect]) -> tuple[tuple[Parameter, ...], tuple[State, ...]]:
     parameters = BASE_PARAMETERS + tuple(p for e in effects for p in e.parameters)
-    states = BASE_STATES + tuple(s for e in effects for s in e.states)
+    base = BASE_STATES if _inertial(effects) else BASE_STATES[:SPEED]
+    states = base + tuple(s for e in effects for s in e.states)
     for kind, names in (("parameter", [p.name for p in parameters]), ("state", [s.name for s in states])):
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
@@ -125,6 +132,7 @@ class _Composition:
         self.effects = effects
         self.parameters, self.states = _declared(effects)
         self.names = [s.name for s in self.states]
+        self.inertial, self.speed_along = _inertial(effects), ca.SX.sym("v")
         self.x = ca.SX.sym("x", len(self.states))
         self.p = ca.SX.sym("p", len(self.parameters))
         self.u = ca.SX.sym("u", len(INPUTS))
@@ -160,7 +168,7 @@ class _Composition:
 
     def _situation(self, state: ca.SX, at_rest: bool, pace: Expression) -> Situation:
         inner = SimpleNamespace(**{s.name: state[i] for i, s in enumerate(self.states)})
-        v = ca.SX(0) if at_rest else self.direction * state[SPEED]
+        v = ca.SX(0) if at_rest else self.direction * self.speed(state)
         return Situation(
             self.values,
             inner,
@@ -172,6 +180,10 @@ class _Composition:
             self.time,
             pace,
         )
+
+    def speed(self, x: ca.SX) -> ca.SX:
+        """Sliding speed, signed [m/s]: a state, or without inertia what the balance of forces gives."""
+        return x[SPEED] if self.inertial else self.direction * self.speed_along
 
     def ports(self, s: Situation) -> list[Terms]:
         return [effect.terms(s) for effect in self.effects]
@@ -213,16 +225,23 @@ class _Composition:
         rates = {name: rate for term in terms for name, rate in term.rates.items()}
         if held and self.clamped is not None:
             rates[self.states[self.clamped].name] = 0.0
-        load, give = self.rig(state, state[SPEED])
+        load, give = self.rig(state, self.speed(state))
         if self.series is not None:
             rates[self.series.state] = give
         followed = load
         for lag in self.lags:
             rates[lag.state] = (followed - self.state(state, lag.state)) / lag.time
             followed = self.state(state, lag.state)
-        acceleration = (load - self.direction * self.friction(terms, 0.0)) / sum(term.inertia for term in terms)
-        stretching = self.drive() - self.x[SPEED]
-        return ca.vertcat(stretching, acceleration, *(rates.get(name, 0.0) for name in self.names[2:]))
+        rates["elongation"] = self.drive() - self.speed(self.x)
+        if self.inertial:
+            inertia = sum(term.inertia for term in terms)
+            rates["sliding_speed"] = (load - self.direction * self.friction(terms, 0.0)) / inertia
+        return ca.vertcat(*(rates.get(name, 0.0) for name in self.names))
+
+    def balance(self, load: Expression) -> Expression:
+        """Load minus friction along the direction of slip [N]."""
+        terms = self.ports(self.situation(self.x, at_rest=False))
+        return self.direction * load - self.friction(terms, 0.0)
 
     def shown(self, x: ca.SX, load: Expression) -> Expression:
         """What the load cell shows of a load [N]."""
@@ -312,12 +331,13 @@ def assemble(names: tuple[str, ...]) -> Model:
     m = _Composition(effects)
     resting = m.ports(m.situation(m.x, at_rest=True))
     pull = m.rig(m.x, 0.0)[0]
-    moved = m.rig(m.x, m.x[SPEED])[0]
+    moved = m.rig(m.x, m.speed(m.x))[0]
     slip = m.motion(held=False)
     jumped = m.jumped(lambda effect, s: effect.at_stick(s))
     arrested = m.jumped(lambda effect, s: effect.at_arrest(s, m.deceleration))
     grip = m.friction(resting, 1.0)
     rested = m.rested()
+    moving = [] if m.inertial else [m.speed_along]
 
     def function(name: str, more: list[ca.SX], result: Expression) -> ca.Function:
         return ca.Function(name, [m.x, m.p, m.u, *more], [ca.densify(ca.SX(result))])
@@ -327,13 +347,13 @@ def assemble(names: tuple[str, ...]) -> Model:
         parameters=m.parameters,
         states=m.states,
         clamped=m.clamped,
-        slip=function("slip", [], slip),
-        saturated=function("saturated", [], m.motion(held=True)),
+        slip=function("slip", moving, slip),
+        saturated=function("saturated", moving, m.motion(held=True)),
         rest=function("rest", [m.t], rested),
         driving_force=function("driving_force", [], pull),
         grip=function("grip", [], grip),
-        load=function("load", [], moved),
-        load_cell=function("load_cell", [], m.shown(m.x, moved)),
+        load=function("load", moving, moved),
+        load_cell=function("load_cell", moving, m.shown(m.x, moved)),
         at_arrest=function("at_arrest", [m.deceleration], arrested),
         at_stick=function("at_stick", [], jumped),
         at_force=ca.Function("at_force", [m.force, m.p, m.u], [ca.densify(m.settled())]),
@@ -343,4 +363,5 @@ def assemble(names: tuple[str, ...]) -> Model:
         clocked=bool(ca.depends_on(ca.vertcat(slip, grip, pull, rested), m.time)),
         jumps=any(type(e).at_stick is not Effect.at_stick for e in effects),
         follows_load=any(e.follows_load for e in effects),
+        balance=None if m.inertial else function("balance", moving, m.balance(moved)),
     )
