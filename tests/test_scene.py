@@ -173,7 +173,6 @@ COMPLAINTS = {
     "effect": ('"inertia"', '"inertai"', ["'inertai'", "'inertia'"]),
     "effect of a parameter": (', "velocity_weakening"', "", ["names a", "velocity_weakening"]),
     "no inertia": ('"inertia", ', "", ["inertia"]),
-    "auto": ('["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]', '"auto"', ["not built"]),
     "no effects": ("effects =", "name = 'x' #", ["no effects", "expected a list"]),
     "start outside": ("start = 0.6", "start = 30", ["start of mu_s is 30", "bounds"]),
     "start outside own": ('"0.5 s/mm"', "5", ["start of a is 5", "40"]),

@@ -3,23 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
 from identify.effects import ALL
 from identify.errors import SceneError
-from identify.model import RIG_PARAMETERS
+from identify.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
 from identify.quantities import Parameter
 from identify.scene.tables import Table, share
 from identify.scene.values import ParameterSpec
 
+SEARCHED = ("start", "prior")  # what makes a given parameter one that is searched
 
-def read_parameters(value: Any, declared: Sequence[Parameter], effects: Sequence[str]) -> dict[str, ParameterSpec]:
+
+def declared_by(effects: Sequence[str] | Literal["auto"]) -> tuple[Parameter, ...]:
+    """The parameters of the model with these effects; of every effect there is while they are still to be chosen.
+
+    Raises:
+        SceneError: a composition that is refused.
+    """
+    if effects != "auto":
+        return assemble(tuple(effects)).parameters
+    every = (*BASE_PARAMETERS, *(p for effect in ALL for p in effect.parameters))
+    return tuple({p.name: p for p in reversed(every)}[name] for name in dict.fromkeys(p.name for p in every))
+
+
+def read_parameters(
+    value: Any, declared: Sequence[Parameter], elsewhere: Mapping[str, tuple[str, float]]
+) -> dict[str, ParameterSpec]:
     """What the scene says of every friction parameter, and of the rig quantities it names.
 
     Args:
         value: the [parameters] table.
         declared: the parameters of the model.
-        effects: the effects that are on.
+        elsewhere: values [SI] that other tables of the scene give, by name of the parameter, and where.
 
     Raises:
         SceneError: an unknown name, a value outside the model's box, or a contradiction.
@@ -27,7 +44,7 @@ def read_parameters(value: Any, declared: Sequence[Parameter], effects: Sequence
     known = {p.name: p for p in declared}
     for effect in ALL:
         for p in effect.parameters:
-            if isinstance(value, Mapping) and p.name in value and effect.name not in effects:
+            if isinstance(value, Mapping) and p.name in value and p.name not in known:
                 raise SceneError(
                     f"[parameters] names {p.name}, which belongs to the effect {effect.name}; add it to effects or "
                     f"drop {p.name}"
@@ -35,13 +52,44 @@ def read_parameters(value: Any, declared: Sequence[Parameter], effects: Sequence
     table = Table.of(value, "[parameters]", known, "[parameters] mu_s = { start = 0.6 }")
     specs = {}
     for name, p in known.items():
-        if name in table.data or p.kind != "rig":
-            untold = {"fixed": p.default} if p.kind == "given" else {}
-            said = table.data.get(name, untold)
-            specs[name] = _parameter(
-                {"fixed": said} if p.kind == "given" and isinstance(said, (str, int, float)) else said, p
-            )
+        if name in table.data:
+            specs[name] = _parameter(_opened(table.data[name], p), p)
+        elif p.kind != "rig":
+            specs[name] = default_spec(p)
+    for name, (where, number) in elsewhere.items():
+        if name in specs:
+            specs[name] = _given_elsewhere(specs[name], known[name], where, number, name in table.data)
     return specs
+
+
+def default_spec(p: Parameter) -> ParameterSpec:
+    """What holds of a parameter of which the scene says nothing."""
+    return ParameterSpec(p.name, None, p.lower, p.upper, fixed=p.default if p.kind == "given" else None)
+
+
+def _opened(value: Any, p: Parameter) -> Any:
+    """The table of one parameter; a bare value of one that is taken as given holds it there."""
+    if p.kind != "given":
+        return value
+    if isinstance(value, (str, int, float)):
+        return {"fixed": value}
+    if isinstance(value, Mapping) and "fixed" not in value and not any(word in value for word in SEARCHED):
+        raise SceneError(
+            f"[parameters] {p.name} has {'bounds' if value else 'an empty table'} only, and is taken as given; "
+            f"write a start or a prior to have it searched, or its value alone to hold it there"
+        )
+    return value
+
+
+def _given_elsewhere(said: ParameterSpec, p: Parameter, where: str, number: float, twice: bool) -> ParameterSpec:
+    """The parameter held at the value that another table gives."""
+    if twice and said.fixed != number:
+        raise SceneError(f"{p.name} stands in {where} and in [parameters] as well; keep one of them")
+    if not p.lower <= number <= p.upper:
+        raise SceneError(
+            f"{where} is {number:g} {p.unit}; the model admits {p.lower:g} to {p.upper:g} {p.unit}: move it there"
+        )
+    return replace(said, fixed=number)
 
 
 def _parameter(value: Any, p: Parameter) -> ParameterSpec:

@@ -11,7 +11,7 @@ from identify.scene.tables import Table, quantity, share
 from identify.scene.values import DriveSpeed, Rig
 
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
-RIG = ("mass", "stiffness", *DAMPING, "drive_speed", "normal_force", "noise")
+RIG = ("mass", "stiffness", *DAMPING, "damping_frequency", "drive_speed", "normal_force", "noise")
 RIG_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m", "normal_force": "N", "noise": "N"}
 
 
@@ -48,11 +48,11 @@ def speed_or_quantity(value: Any, unit: str, where: str) -> DriveSpeed:
     return tuple((quantity(start, "s", where), quantity(speed, "m/s", where)) for start, speed in value)
 
 
-def read_rig(table: Table, damped: bool) -> tuple[Rig, float | None]:
+def read_rig(table: Table, damped_by: str | None) -> tuple[Rig, float | None]:
     """The rig, and h/k where the damping was stated as a ratio (it then follows a log's own stiffness).
 
     Args:
-        damped: whether the effect hysteresis_damping is on, so that a damping has to be given.
+        damped_by: the effect that is on and needs a damping, None without one.
 
     Raises:
         SceneError: a missing mass, stiffness or damping, several dampings, or a value no rig can have.
@@ -60,9 +60,9 @@ def read_rig(table: Table, damped: bool) -> tuple[Rig, float | None]:
     given = [name for name in DAMPING if name in table.data]
     if len(given) > 1:
         raise SceneError(f"[rig] gives the damping {len(given)} times ({', '.join(given)}); keep one of them")
-    if damped and not given:
+    if damped_by and not given:
         raise SceneError(
-            f"[rig] has no damping although the effect hysteresis_damping is on; give one of {', '.join(DAMPING)}"
+            f"[rig] has no damping although the effect {damped_by} is on; give one of {', '.join(DAMPING)}"
         )
     values: dict[str, Any] = {}
     tolerances: dict[str, float] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,16 +11,21 @@ from typing import Any, Literal
 from identify.effects import ALL
 from identify.errors import SceneError
 from identify.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
-from identify.scene.toml import read_parts, read_toml
-from identify.scene.values import Contact, Initial, LogEntry, ParameterSpec, Rig
+from identify.quantities import Parameter
+from identify.scene.checks import check_coefficients, check_log_overrides, check_ranges, check_rig_bounds
+from identify.scene.parameters import declared_by, default_spec
+from identify.scene.toml import known_effects, read_parts, read_toml
+from identify.scene.values import Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 from identify.scene.words import document_of
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is fitted or simulated. Every friction parameter of the model has its `ParameterSpec`.
+    """What is fitted or simulated. Every parameter of the model but those of the rig has its `ParameterSpec`.
 
-    A rig quantity (mass, stiffness, damping) stands in `parameters` only if it is to be estimated.
+    A rig quantity (mass, stiffness, damping) stands in `parameters` only if it is to be estimated. While the effects
+    are still to be chosen ("auto"), `parameters` holds those of every effect; `with_effects` settles them.
+    `extrapolate`: effects that are used outside the range of their measurements.
 
     Raises:
         SceneError: parts that contradict each other, one sentence.
@@ -34,20 +38,24 @@ class Scene:
     logs: tuple[LogEntry, ...] = ()
     initial: Initial = field(default_factory=Initial)
     contact: Contact = field(default_factory=Contact)
+    extrapolate: tuple[str, ...] = ()
     source: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        _check_log_overrides(self)
-        _check_rig_bounds(self)
-        _check_coefficients(self.values())
-        for number, entry in enumerate(self.logs, 1):
-            if self.rig_for(entry).drive_speed is None:
+        check_log_overrides(self)
+        check_rig_bounds(self)
+        check_coefficients(self)
+        for number, log in enumerate(self.logs, 1):
+            if self.rig_for(log).drive_speed is None:
                 raise SceneError(
-                    f"log {number} ({entry.path.name}) has no drive speed; "
+                    f"log {number} ({log.path.name}) has no drive speed; "
                     'give drive_speed = "… mm/s" in its [[logs]] or under [rig]'
                 )
         if not self.logs and self.rig.drive_speed is None:
             raise SceneError('the scene has no drive speed; give drive_speed = "… mm/s" under [rig]')
+        if self.effects != "auto":
+            for entry in self.logs or (None,):
+                self.check_ranges(entry)
 
     @staticmethod
     def from_toml(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
@@ -90,8 +98,51 @@ class Scene:
             SceneError: the effects are still to be chosen ("auto").
         """
         if self.effects == "auto":
-            raise SceneError('effects = "auto" is not built yet; list the effects by name')
+            raise SceneError(
+                'effects = "auto" leaves the effects to be chosen, which is not built yet; list them by name: '
+                'effects = ["inertia", …]'
+            )
         return assemble(self.effects)
+
+    @property
+    def declared(self) -> tuple[Parameter, ...]:
+        """The parameters of the model; of every effect there is while the effects are still to be chosen."""
+        return declared_by(self.effects)
+
+    def with_effects(self, names: Sequence[str]) -> Scene:
+        """The scene with exactly these effects; what it says of their parameters is kept, the others have defaults.
+
+        Raises:
+            SceneError: an unknown effect, a composition that is refused, or one that does not suit the scene.
+        """
+        effects = known_effects(names)
+        elsewhere = self.contact.parameters
+        specs = {}
+        for p in declared_by(effects):
+            if p.name in self.parameters:
+                specs[p.name] = self.parameters[p.name]
+            elif p.kind != "rig":
+                spec = default_spec(p)
+                specs[p.name] = replace(spec, fixed=elsewhere[p.name][1]) if p.name in elsewhere else spec
+        allowed = tuple(name for name in self.extrapolate if name in effects)
+        return replace(self, effects=effects, parameters=specs, extrapolate=allowed)
+
+    def check_ranges(
+        self, log: LogEntry | None = None, drive_speed: DriveSpeed | None = None, normal_forces: Sequence[float] = ()
+    ) -> None:
+        """Refuse a measured law outside its range, at the operating point of a log, or of the rig without one.
+
+        Args:
+            drive_speed: [m/s], normal_forces: [N]; in place of what the scene says.
+
+        Raises:
+            SceneError: the sentence of the effect, and how to override it.
+        """
+        rig = self.rig if log is None else self.rig_for(log)
+        told = () if rig.normal_force is None else (rig.normal_force,)
+        check_ranges(
+            self.effects, self.extrapolate, self.values(log), drive_speed or rig.drive_speed, normal_forces or told
+        )
 
     @property
     def friction(self) -> SimpleNamespace:
@@ -99,18 +150,19 @@ class Scene:
         absent: dict[str, float] = {}
         for effect in ALL:
             absent |= {p.name: p.default for p in effect.parameters} | dict(effect.null)
-        values = absent | self.values()
+        present = self.values()
+        values = absent | {name: present[name] for name in self.model.parameter_names}
         return SimpleNamespace(**{name: values[name] for name in FRICTION_PARAMETERS})
 
     def values(self, log: LogEntry | None = None) -> dict[str, float]:
-        """Every parameter of the model, SI: fixed, else start, else the documented default.
+        """Every parameter of `declared`, SI: fixed, else start, else the documented default.
 
         Args:
             log: take the rig of this log; a rig quantity that is estimated takes its start where one is given.
         """
         rig = self.rig if log is None else self.rig_for(log)
         values: dict[str, float] = {}
-        for declared in self.model.parameters:
+        for declared in self.declared:
             name = declared.name
             spec = self.parameters.get(name)
             fallback = getattr(rig, name) if name in RIG_PARAMETERS else declared.default
@@ -161,39 +213,6 @@ def _build(document: Mapping[str, Any], folder: Path, name: str, source: Path | 
         logs=parts.logs,
         initial=parts.initial,
         contact=parts.contact,
+        extrapolate=parts.extrapolate,
         source=source,
     )
-
-
-def _check_log_overrides(scene: Scene) -> None:
-    for entry in scene.logs:
-        for name in RIG_PARAMETERS:
-            if name in scene.parameters and getattr(entry, name) is not None:
-                raise SceneError(
-                    f"log {entry.path.name} gives its own {name}, but [parameters] estimates one {name} for all logs; "
-                    "drop one of the two"
-                )
-
-
-def _check_rig_bounds(scene: Scene) -> None:
-    for name in RIG_PARAMETERS:
-        spec, value = scene.parameters.get(name), getattr(scene.rig, name)
-        if spec and not spec.lower <= value <= spec.upper:
-            raise SceneError(
-                f"{name} = {value:g} of [rig] is outside the bounds {spec.lower:g} to {spec.upper:g} of [parameters]; "
-                "widen them"
-            )
-
-
-def _check_coefficients(values: Mapping[str, float]) -> None:
-    static, kinetic, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
-    if kinetic >= static:
-        raise SceneError(
-            f"mu_k0 = {kinetic:g} is not below mu_s = {static:g} (start values, or defaults where none is given); "
-            "give [parameters] a start of mu_k0 below that of mu_s"
-        )
-    if not kinetic + change > 0.0 or math.isnan(change):
-        raise SceneError(
-            f"mu_k0 + delta_mu_k = {kinetic + change:g} is the kinetic coefficient at high speed; expected a positive "
-            "number: raise one of the two in [parameters]"
-        )

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from identify.effects import NAMES
+from identify.effects import ALL, MAIN, NAMES
 from identify.errors import SceneError
-from identify.model import assemble
 from identify.scene.logs import read_log_entry
-from identify.scene.parameters import read_parameters
+from identify.scene.parameters import declared_by, read_parameters
 from identify.scene.rig import RIG, read_rig
 from identify.scene.tables import Table, nearest
 from identify.scene.values import Contact, Initial, LogEntry, ParameterSpec, Rig
 
-TOP = ("name", "effects", "rig", "contact", "initial", "parameters", "logs")
+TOP = ("name", "effects", "extrapolate", "rig", "contact", "initial", "parameters", "logs")
 
 
 @dataclass(frozen=True)
@@ -26,6 +25,7 @@ class Parts:
 
     name: str | None
     effects: tuple[str, ...] | Literal["auto"]
+    extrapolate: tuple[str, ...]
     rig: Rig
     parameters: Mapping[str, ParameterSpec]
     logs: tuple[LogEntry, ...]
@@ -111,10 +111,11 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
     if missing:
         raise SceneError(f"still to fill in: {', '.join(missing)}; replace each TODO by a quantity with its unit")
     effects = _effects(document.get("effects"))
-    model = assemble(effects)
+    declared = declared_by(effects)
     rig_table = Table.of(document.get("rig"), "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
-    damped = any(p.name == "damping" for p in model.parameters)
-    rig, ratio = read_rig(rig_table, damped)
+    damped_by = [e.name for e in ALL if e.name in effects and any(p.name == "damping" for p in e.parameters)]
+    rig, ratio = read_rig(rig_table, damped_by[0] if damped_by and effects != "auto" else None)
+    contact = _contact(document.get("contact", {}))
     logs = document.get("logs", [])
     if not isinstance(logs, Sequence) or isinstance(logs, str):
         raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
@@ -124,27 +125,62 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
     return Parts(
         name=name,
         effects=effects,
+        extrapolate=_extrapolate(document.get("extrapolate", []), effects),
         rig=rig,
-        parameters=read_parameters(document.get("parameters", {}), model.parameters, effects),
+        parameters=read_parameters(
+            document.get("parameters", {}), declared, _damping_frequency(rig_table, effects) | contact.parameters
+        ),
         logs=tuple(read_log_entry(entry, number, folder, ratio) for number, entry in enumerate(logs, 1)),
         initial=_initial(document.get("initial", {})),
-        contact=_contact(document.get("contact", {})),
+        contact=contact,
     )
 
 
-def _effects(value: Any) -> tuple[str, ...]:
-    listed = ", ".join(f'"{name}"' for name in NAMES)
-    if value == "auto":
-        raise SceneError(f'effects = "auto" is not built yet; list the effects by name: effects = [{listed}]')
-    if not isinstance(value, (list, tuple)) or not all(isinstance(name, str) for name in value):
-        found = "no effects" if value is None else f"effects = {value!r}"
-        raise SceneError(f"the scene has {found}; expected a list: effects = [{listed}]")
+def known_effects(value: Sequence[str], where: str = "effects") -> tuple[str, ...]:
+    """The effects named, in the order of the table of effects.
+
+    Raises:
+        SceneError: an unknown name; the nearest known one is named.
+    """
     for name in value:
         if name not in NAMES:
             raise SceneError(
-                f"effects names {name!r}, which is not known; did you mean {nearest(name, NAMES)!r}? Known are {listed}"
+                f"{where} names {name!r}, which is not known; did you mean {nearest(name, NAMES)!r}? "
+                f"Known are {', '.join(NAMES)}"
             )
     return tuple(name for name in NAMES if name in value)
+
+
+def _effects(value: Any) -> tuple[str, ...] | Literal["auto"]:
+    if value == "auto":
+        return "auto"
+    if not isinstance(value, (list, tuple)) or not all(isinstance(name, str) for name in value):
+        found = "no effects" if value is None else f"effects = {value!r}"
+        listed = ", ".join(f'"{name}"' for name in MAIN)
+        raise SceneError(f'the scene has {found}; expected a list: effects = [{listed}, …], or "auto"')
+    return known_effects(value)
+
+
+def _extrapolate(value: Any, effects: tuple[str, ...] | Literal["auto"]) -> tuple[str, ...]:
+    if not isinstance(value, (list, tuple)) or not all(isinstance(name, str) for name in value):
+        raise SceneError(f'extrapolate is {value!r}; expected a list of effects: extrapolate = ["power_law"]')
+    names = known_effects(value, "extrapolate")
+    off = [name for name in names if effects != "auto" and name not in effects]
+    if off:
+        raise SceneError(f"extrapolate names {off[0]}, which is not among the effects; add it there, or drop it here")
+    return names
+
+
+def _damping_frequency(rig: Table, effects: tuple[str, ...] | Literal["auto"]) -> dict[str, tuple[str, float]]:
+    value = rig.quantity("damping_frequency", "1/s")
+    if value is None:
+        return {}
+    if effects != "auto" and "driven_damping" not in effects:
+        raise SceneError(
+            "[rig] damping_frequency belongs to the effect driven_damping; add it to effects instead of "
+            "hysteresis_damping, or drop damping_frequency"
+        )
+    return {"damping_frequency": (rig.place("damping_frequency"), value)}
 
 
 def _initial(value: Any) -> Initial:

@@ -103,6 +103,17 @@ class Contact:
         _positive("the contact area", "m^2", self.area)
         _positive("the coefficient of area_law", "m^2", self.coefficient)
 
+    @property
+    def parameters(self) -> dict[str, tuple[str, float]]:
+        """The parameters of the effect pressure_dependence that it stands for, and where the scene says so."""
+        if self.coefficient is not None and self.exponent is not None:
+            where = "[contact] area_law"
+            law = {"contact_area": self.coefficient, "area_force": 1.0, "area_exponent": self.exponent}
+            return {name: (where, value) for name, value in law.items()}
+        if self.area is None:
+            return {}
+        return {"contact_area": ("[contact] area", self.area), "area_exponent": ("[contact] area", 0.0)}
+
     def area_at(self, normal_force: float) -> float | None:
         """Apparent area [m^2] under a normal force [N]; None where the scene does not say."""
         if self.coefficient is not None and self.exponent is not None:

@@ -51,6 +51,7 @@ def document_of(scene: Scene) -> dict[str, Any]:
     return {
         "name": scene.name,
         "effects": scene.effects if isinstance(scene.effects, str) else list(scene.effects),
+        **({"extrapolate": list(scene.extrapolate)} if scene.extrapolate else {}),
         "rig": _rig(scene.rig),
         "contact": _contact(scene),
         "initial": asdict(scene.initial),
