@@ -106,8 +106,8 @@ class Terms:
     strength [1], logarithm of a factor on that share; excess [1], added to the coefficient whatever the
     strengthening, at rest too; level [1], logarithm of a factor on all friction; loading [1], relative change of
     the rate at which the drive stretches the spring while sticking; clock [s], ageing time gained over the clock by
-    s.time, a function of s.time and p alone; waves and drift [m/s], motion of the drive beyond its programme; series, a compliance between
-    rig and contact; lag, gain [1] and offset [N] of the load cell; rates: d(state)/dt by state name.
+    s.time, a function of s.time and p alone; waves and drift [m/s], motion of the drive beyond its programme; series,
+    a compliance between rig and contact; lag, gain [1] and offset [N] of the load cell; rates: d(state)/dt by state name.
     """
 
     inertia: Expression = 0.0

@@ -12,13 +12,13 @@ ROOT = Path(__file__).resolve().parent.parent
 # Lowest first: values, the model, forward in time, logs without a model, closed forms, what follows from the
 # nonlinear model, the fit, the report, the command line. A new room gets a place here; a folder stands for its files.
 ROOMS = """
-errors quantities signal outcome examples
+errors quantities typical signal outcome examples
 effects model scene
-tableaus drive modes crossing stepping phases trajectory simulate
+tableaus drive modes crossing stepping phases trajectory initial simulate
 noise zigzag local_fits waveform slips segment strokes classical draft
 bracket steady ageing amplitude groups critical stability spread comparison
 compiled sliding glide_steps glide hold cycle orbit trace branch prospect sensitivity outlook_words outlook
-guess loads lanes blocks features unknowns placing layout prepare start lay_out hints
+guess loads lanes blocks features unknowns prepare rhythms vibration placing layout start lay_out hints
 shooting reconstruct solve uncertainty passes gate profile search result identification
 report
 cli

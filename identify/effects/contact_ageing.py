@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.quantities import Effect, Expression, Parameter, Situation, State, Terms
+from identify.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
+from identify.typical import fall, stick_time
 
 
 class ContactAgeing(Effect):
@@ -35,3 +37,15 @@ class ContactAgeing(Effect):
         """Ageing in the last moment of a saturated slip, once v < v_cr = D/t_cr and v falls linearly:
         the integral of 1/t_cr - v/D from there to rest is D/(2 t_cr^2 deceleration)."""
         return {"gamma": s.pace**2 * s.p.D / (2 * deceleration * s.p.t_cr**2)}
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Relaxation length against the travel of the spring in a slip, and creep time against the stick."""
+        travel = fall(p, normal_force) / p["stiffness"]
+        rest = stick_time(p, normal_force, drive_speed)
+        regained = -math.expm1(-rest / p["t_cr"])
+        return Importance(
+            "D k/((μs − μk0) F_n)",
+            p["D"] / travel,
+            f"sliding by {p['D'] / travel:.2g} of the fall's elongation renews the contact, a stick of {rest:.2g} s "
+            f"regains {100 * regained:.2g} % of its strength",
+        )

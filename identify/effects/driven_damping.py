@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.typical import lost_per_period, slip_time
 
 
 class DrivenDamping(Effect):
@@ -23,3 +26,11 @@ class DrivenDamping(Effect):
     def terms(self, s: Situation) -> Terms:
         """The damper, which the load cell sees as well."""
         return Terms(damping=s.p.damping / (2 * np.pi * s.p.damping_frequency))
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """The damping ratio at the natural frequency; of a rig without mass, damper against spring in a slip."""
+        damper = p["damping"] / (2 * np.pi * p["damping_frequency"])
+        ratio = damper * np.pi / (2 * p["stiffness"] * slip_time(p, normal_force, drive_speed))
+        return Importance(
+            "ζ = c/2√(m k)", ratio, f"a free swing of the rig loses {100 * lost_per_period(ratio):.2g} % per period"
+        )

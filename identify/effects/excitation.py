@@ -23,7 +23,16 @@ class Excitation(Effect):
             "excitation_frequency", "1/s", 1e-3, 1e4, 50.0, "f_e", "frequency of the drive's vibration", spread=0.01
         ),
         Parameter(
-            "excitation_phase", "", -10.0, 10.0, 0.0, "φ_e", "phase of the vibration at time 0 [rad]", "linear", 0.3
+            "excitation_phase",
+            "",
+            -100.0,
+            100.0,
+            0.0,
+            "φ_e",
+            "phase of the vibration at time 0 [rad]",
+            "linear",
+            0.3,
+            own=True,
         ),
     )
     null = {"excitation_amplitude": 0.0}

@@ -29,7 +29,6 @@ def _of(rhythm: str) -> tuple[Parameter, ...]:
             f"amplitude of {rhythm}",
             "linear",
             1e-6,
-            "given",
         ),
         Parameter(
             f"{rhythm}_frequency",
@@ -41,19 +40,18 @@ def _of(rhythm: str) -> tuple[Parameter, ...]:
             f"frequency of {rhythm}",
             "log",
             0.01,
-            "given",
         ),
         Parameter(
             f"{rhythm}_phase",
             "",
-            -10.0,
-            10.0,
+            -100.0,
+            100.0,
             0.0,
             f"φ_{rhythm}",
             f"phase of {rhythm} at time 0 [rad]",
             "linear",
             0.3,
-            "given",
+            own=True,
         ),
     )
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from collections.abc import Mapping
+
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.typical import fall, slip_time
 
 
 class ForceSensor(Effect):
@@ -32,3 +35,14 @@ class ForceSensor(Effect):
     def terms(self, s: Situation) -> Terms:
         """Gain and offset; averaging is a matter of sampling."""
         return Terms(gain=s.p.sensor_gain, offset=s.p.sensor_offset)
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """The largest of its errors: of gain, of zero against the fall of friction, of averaging against a slip."""
+        gain, zero = abs(p["sensor_gain"] - 1), abs(p["sensor_offset"]) / fall(p, normal_force)
+        blur = p["averaging_time"] / slip_time(p, normal_force, drive_speed)
+        return Importance(
+            "max(|G − 1|, F_0/((μs − μk0) F_n), T_avg/T_slip)",
+            max(gain, zero, blur),
+            f"the load cell is off by {100 * gain:.2g} % in gain, {100 * zero:.2g} % of the fall in zero, and averages "
+            f"over {100 * blur:.2g} % of a slip",
+        )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import casadi as ca
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.typical import lost_per_period
 
 
 class HysteresisDamping(Effect):
@@ -23,3 +26,10 @@ class HysteresisDamping(Effect):
     def terms(self, s: Situation) -> Terms:
         """The damper, which the load cell sees as well."""
         return Terms(damping=s.p.damping * ca.sqrt(s.p.mass / s.p.stiffness))
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """The damping ratio."""
+        ratio = p["damping"] / (2 * p["stiffness"])
+        return Importance(
+            "ζ = h/2k", ratio, f"a free swing of the rig loses {100 * lost_per_period(ratio):.2g} % per period"
+        )

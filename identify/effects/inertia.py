@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from collections.abc import Mapping
+
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.typical import slip_time, stick_time
 
 
 class Inertia(Effect):
@@ -21,3 +24,13 @@ class Inertia(Effect):
     def terms(self, s: Situation) -> Terms:
         """The mass."""
         return Terms(inertia=s.p.mass)
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """How long its slips last against its sticks."""
+        slip = slip_time(p, normal_force, drive_speed)
+        share = slip / (slip + stick_time(p, normal_force, drive_speed))
+        return Importance(
+            "T_slip/T",
+            share,
+            f"a slip of half a natural period ({1e3 * slip:.3g} ms) takes {100 * share:.2g} % of a cycle",
+        )

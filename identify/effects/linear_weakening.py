@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from collections.abc import Mapping
+
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.typical import fall, slip_speed
 
 
 class LinearWeakening(Effect):
@@ -33,3 +36,13 @@ class LinearWeakening(Effect):
     def terms(self, s: Situation) -> Terms:
         """The change."""
         return Terms(kinetic=s.p.slope * s.v)
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Its change over a slip against the fall from static to kinetic friction."""
+        speed = slip_speed(p, normal_force, drive_speed)
+        share = abs(p["slope"]) * speed * normal_force / fall(p, normal_force)
+        return Importance(
+            "Δμk a v/(μs − μk0)",
+            share,
+            f"up to the {1e3 * speed:.2g} mm/s of a slip kinetic friction changes by {100 * share:.2g} % of the fall",
+        )

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
 
 
 class LoadDependence(Effect):
-    """All friction times (F_n/F_ref)^-n (eq. 7, normal force: n = 0.4): the coefficients hold at F_ref."""
+    """All friction times (F_n/F_ref)^-n (eq. 7, normal force: n = 0.4): the coefficients hold at F_ref.
+
+    The exponent is from the measurements; the range F_low to F_high, which eq. (7) does not state, is that of the
+    defaults: set both to those of the measurements that are used.
+    """
 
     name = "load_dependence"
     says = "the friction coefficient falls with normal force (measured: finger on wet smooth glass)"
-    source = "eq. (7), 0.7 F_n^-0.4; Derler and Rotaru, Wear 301 (2013) 324"
+    source = "eq. (7), 0.7 F_n^-0.4: index finger on wet smooth glass; Derler and Rotaru, Wear 301 (2013) 324"
     parameters = (
         Parameter("load_exponent", "", -2.0, 2.0, 0.4, "n_F", "exponent of normal force", "linear", 0.1),
         Parameter(
@@ -33,6 +38,15 @@ class LoadDependence(Effect):
     def terms(self, s: Situation) -> Terms:
         """Logarithm of the factor."""
         return Terms(level=-s.p.load_exponent * ca.log(s.normal_force / s.p.reference_force))
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Change of all friction between the reference and this load."""
+        change = math.expm1(-p["load_exponent"] * math.log(normal_force / p["reference_force"]))
+        return Importance(
+            "(F_n/F_ref)^−n − 1",
+            abs(change),
+            f"at {normal_force:.3g} N all friction is {100 * change:+.2g} % off that at {p['reference_force']:.3g} N",
+        )
 
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:
         """Outside the measured loads."""

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
 
 
 class PressureDependence(Effect):
     """All friction times (p/p_ref)^-n with p = F_n/A_c and A_c = A_1 (F_n/F_A)^e (eq. 7, pressure: n = 0.526).
 
     e = 0 is a constant area; e = 0.2395, A_1 = 2.262 cm^2 at F_A = 1 N is what makes the two forms of eq. (7) agree.
+    The range p_low to p_high, which eq. (7) does not state, is the pressure of the default load range under that area
+    law: set both to those of the measurements that are used.
     """
 
     name = "pressure_dependence"
@@ -45,10 +48,10 @@ class PressureDependence(Effect):
             "given",
         ),
         Parameter(
-            "lowest_pressure", "Pa", 1e-3, 1e9, 900.0, "p_low", "lowest pressure of the measurements", kind="given"
+            "lowest_pressure", "Pa", 1e-3, 1e9, 760.0, "p_low", "lowest pressure of the measurements", kind="given"
         ),
         Parameter(
-            "highest_pressure", "Pa", 1e-3, 1e9, 9e4, "p_high", "highest pressure of the measurements", kind="given"
+            "highest_pressure", "Pa", 1e-3, 1e9, 8.7e4, "p_high", "highest pressure of the measurements", kind="given"
         ),
     )
     null = {"pressure_exponent": 0.0}
@@ -59,12 +62,27 @@ class PressureDependence(Effect):
         area = s.p.contact_area * (s.normal_force / s.p.area_force) ** s.p.area_exponent
         return Terms(level=-s.p.pressure_exponent * ca.log(s.normal_force / area / s.p.reference_pressure))
 
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Change of all friction between the reference and this pressure."""
+        pressure = _pressure(p, normal_force)
+        change = math.expm1(-p["pressure_exponent"] * math.log(pressure / p["reference_pressure"]))
+        return Importance(
+            "(p/p_ref)^−n − 1",
+            abs(change),
+            f"at {pressure:.3g} Pa all friction is {100 * change:+.2g} % off that at {p['reference_pressure']:.3g} Pa",
+        )
+
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:
         """Outside the measured pressures."""
-        pressure = normal_force / (p["contact_area"] * (normal_force / p["area_force"]) ** p["area_exponent"])
+        pressure = _pressure(p, normal_force)
         if p["lowest_pressure"] <= pressure <= p["highest_pressure"]:
             return None
         return (
             f"pressure_dependence was measured from {p['lowest_pressure']:g} to {p['highest_pressure']:g} Pa "
             f"(a finger on wet smooth glass) and the contact pressure is {pressure:.3g} Pa; drop it"
         )
+
+
+def _pressure(p: Mapping[str, float], normal_force: float) -> float:
+    """Mean contact pressure [Pa]."""
+    return normal_force / (p["contact_area"] * (normal_force / p["area_force"]) ** p["area_exponent"])

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from identify.quantities import Effect, Importance, Lag, Parameter, Situation, State, Terms
+from identify.typical import slip_time
 
 
 class SensorLag(Effect):
@@ -23,5 +25,5 @@ class SensorLag(Effect):
 
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """The lag against the natural time of a slip."""
-        share = p["lag_time"] * (p["stiffness"] / p.get("mass", 1.0)) ** 0.5
-        return Importance("ω_n τ_1", share, f"the load cell lags by {share:.2g} of the natural time sqrt(m/k)")
+        share = p["lag_time"] * math.pi / slip_time(p, normal_force, drive_speed)
+        return Importance("ω_n τ_1", share, f"the load cell lags by {share:.2g} of the natural time of a slip")

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from identify.quantities import Effect, Lag, Parameter, Situation, State, Terms
+import math
+from collections.abc import Mapping
+
+from identify.quantities import Effect, Importance, Lag, Parameter, Situation, State, Terms
+from identify.typical import slip_time
 
 
 class SensorSecondLag(Effect):
@@ -19,3 +23,8 @@ class SensorSecondLag(Effect):
     def terms(self, s: Situation) -> Terms:
         """The lag; the model writes its rate."""
         return Terms(lag=Lag("second_lagged_force", s.p.second_lag_time))
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """The lag against the natural time of a slip."""
+        share = p["second_lag_time"] * math.pi / slip_time(p, normal_force, drive_speed)
+        return Importance("ω_n τ_2", share, f"its second stage lags by {share:.2g} of the natural time of a slip")

@@ -10,6 +10,8 @@ from identify.quantities import Effect, Importance, Parameter, Series, Situation
 class SkinCompliance(Effect):
     """Stiffness k_skin and damping k_skin * t_skin between rig and contact; the skin's own mass is neglected.
 
+    The mass moves with the contact: for a specimen that rides on the rig side of the skin this holds where the skin is
+    much stiffer than the rig or the slip much slower than the rig's natural period.
     State: the deformation of the skin. In stick the rig is softer by it: 1/k + 1/k_skin. Null as k_skin grows.
     """
 
@@ -18,7 +20,9 @@ class SkinCompliance(Effect):
     source = "Kelvin-Voigt element in series; ESTIMATION_NOTES section 4"
     parameters = (
         Parameter("skin_stiffness", "N/m", 1.0, 1e12, 4400.0, "k_skin", "tangential stiffness of the skin"),
-        Parameter("skin_retardation", "s", 1e-6, 1e3, 2e-3, "t_skin", "damping over stiffness of the skin", kind="given"),
+        Parameter(
+            "skin_retardation", "s", 1e-6, 1e3, 2e-3, "t_skin", "damping over stiffness of the skin", kind="given"
+        ),
     )
     states = (State("skin_deformation", "m", 0.0),)
     null = {"skin_stiffness": float("inf")}  # a limit

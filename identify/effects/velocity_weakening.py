@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import casadi as ca
 
-from identify.quantities import Effect, Parameter, Situation, Terms
+from identify.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.typical import fall, slip_speed
 
 
 class VelocityWeakening(Effect):
@@ -33,3 +37,13 @@ class VelocityWeakening(Effect):
     def terms(self, s: Situation) -> Terms:
         """The weakening; the exponent is clipped so that a solver's trial step backwards stays finite."""
         return Terms(kinetic=-s.p.delta_mu_k * ca.expm1(-ca.fmax(s.p.a * s.v, -1.0)))
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Its change over a slip against the fall from static to kinetic friction."""
+        speed = slip_speed(p, normal_force, drive_speed)
+        share = abs(p["delta_mu_k"] * math.expm1(-p["a"] * speed)) * normal_force / fall(p, normal_force)
+        return Importance(
+            "Δμk (1 − exp(−a v))/(μs − μk0)",
+            share,
+            f"up to the {1e3 * speed:.2g} mm/s of a slip kinetic friction changes by {100 * share:.2g} % of the fall",
+        )
