@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ class LogData:
     """One log as the estimator sees it: samples in the fitted window, rig and what acts from outside.
 
     time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked;
-    base (n_p,) base values of the parameters; drive_speed [m/s]; normal_force its slow course, known to within
+    base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
+    log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
     normal_force_sd [N] (0: exact); the fitted window [s].
     """
 
@@ -40,6 +41,11 @@ class LogData:
     normal_force_sd: float
     begin: float
     end: float
+    own: Array = field(default_factory=lambda: np.empty(0))
+
+    def theta(self, shared: Array) -> Array:
+        """Theta (n_p,) of this log before the search."""
+        return shared if self.own.size == 0 else np.where(np.isfinite(self.own), self.own, shared)
 
     @property
     def samples(self) -> int:
@@ -59,7 +65,8 @@ class Guess:
     start (n_x,): state at the begin of the window; onset, saturation, arrest (c,) [s], saturation NaN where
     the bounded state never reaches its bound; deviation (c,) of the normal force from its measured course [N];
     slip (c, n1 + 1, n_x) nodes from onset to
-    saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest.
+    saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest; own (n_p,): search variables
+    this log has for itself (NaN: shared with the others; empty: all are).
     """
 
     start: Array
@@ -69,6 +76,11 @@ class Guess:
     deviation: Array
     slip: Array
     saturated: Array
+    own: Array = field(default_factory=lambda: np.empty(0))
+
+    def theta(self, shared: Array) -> Array:
+        """Theta (n_p,) of this log."""
+        return shared if self.own.size == 0 else np.where(np.isfinite(self.own), self.own, shared)
 
     @property
     def cycles(self) -> int:

@@ -25,8 +25,8 @@ MOST_PARTS = 4000  # of one rest
 class Collector:
     """Gathers unknowns, rows and blocks while a layout is built; thrown away afterwards."""
 
-    def __init__(self, model: Model, unknowns: Unknowns, free: Indices) -> None:
-        self.model, self.unknowns = model, unknowns
+    def __init__(self, model: Model, unknowns: Unknowns, free: Indices, pace: Array) -> None:
+        self.model, self.unknowns, self.pace = model, unknowns, pace
         self.scale: list[Array] = [unknowns.spread[free]]
         self.start: list[Array] = [unknowns.start[free]]
         self.lower: list[Array] = [unknowns.lower[free]]
@@ -85,15 +85,16 @@ class Collector:
         fixed: list[Array],
         constants: Array,
         edges: Array,
+        own: Indices,
     ) -> None:
-        """One block: its slots are the given ones and the parameters."""
+        """One block: its slots are the given ones and the parameters, of which this log has some for itself."""
         made = self.made.get((kind, steps))
         if made is None:
             made = self.made[kind, steps] = block(self.model, kind, steps)
         rows = np.arange(self.rows, self.rows + made.n_rows)
         self.rows += made.n_rows
         entry = (
-            np.concatenate([*slots, self.theta]),
+            np.concatenate([*slots, np.where(own >= 0, own, self.theta)]),
             np.concatenate([*fixed, self.unknowns.start]),
             constants,
             rows,
@@ -118,19 +119,21 @@ class _LogWalk:
         self.c, self.number, self.log, self.guess, self.grid = collector, number, log, guess, grid
         model = collector.model
         self.n_x = len(model.states)
-        p = collector.unknowns.values(collector.unknowns.start, log.base)
+        p = collector.unknowns.values(guess.theta(collector.unknowns.start), log.base)
+        at_pace = collector.unknowns.values(guess.theta(collector.pace), log.base)
         k, m = (p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
         force = 0.1 * log.mean_normal_force
         by_unit = {"m": force / k, "m/s": force / np.sqrt(k * m), "N": force}
         self.size = np.array([by_unit.get(s.unit, 1.0) for s in model.states])
         self.rates, self.frequencies = (
-            np.array(f(p)).ravel() for f in (model.decays, model.waves)
+            np.array(f(at_pace)).ravel() for f in (model.decays, model.waves)
         )  # of what makes a rest no straight line
         self.rest_rows = self.size.copy()
         self.rest_rows[SPEED] = force  # the onset guard is a force
         self.tick = 0.1 * float(np.sqrt(m / k))
         self.held = () if model.clamped is None else (model.clamped,)
         shape = (guess.cycles, self.n_x)
+        self.own = np.full(len(model.parameters), KNOWN)
         self.events = {name: np.full(guess.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
         self.loads = np.full(guess.cycles, KNOWN)
         self.slip = np.full((shape[0], grid.slip + 1, shape[1]), KNOWN)
@@ -138,6 +141,7 @@ class _LogWalk:
 
     def walk(self) -> Places:
         """Note everything of this log."""
+        self._own()
         # The state the record starts from: elongation free, the other states with a weak prior.
         start = np.full(self.n_x, KNOWN)
         start[[0]] = self.c.add(self.guess.start[[0]], self.size[[0]])
@@ -158,8 +162,25 @@ class _LogWalk:
             self._rest_part(self.guess.cycles, NO_OFFSET, NO_OFFSET, ZERO, constants, part)
         events = self.events
         return Places(
-            start, events["onset"], events["saturation"], events["arrest"], self.loads, self.slip, self.saturated
+            start,
+            events["onset"],
+            events["saturation"],
+            events["arrest"],
+            self.loads,
+            self.slip,
+            self.saturated,
+            self.own,
         )
+
+    def _own(self) -> None:
+        """The parameters this log has for itself; those of the first log are the shared ones."""
+        u = self.c.unknowns
+        mine = np.flatnonzero(u.own)
+        if mine.size and self.number > 0:
+            start = self.guess.theta(u.start)[mine]
+            mean = np.where(np.isfinite(u.prior_mean[mine]), start, 0.0)
+            bounds = u.lower[mine], u.upper[mine]
+            self.own[mine] = self.c.add(start, u.spread[mine], *bounds, mean=mean, sd=u.prior_sd[mine])
 
     def _load(self, cycle: int) -> None:
         """The normal force of this cycle: known to within the error of its measurement, or exactly.
@@ -202,6 +223,7 @@ class _LogWalk:
             [self.node, node, self.offset, np.array([index]), self.load],
             [self.value, value, ZERO, ZERO, self.load_value],
             *self._cut(constants, last),
+            self.own,
         )
         self.events["onset"][cycle], self.slip[cycle, 0] = index, node
         self.node, self.value, self.offset = node, value, np.array([index])
@@ -218,6 +240,7 @@ class _LogWalk:
             [self.node, self.offset, end, load],
             [self.value, ZERO, ZERO, load_value],
             *self._cut(constants, part),
+            self.own,
         )
 
     def _cut(self, constants: Array, part: tuple[float, float]) -> tuple[Array, Array]:
@@ -238,7 +261,8 @@ class _LogWalk:
         edges = np.unique([0.0, *ends, duration])
         longest = min((REST_CELLS * 2 * np.pi / (CELLS_PER_PERIOD * w) for w in self.frequencies), default=np.inf)
         cuts = [
-            np.linspace(a, b, 1 + min(int(np.ceil((b - a) / longest)), MOST_PARTS))[:-1] for a, b in pairwise(edges)
+            np.linspace(a, b, 1 + min(max(int(np.ceil((b - a) / longest)), 1), MOST_PARTS))[:-1]
+            for a, b in pairwise(edges)
         ]
         inner = np.append(np.concatenate(cuts), duration) / duration
         return list(zip(inner[:-1].tolist(), inner[1:].tolist(), strict=True))
@@ -307,6 +331,7 @@ class _LogWalk:
                 [self.value, value, ZERO, ZERO, self.load_value],
                 constants,
                 np.stack([edges[:-1], edges[1:]], axis=1),
+                self.own,
             )
             places[cycle, i + 1] = node
             self.node, self.value = node, value
@@ -314,16 +339,23 @@ class _LogWalk:
 
 
 def lay_out(
-    logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, grid: Grid, *, free: Indices | None = None
+    logs: list[LogData],
+    guesses: list[Guess],
+    unknowns: Unknowns,
+    grid: Grid,
+    *,
+    free: Indices | None = None,
+    pace: Array | None = None,
 ) -> Layout:
     """Lay out the multiple-shooting problem of several logs around their guesses.
 
     Args:
         free: indices of the parameters that are unknown; default those `unknowns` marks as free.
+        pace: theta (n_p,) whose time scales cut the rests into blocks; default the start.
     """
     model = unknowns.model
     chosen = np.flatnonzero(unknowns.free) if free is None else free
-    collector = Collector(model, unknowns, chosen)
+    collector = Collector(model, unknowns, chosen, unknowns.start if pace is None else pace)
     places = tuple(
         _LogWalk(collector, number, log, guess, grid).walk()
         for number, (log, guess) in enumerate(zip(logs, guesses, strict=True))

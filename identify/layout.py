@@ -52,6 +52,7 @@ class Places:
     deviation: Indices
     slip: Indices
     saturated: Indices
+    own: Indices
 
     def read(self, guess: Guess, x: Array) -> Guess:
         """The guess moved to the unknowns x (n,), in physical units."""
@@ -70,6 +71,7 @@ class Places:
             state(self.deviation, guess.deviation),
             state(self.slip, guess.slip),
             state(self.saturated, guess.saturated),
+            state(self.own, guess.own) if guess.own.size else guess.own,
         )
 
 

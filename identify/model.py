@@ -66,6 +66,9 @@ class Model:
     swings: ca.Function  # p -> bounds of the forces that what oscillates puts on the contact [N]
     clocked: bool  # whether anything depends on time as such
     jumps: bool  # whether a state jumps where a stick begins
+    quiet: tuple[
+        tuple[str, float], ...
+    ]  # parameters that are as good as absent at a finite value, and that value, if clocked
     follows_load: bool  # whether the course of the normal force counts, or only its mean
     balance: ca.Function | None = None  # (x, p, u, v) -> load minus friction along the slip [N]; None with inertia
 
@@ -317,6 +320,18 @@ class _Composition:
         return x
 
 
+def _quiet(effects: Sequence[Effect], m: _Composition) -> tuple[tuple[str, float], ...]:
+    """Null values of the effects that are explicit in time, where these are values of a linear scale."""
+    out = {}
+    for effect in effects:
+        q = effect.terms(m.situation(m.x, at_rest=False))
+        ports = ca.vertcat(q.level, q.clock, q.excess, q.kinetic, q.drift)
+        if q.waves or ca.depends_on(ca.SX(ports), m.time):
+            linear = {p.name for p in effect.parameters if p.scale == "linear"}
+            out |= {name: value for name, value in effect.null.items() if name in linear}
+    return tuple(out.items())
+
+
 @lru_cache(maxsize=256)
 def assemble(names: tuple[str, ...]) -> Model:
     """The model with exactly these effects.
@@ -361,6 +376,7 @@ def assemble(names: tuple[str, ...]) -> Model:
         waves=ca.Function("waves", [m.p], [ca.densify(ca.vertcat(*(w.omega for w in m.waves)))]),
         swings=ca.Function("swings", [m.p], [ca.densify(ca.vertcat(*m.swings()))]),
         clocked=bool(ca.depends_on(ca.vertcat(slip, grip, pull, rested), m.time)),
+        quiet=_quiet(effects, m),
         jumps=any(type(e).at_stick is not Effect.at_stick for e in effects),
         follows_load=any(e.follows_load for e in effects),
         balance=None if m.inertial else function("balance", moving, m.balance(moved)),

@@ -90,7 +90,7 @@ def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> 
     names = unknowns.names
     needed = 0.0
     for log, guess in zip(logs, guesses, strict=True):
-        p = dict(zip(names, unknowns.values(unknowns.start, log.base).tolist(), strict=True))
+        p = dict(zip(names, unknowns.values(guess.theta(unknowns.start), log.base).tolist(), strict=True))
         rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
         decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
         rate = max([rate, *decays.tolist()])

@@ -243,7 +243,7 @@ def _guess(
     ends = np.isfinite(saturation)
     first[:, -1] = np.where(ends[:, None], picked.at_saturation, picked.at_arrest)
     second[:, -1] = picked.at_arrest
-    return Guess(start, onset, onset + saturation, onset + arrest, np.zeros_like(onset), first, second)
+    return Guess(start, onset, onset + saturation, onset + arrest, np.zeros_like(onset), first, second, log.own)
 
 
 def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: float) -> Array:

@@ -25,7 +25,7 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
         theta: (n_p,) solution; guess: the motion moved to it; fitted (n,) force at the samples, NaN outside;
             z (c,) misfit of each cycle in standard deviations.
     """
-    p = unknowns.values(theta, log.data.base)
+    p = unknowns.values(guess.theta(theta), log.data.base)
     cycles = np.column_stack([guess.onset, guess.arrest, *_event_forces(log, unknowns, p, guess), z])
     return LogCurves(
         log.name,

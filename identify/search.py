@@ -24,6 +24,7 @@ from identify.placing import place
 from identify.prepare import Prepared, cut_in_last_stick
 from identify.start import GOOD, Start, candidates, fit_features, random_starts
 from identify.unknowns import Unknowns
+from identify.vibration import quieted, tuned
 
 Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]
@@ -89,6 +90,7 @@ def search(
         return None, left_out
     best: Attempt | None = None
     told("finding a start", 0.1)
+    prepared, unknowns = tuned(prepared, unknowns)
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
     unequal = max(prepared[i].scatter for i in first) > UNEQUAL
     solved = 0
@@ -147,16 +149,19 @@ def _starts(
     own = [unknowns.start[None, :]] if sources != "data" else []
     made = [candidates(unknowns, features, bases)] if sources != "user" else []
     tried = np.concatenate(own + made)
-    starts = fit_features(unknowns, features, bases, tried)
+    settled = quieted(unknowns)
+    starts = fit_features(settled, features, bases, tried)
     for count in RANDOM:
         if starts[0].cost < GOOD or unequal:
             break
         more = random_starts(unknowns, starts[0].theta, count, seed)
         if sources != "user":
             more = np.concatenate([more[: count // 2], random_starts(unknowns, tried[0], count // 2, seed + 1)])
-        starts = sorted(starts + fit_features(unknowns, features, bases, more), key=lambda s: s.cost)
+        starts = sorted(starts + fit_features(settled, features, bases, more), key=lambda s: s.cost)
     clock.add("start", since)
-    yield from _distinct(starts, unknowns)
+    # What is explicit in time was held still; it starts where the sticks say.
+    timed = settled.free != unknowns.free
+    yield from _distinct([replace(s, theta=np.where(timed, unknowns.start, s.theta)) for s in starts], unknowns)
 
 
 def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
@@ -175,6 +180,9 @@ def _solve(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cloc
     if not placed:
         return None
     numbers, logs, guesses = (list(column) for column in zip(*placed, strict=True))
+    # What every log has for itself, the first log has in the shared theta.
+    unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
+    guesses[0] = replace(guesses[0], own=np.empty(0))
     solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened())
     clock.add("solve", since + solved.forming)
     clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
@@ -193,7 +201,7 @@ def resolve(attempt: Attempt, unknowns: Unknowns) -> Attempt:
 def _place(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[tuple[int, Prepared, Guess]]:
     """Number, cut log and guess of every chosen log that the start can be placed on."""
     logs = [prepared[i] for i in chosen]
-    p = [unknowns.values(unknowns.start, log.data.base) for log in logs]
+    p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
     placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
     out = []
     for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):

@@ -84,7 +84,7 @@ class Problem:
             guesses, grid: those this problem was transcribed from; unknowns: start holds the fixed parameters.
         """
         everything = np.arange(len(unknowns.names))
-        layout = lay_out(self.logs, guesses, unknowns, grid, free=everything)
+        layout = lay_out(self.logs, guesses, unknowns, grid, free=everything, pace=self.layout.unknowns.start)
         theta = unknowns.start.copy()
         count = self.layout.free.size
         x = z * self.layout.scale

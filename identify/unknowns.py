@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.effects import ALL
 from identify.errors import SceneError
 from identify.model import RIG_PARAMETERS, Model
 from identify.scene import Scene
@@ -20,7 +21,8 @@ from identify.scene import Scene
 Array = NDArray[np.float64]
 
 SOFT_FACTOR = 3.0  # sd of a logarithm: a factor of twenty
-SOFT_LEVEL = 1.0  # sd of a coefficient
+SOFT_SPREADS = 10.0  # sd of a parameter on a linear scale, in its own spread: 1 for a coefficient
+RESOLVED = 0.03  # of sqrt(m/k): time constants that go to zero cannot be told from zero below that
 RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays within a factor of three
 
 
@@ -29,7 +31,8 @@ class Unknowns:
     """The search space, all arrays (n_p,) in the order of the model's parameters.
 
     `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
-    `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `spread` conditions the solver.
+    `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
+    `spread` conditions the solver.
     """
 
     model: Model
@@ -39,6 +42,7 @@ class Unknowns:
     upper: Array
     prior_mean: Array
     prior_sd: Array
+    told: NDArray[np.bool_]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,6 +58,11 @@ class Unknowns:
     def logarithmic(self) -> NDArray[np.bool_]:
         """Which parameters are searched by their logarithm."""
         return np.array([q.scale == "log" for q in self.model.parameters])
+
+    @property
+    def own(self) -> NDArray[np.bool_]:
+        """Which free parameters every log has for itself."""
+        return self.free & np.array([q.own for q in self.model.parameters])
 
     def base(self, rig: Mapping[str, float]) -> Array:
         """Base values for a log with this rig (mass, stiffness, damping by name)."""
@@ -77,7 +86,7 @@ class Unknowns:
         return replace(
             self,
             prior_mean=np.where(none, self.start, self.prior_mean),
-            prior_sd=np.where(none, np.where(self.logarithmic, SOFT_FACTOR, SOFT_LEVEL), self.prior_sd),
+            prior_sd=np.where(none, np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread), self.prior_sd),
         )
 
 
@@ -95,7 +104,8 @@ def from_scene(scene: Scene) -> Unknowns:
     n = len(model.parameters)
     free, start = np.zeros(n, bool), np.zeros(n)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
-    mean, sd = np.zeros(n), np.full(n, np.inf)
+    mean, sd, told = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
+    vanishing = _vanishing(model)
     for i, declared in enumerate(model.parameters):
         name, spec = declared.name, scene.parameters.get(declared.name)
         base = rig[name] if name in RIG_PARAMETERS else 1.0 if declared.scale == "log" else 0.0
@@ -116,15 +126,24 @@ def from_scene(scene: Scene) -> Unknowns:
 
         value = next((v for v in (spec.fixed, spec.start, spec.prior_mean) if v is not None), None)
         fallback = base if name in RIG_PARAMETERS else declared.default
+        told[i] = value is not None
         start[i] = search(fallback if value is None else value)
         free[i] = spec.fixed is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
+        if name in vanishing and rig["mass"] > 0.0:
+            lower[i] = max(lower[i], float(np.log(RESOLVED * np.sqrt(rig["mass"] / rig["stiffness"]))))
         if spec.prior_mean is not None and spec.prior_sd is not None:
             mean[i] = search(spec.prior_mean)
             sd[i] = spec.prior_sd / spec.prior_mean if declared.scale == "log" else spec.prior_sd
         elif tolerance > 0.0:
             sd[i] = tolerance
-    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd)
+    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told)
+
+
+def _vanishing(model: Model) -> set[str]:
+    """Time constants that make their effect vanish as they go to zero."""
+    nulls = {name: value for effect in ALL if effect.name in model.effects for name, value in effect.null.items()}
+    return {q.name for q in model.parameters if q.scale == "log" and q.unit == "s" and nulls.get(q.name) == 0.0}
 
 
 def user_start(scene: Scene) -> bool:

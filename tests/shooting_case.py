@@ -91,6 +91,7 @@ def search_space(
         np.full(n, np.inf),
         np.zeros(n),
         np.full(n, np.inf),
+        np.ones(n, bool),
     )
     base = empty.base(RIG)
     neutral = np.isin(model.parameter_names, RIG_PARAMETERS)

@@ -1,0 +1,96 @@
+"""Starts for what is explicit in time: vibrations of the drive and motions of a live finger, from the stick phases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.prepare import Prepared
+from identify.rhythms import Rhythm, rhythms
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Wave:
+    """Where a harmonic of the model stands among the parameters."""
+
+    amplitude: int
+    frequency: int
+    phase: int
+
+
+def quieted(unknowns: Unknowns) -> Unknowns:
+    """The same search with everything that is explicit in time held as good as absent: settled cycles are alike."""
+    start, free, quiet = unknowns.start.copy(), unknowns.free.copy(), dict(unknowns.model.quiet)
+    for i, name in enumerate(unknowns.names):
+        if name in quiet:
+            start[i], free[i] = quiet[name], False
+    for wave in _waves(unknowns):
+        free[[wave.frequency, wave.phase]] = False
+    return replace(unknowns, start=start, free=free)
+
+
+def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepared], Unknowns]:
+    """Start values for what is explicit in time: rhythms found in the sticks, else as good as absent.
+
+    A harmonic of the model that no rhythm calls for, and of which the scene says nothing, is held at rest.
+    """
+    logs = list(prepared)
+    start, free = unknowns.start.copy(), unknowns.free.copy()
+    names, waves, quiet = unknowns.names, _waves(unknowns), dict(unknowns.model.quiet)
+    for i, name in enumerate(names):
+        if name in quiet and not unknowns.told[i] and free[i]:
+            start[i] = quiet[name]
+    searched = [w for w in waves if free[w.amplitude] and not unknowns.told[w.amplitude]]
+    if searched:
+        lines = list(rhythms(logs, most=len(searched)))
+        own = np.full((len(logs), len(names)), np.nan)
+        for wave in sorted(searched, key=lambda w: unknowns.upper[w.frequency] - unknowns.lower[w.frequency]):
+            line = next((r for r in lines if _fits(r, wave, unknowns)), None)
+            if line is None:
+                free[[wave.amplitude, wave.frequency, wave.phase]] = False
+                continue
+            lines.remove(line)
+            _set(line, wave, logs, unknowns, start, own)
+        logs = [_with_own(log, row) for log, row in zip(logs, own, strict=True)]
+    return logs, replace(unknowns, start=start, free=free)
+
+
+def _waves(unknowns: Unknowns) -> list[_Wave]:
+    names = unknowns.names
+    stems = [name.removesuffix("_amplitude") for name in names if name.endswith("_amplitude")]
+    return [
+        _Wave(*(names.index(f"{stem}_{what}") for what in ("amplitude", "frequency", "phase")))
+        for stem in stems
+        if f"{stem}_frequency" in names and f"{stem}_phase" in names
+    ]
+
+
+def _fits(line: Rhythm, wave: _Wave, unknowns: Unknowns) -> bool:
+    at = np.log(line.frequency)
+    return bool(unknowns.lower[wave.frequency] < at < unknowns.upper[wave.frequency])
+
+
+def _set(line: Rhythm, wave: _Wave, logs: list[Prepared], unknowns: Unknowns, start: Array, own: Array) -> None:
+    """Write a rhythm into the start: the force follows the motion through spring and damper."""
+    omega = 2 * np.pi * line.frequency
+    amplitudes, phases = [], []
+    for log, amplitude, phase in zip(logs, line.amplitude, line.phase, strict=True):
+        k, m, h = log.rig.stiffness, log.rig.mass, log.rig.damping
+        response = k + 1j * omega * h * np.sqrt(m / k)
+        amplitudes.append(amplitude / abs(response))
+        phases.append(float(phase - np.angle(response)))
+    shown = np.isfinite(amplitudes)
+    start[wave.amplitude] = float(np.mean(np.array(amplitudes)[shown]))
+    start[wave.frequency] = np.log(line.frequency)
+    start[wave.phase] = phases[int(np.argmax(shown))]
+    own[:, wave.phase] = np.where(shown, phases, 0.0)
+
+
+def _with_own(log: Prepared, row: Array) -> Prepared:
+    return replace(log, data=replace(log.data, own=row)) if np.any(np.isfinite(row)) else log
