@@ -78,6 +78,14 @@ class NormalForce:
         """Force [N] at times t [s], any shape."""
         return np.asarray(np.interp(np.asarray(t, float), self.times, self.values))
 
+    def mean(self, begin: float, end: float) -> float:
+        """Mean force [N] between two times [s], exactly."""
+        if len(self.values) == 1 or end <= begin:
+            return float(self.at(begin))
+        inner = [t for t in self.times if begin < t < end]
+        times = np.array([begin, *inner, end])
+        return float(np.trapezoid(self.at(times), times) / (end - begin))
+
     def line(self, t: float) -> tuple[float, float]:
         """Force [N] and its slope [N/s] just after t [s]."""
         i = int(np.searchsorted(self.times, t, side="right")) - 1

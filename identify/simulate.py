@@ -7,6 +7,7 @@ overcomes the grip, and the sign function is never smoothed.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.drive import Drive, NormalForce, breaks
 from identify.errors import SimulationError
+from identify.initial import initial_states
 from identify.model import SPEED, Model
 from identify.modes import ModeName, sliding_modes
 from identify.phases import Phase, scales, slide, stepper, stick
@@ -131,11 +133,15 @@ def simulate(
 ) -> Trajectory:
     """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
 
+    The course of the normal force counts where the effect varying_normal_force is on, else its mean over the
+    duration.
+
     Args:
         drive, normal_force: replace those of the scene's rig; units and forms as in `run`.
 
     Raises:
         SimulationError: no drive speed or normal force is given, or what the model refuses.
+        SceneError: the effects are still to be chosen, or one of them is outside its measured range.
     """
     speed = scene.rig.drive_speed if drive is None else drive
     force = scene.rig.normal_force if normal_force is None else normal_force
@@ -143,6 +149,13 @@ def simulate(
         raise SimulationError("the scene has no drive speed; give drive_speed under [rig]")
     if force is None:
         raise SimulationError("the scene has no normal force; give normal_force under [rig]")
-    initial = scene.initial
-    start = {"elongation": initial.elongation, "sliding_speed": initial.sliding_speed, "gamma": initial.gamma}
-    return run(scene.model, scene.values(), speed, force, duration, start=start, rtol=rtol)
+    model, values = scene.model, scene.values()
+    course, programme = NormalForce.of(force), Drive.of(speed)
+    load = course if model.follows_load else NormalForce.of(course.mean(0.0, duration))
+    scene.check_ranges(
+        None, tuple(zip(programme.starts, programme.speeds, strict=True)), (min(load.values), max(load.values))
+    )
+    u = np.array([programme.at(0.0), float(load.at(0.0)), 1.0, 0.0])
+    p = np.array([values[name] for name in model.parameter_names])
+    start = initial_states(model, p, u, asdict(scene.initial))
+    return run(model, values, programme, load, duration, start=start, rtol=rtol)

@@ -240,3 +240,15 @@ def test_the_choice_of_effects_settles_a_scene():
         scene.with_effects(["inertia", "power_law", "linear_weakening"])
     with pytest.raises(SceneError, match=r"extrapolate = \[\"load_dependence\"\]"):
         scene_of("auto", HEAVY).with_effects(["inertia", "load_dependence"])
+
+
+def test_only_a_scene_without_inertia_does_without_a_mass():
+    rig = {key: value for key, value in RIG.items() if key != "mass"}
+    light = Scene.from_document({"effects": ["contact_ageing"], "rig": rig})
+    assert light.rig.mass == 0.0 and "mass" not in light.values() and light.rig.half_period == 0.0
+    assert Scene.from_document(light.as_document()) == light
+    for effects in ("auto", ["inertia"]):
+        with pytest.raises(SceneError, match="has no mass"):
+            Scene.from_document({"effects": effects, "rig": rig})
+    with pytest.raises(SceneError, match="mass is 0 kg"):
+        light.with_effects(["inertia"])

@@ -59,6 +59,12 @@ def check_log_overrides(scene: Scene) -> None:
                 )
 
 
+def check_mass(scene: Scene) -> None:
+    """Only a model without inertia does without a mass."""
+    if scene.rig.mass == 0.0 and (scene.effects == "auto" or "inertia" in scene.effects):
+        raise SceneError("mass is 0 kg; expected a positive number: correct it, or take inertia out of effects")
+
+
 def check_rig_bounds(scene: Scene) -> None:
     """A rig quantity that is estimated starts within its bounds."""
     for name in RIG_PARAMETERS:

@@ -48,11 +48,12 @@ def speed_or_quantity(value: Any, unit: str, where: str) -> DriveSpeed:
     return tuple((quantity(start, "s", where), quantity(speed, "m/s", where)) for start, speed in value)
 
 
-def read_rig(table: Table, damped_by: str | None) -> tuple[Rig, float | None]:
+def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tuple[Rig, float | None]:
     """The rig, and h/k where the damping was stated as a ratio (it then follows a log's own stiffness).
 
     Args:
         damped_by: the effect that is on and needs a damping, None without one.
+        inertial: whether a mass is needed; 0 stands for none.
 
     Raises:
         SceneError: a missing mass, stiffness or damping, several dampings, or a value no rig can have.
@@ -73,6 +74,8 @@ def read_rig(table: Table, damped_by: str | None) -> tuple[Rig, float | None]:
         if tolerance is not None:
             tolerances["damping" if key in DAMPING else key] = tolerance
     for key, example in (("mass", "0.2 kg"), ("stiffness", "1470 N/m")):
+        if key == "mass" and not inertial:
+            values[key] = values[key] or 0.0
         if values[key] is None:
             raise SceneError(f'[rig] has no {key}; give {key} = "{example}"')
     ratio = _damping_ratio({key: values.pop(key) for key in DAMPING[1:]})

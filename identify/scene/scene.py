@@ -12,7 +12,13 @@ from identify.effects import ALL
 from identify.errors import SceneError
 from identify.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
 from identify.quantities import Parameter
-from identify.scene.checks import check_coefficients, check_log_overrides, check_ranges, check_rig_bounds
+from identify.scene.checks import (
+    check_coefficients,
+    check_log_overrides,
+    check_mass,
+    check_ranges,
+    check_rig_bounds,
+)
 from identify.scene.parameters import declared_by, default_spec
 from identify.scene.toml import known_effects, read_parts, read_toml
 from identify.scene.values import Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
@@ -42,6 +48,7 @@ class Scene:
     source: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
+        check_mass(self)
         check_log_overrides(self)
         check_rig_bounds(self)
         check_coefficients(self)

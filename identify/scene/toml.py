@@ -113,8 +113,9 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
     effects = _effects(document.get("effects"))
     declared = declared_by(effects)
     rig_table = Table.of(document.get("rig"), "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
-    damped_by = [e.name for e in ALL if e.name in effects and any(p.name == "damping" for p in e.parameters)]
-    rig, ratio = read_rig(rig_table, damped_by[0] if damped_by and effects != "auto" else None)
+    listed = effects if effects != "auto" else MAIN[:1]
+    damped_by = [e.name for e in ALL if e.name in listed and any(p.name == "damping" for p in e.parameters)]
+    rig, ratio = read_rig(rig_table, damped_by[0] if damped_by else None, "inertia" in listed)
     contact = _contact(document.get("contact", {}))
     logs = document.get("logs", [])
     if not isinstance(logs, Sequence) or isinstance(logs, str):

@@ -41,7 +41,8 @@ def _check_speed(where: str, speed: DriveSpeed | None) -> None:
 
 @dataclass(frozen=True)
 class Rig:
-    """The machine around the contact, SI: mass m [kg], stiffness k [N/m], damping h of eq. 1 [N/m].
+    """The machine around the contact, SI: mass m [kg] (0 only where no effect asks for it), stiffness k [N/m],
+    damping h of eq. 1 [N/m].
 
     `drive_speed` [m/s] is constant, or a programme of (start [s], speed [m/s]), piecewise constant;
     `normal_force` [N] only where a log has none; `noise` [N] is the standard deviation of the force.
@@ -61,7 +62,7 @@ class Rig:
     tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _positive("mass", "kg", self.mass)
+        _not_negative("mass", "kg", self.mass)
         _positive("stiffness", "N/m", self.stiffness)
         _not_negative("damping", "N/m", self.damping)
         _positive("normal_force", "N", self.normal_force)
@@ -82,8 +83,8 @@ class Rig:
 
     @property
     def natural_frequency(self) -> float:
-        """Undamped natural frequency sqrt(k/m) [rad/s]."""
-        return math.sqrt(self.stiffness / self.mass)
+        """Undamped natural frequency sqrt(k/m) [rad/s]; infinite without a mass."""
+        return math.sqrt(self.stiffness / self.mass) if self.mass else math.inf
 
     @property
     def half_period(self) -> float:
