@@ -74,7 +74,7 @@ def _spare_grip(model: Model, x: Array, situated: Situated, times: Array) -> Arr
     return np.asarray(np.array(model.grip(state, p, u)).ravel() - np.abs(driving))
 
 
-def _swing(model: Model, p: Array) -> tuple[float, float]:
+def swing(model: Model, p: Array) -> tuple[float, float]:
     """Shortest period [s] of what oscillates in the drive (infinite without), bound of its force on the contact [N]."""
     if model.waves.numel_out(0) == 0:
         return np.inf, 0.0
@@ -89,8 +89,8 @@ def stick(model: Model, x: Array, situated: Situated, start: float, limit: float
     x[SPEED] = 0.0
     if _spare_grip(model, x, situated, np.zeros(1))[0] <= 0.0:
         return Phase("stick", start, situated, np.zeros(1), x[None, :], "speed")
-    period, swing = _swing(model, situated.p)
-    onset = first_zero(lambda t: _spare_grip(model, x, situated, t), limit, period, swing) if limit > 0.0 else None
+    period, force = swing(model, situated.p)
+    onset = first_zero(lambda t: _spare_grip(model, x, situated, t), limit, period, force) if limit > 0.0 else None
     end = limit if onset is None else onset
     after = np.array(model.rest(x, situated.p, situated.at(end), end)).ravel()
     ended_by: GuardName | None = None if onset is None else "speed"
