@@ -74,6 +74,11 @@ def find(
     began = time.perf_counter()
     if not scene.logs:
         raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
+    if scene.model.balance is not None:
+        raise FitError(
+            "the effect inertia is off: a fit follows slips, which have no duration without a mass; "
+            "add inertia to effects and give the mass under [rig]"
+        )
     progress("reading the logs", 0.0)
     read = [_read(scene, i) for i in range(len(scene.logs))] if records is None else list(records)
     if len(read) != len(scene.logs):

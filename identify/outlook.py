@@ -91,6 +91,11 @@ def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[s
 
 def _map(model: Model, point: OperatingPoint) -> CycleMap:
     speed, load = abs(float(point.drive_speed)), float(point.normal_force)
+    if model.balance is not None:
+        raise SimulationError(
+            "the effect inertia is off: stability and amplitude of stick-slip are those of a moving mass; "
+            "add inertia to effects and give the mass under [rig]"
+        )
     if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
         raise SimulationError(
             f"the operating point is {point.drive_speed:g} m/s and {load:g} N; expected a drive speed that is not "

@@ -19,6 +19,7 @@ from identify.initial import initial_states
 from identify.model import SPEED, Model
 from identify.modes import ModeName, sliding_modes
 from identify.phases import Phase, scales, slide, stepper, stick
+from identify.quasistatic import balanced
 from identify.stepping import Situated
 from identify.trajectory import Trajectory
 
@@ -119,6 +120,8 @@ def run(
     p = np.array([values[name] for name in model.parameter_names])
     initial = start or {}
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
+    if model.balance is not None:
+        return balanced(model, p, Drive.of(drive), NormalForce.of(normal_force), duration, x, rtol=rtol, locate=locate)
     motion = phases(model, p, Drive.of(drive), NormalForce.of(normal_force), duration, x, rtol=rtol, locate=locate)
     return Trajectory(model, tuple(motion), duration)
 

@@ -1,0 +1,106 @@
+"""Run a model without inertia forward: rest, sliding in balance of forces, located switches, jumps of the speed.
+
+It is the limit of a vanishing mass with hysteresis damping h and stiffness k fixed. Where friction falls as sliding
+sets in, or softens with distance faster than the spring unloads, the motion jumps to another place: refused by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.drive import Drive, NormalForce, breaks
+from identify.errors import SimulationError
+from identify.model import Model
+from identify.modes import ModeName, sliding_modes
+from identify.quasistatic_balance import settle
+from identify.quasistatic_collocation import Collocator
+from identify.quasistatic_phases import BalancedPhase, Slide, sizes, stick
+from identify.quasistatic_trajectory import BalancedTrajectory
+from identify.stepping import Situated
+
+Array = NDArray[np.float64]
+
+MAX_PHASES = 2_000_000
+STALLED = 1000  # phases in a row without time passing
+
+
+def balanced(
+    model: Model,
+    p: Array,
+    drive: Drive,
+    normal_force: NormalForce,
+    duration: float,
+    x: Array,
+    *,
+    rtol: float = 1e-11,
+    locate: bool = True,
+) -> BalancedTrajectory:
+    """The motion of a model without inertia from rest at state x (n_x,), for `duration` [s]; arguments as `run`.
+
+    Raises:
+        SimulationError: a jump to another place, or phases without time passing.
+    """
+    motion = _phases(model, p, (drive, normal_force), duration, x, rtol, locate)
+    return BalancedTrajectory(model, tuple(motion), duration)
+
+
+def _phases(
+    model: Model,
+    p: Array,
+    outside: tuple[Drive, NormalForce],
+    duration: float,
+    x: Array,
+    rtol: float,
+    locate: bool,
+) -> Iterator[BalancedPhase]:
+    drive, normal_force = outside
+    machine = Collocator(model, rtol, sizes(model, p, float(normal_force.at(0.0))))
+    ends = breaks(drive, normal_force, duration)
+    t, v, segment, stalled, direction = 0.0, 0.0, 0, 0, 1.0
+    mode: ModeName = "stick"
+    for _ in range(MAX_PHASES):
+        force, slope = normal_force.line(t)
+        situated = Situated(p, drive.at(t), direction, force, slope, t)
+        limit = float(ends[segment]) - t
+        phase, following = _phase(machine, mode, x, v, situated, limit, locate)
+        stalled = stalled + 1 if phase.duration <= 0.0 else 0
+        if stalled > STALLED:
+            raise SimulationError(
+                f"the contact sticks and slides without time passing at {t:.6g} s (chatter): without inertia nothing "
+                "holds it either way; add the effect inertia"
+            )
+        if phase.duration > 0.0 or phase.ended_by is not None:
+            yield phase  # of no duration too: an arrest at a step of the drive is an arrest
+        t, x, v = t + phase.duration, phase.x[-1], float(phase.v[-1])
+        if phase.ended_by is None:
+            t, segment = float(ends[segment]), segment + 1
+            if segment == ends.size:
+                return
+        if mode == "stick" and following != "stick":
+            u = np.array([situated.drive_speed, float(normal_force.at(t)), 1.0, t])
+            direction = float(np.sign(np.array(model.driving_force(x, p, u)).item())) or 1.0
+        elif mode != "stick" and following == "stick" and model.jumps:
+            x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
+        mode = following
+    raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+
+
+def _phase(
+    machine: Collocator, mode: ModeName, x: Array, v: float, situated: Situated, limit: float, locate: bool
+) -> tuple[BalancedPhase, ModeName]:
+    """One phase of `limit` [s] at most, and the mode that follows it."""
+    model, start = machine.model, situated.time
+    if mode == "stick":
+        phase = stick(model, x, situated, start, limit)
+        return phase, "stick" if phase.ended_by is None else "slip"
+    speed = settle(machine, mode, x, situated, v)
+    if speed is None:
+        still = BalancedPhase(mode, start, situated, np.zeros(1), x[None, :], "speed", np.zeros(1))
+        return still, "stick"
+    phase = Slide(machine, mode, situated, locate=locate).run(x, speed, start, limit)
+    if phase.ended_by is None or phase.ended_by == "fold":
+        return phase, mode
+    return phase, dict(sliding_modes(model.clamped is not None)[mode].exits)[phase.ended_by]
