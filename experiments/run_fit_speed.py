@@ -134,7 +134,7 @@ def written(records: Sequence[Record], chosen: Sequence[int], folder: Path) -> S
         path = folder / f"log_{i}.h5"
         write_hdf5(record, path)
         logs.append({"path": str(path), "drive_speed": SPEEDS[i][0]})
-    return Scene.from_document({"effects": list(NAMES), "rig": dict(RIG), "logs": logs}, folder)
+    return Scene.from_document({"effects": [*NAMES, "varying_normal_force"], "rig": dict(RIG), "logs": logs}, folder)
 
 
 def against_least_squares(

@@ -29,7 +29,7 @@ def scene_of(names: tuple[str, ...], folder: Path) -> Scene:
     """The scene of records of one spring; the drive speed [um/s] stands in the file name."""
     stiffness = FILES[names[0]]
     document = {
-        "effects": list(NAMES),
+        "effects": [*NAMES, "varying_normal_force"],
         "rig": {"mass": MASS, "stiffness": stiffness, "zeta": 0.02},
         "parameters": {
             "mass": {"lower": 0.3 * MASS, "upper": 2.5 * MASS},

@@ -82,7 +82,7 @@ def wrong_start(random: np.random.Generator, truth: dict[str, float]) -> dict[st
 def scene_of(case: Case, start: dict[str, float] | None = None) -> Scene:
     """The scene a user would write for the case; with the user's start where one is given."""
     document = {
-        "effects": list(NAMES),
+        "effects": [*NAMES, "varying_normal_force"],
         "rig": dict(case.rig),
         "logs": [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, _, _) in enumerate(SPEEDS, 1)],
     }

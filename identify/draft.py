@@ -20,6 +20,7 @@ from identify.segment import segment
 
 Array = NDArray[np.float64]
 
+EFFECTS = (*MAIN, "varying_normal_force")
 FEWEST_CYCLES = 2
 STEADY = 0.02  # relative scatter up to which a recorded speed counts as one speed
 
@@ -63,7 +64,7 @@ def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, Any]) -> tup
     lines = [
         "# A first scene, written from the logs below by: stickslip scene",
         "# Everything marked TODO is for you to fill in. A quantity is text with a unit, or a bare SI number.",
-        f"effects = [{', '.join(json.dumps(name) for name in MAIN)}]",
+        f"effects = [{', '.join(json.dumps(name) for name in EFFECTS)}]   # friction follows the measured load",
         "",
         *_rig_lines(used),
         "",

@@ -1,4 +1,4 @@
-"""The measured normal force as the model takes it: its slow course, as many knots as it needs."""
+"""The measured normal force as the model takes it: its slow course, as many knots as it needs, or its mean."""
 
 from __future__ import annotations
 
@@ -35,15 +35,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     Raises:
         FitError: no finite value, or a force that is not positive throughout.
     """
-    good = np.isfinite(normal_force) & np.isfinite(time)
-    t, f = time[good], normal_force[good]
-    if t.size == 0:
-        raise FitError(f"{name} has no finite normal force; give it with --normal-force")
-    if np.median(f) <= 0.0:
-        raise FitError(
-            f"{name} has a median normal force of {np.median(f):.3g} N; expected a positive load: "
-            "check the column and its sign"
-        )
+    t, f = _finite(time, normal_force, name)
     if np.ptp(f) == 0.0 or t.size < 16:
         return _checked(NormalForce.of(float(np.mean(f))), name), 0.0
     centres, means, weights, noise = _binned(t, f)
@@ -62,6 +54,38 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
             drawn = np.linspace(centres[0], centres[-1], DRAWN * segments + 1)
             best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
     return _checked(best, name), noise * float(np.sqrt(max(count, cycles) / t.size))
+
+
+def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> tuple[NormalForce, float]:
+    """The mean of a measured normal force, and its standard error [N] as the white noise leaves it.
+
+    Arguments and errors as `smooth`.
+    """
+    t, f = _finite(time, normal_force, name)
+    mean = _checked(NormalForce.of(max(float(np.mean(f)), 1e-9)), name)
+    if np.ptp(f) == 0.0 or t.size < 16:
+        return mean, 0.0
+    return mean, _binned(t, f)[3] * float(np.sqrt(max(cycles, 1) / t.size))
+
+
+def swing(course: NormalForce, begin: float, end: float) -> float:
+    """By how much a course varies between two times [s]: half its range, as a share of its mean."""
+    inner = [force for t, force in zip(course.times, course.values, strict=True) if begin < t < end]
+    values = np.array([*course.at([begin, end]), *inner])
+    return float(np.ptp(values) / 2.0 / np.mean(values))
+
+
+def _finite(time: Array, normal_force: Array, name: str) -> tuple[Array, Array]:
+    good = np.isfinite(normal_force) & np.isfinite(time)
+    t, f = time[good], normal_force[good]
+    if t.size == 0:
+        raise FitError(f"{name} has no finite normal force; give it with --normal-force")
+    if np.median(f) <= 0.0:
+        raise FitError(
+            f"{name} has a median normal force of {np.median(f):.3g} N; expected a positive load: "
+            "check the column and its sign"
+        )
+    return t, f
 
 
 def _binned(t: Array, f: Array) -> tuple[Array, Array, Array, float]:

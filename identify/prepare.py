@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.errors import FitError
 from identify.guess import LogData
-from identify.loads import smooth
+from identify.loads import level, smooth, swing
 from identify.scene import Scene
 from identify.scene.values import LogEntry, Rig
 from identify.segment import SLIDING, STICK, Segmentation, segment
@@ -22,6 +22,7 @@ LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so tha
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 RISE = (0.4, 0.9)  # of the first rise: the stretch its straight line is taken from
 CLEAR = 0.1  # of the loading line after the bend that is left out
+SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
@@ -31,7 +32,9 @@ class Prepared:
 
     record; entry; rig of this log; sign applied to the friction force; force (n,) [N], sliding positive, tare
     taken off; used (n,) samples that may count; segmentation; data for the estimator; falls (c,) [s] of the
-    cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given.
+    cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
+    hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
+    as a share).
     """
 
     record: Record
@@ -45,6 +48,7 @@ class Prepared:
     falls: Array
     left_out: str | None
     noise_estimated: bool
+    hidden_swing: float = 0.0
 
     @property
     def name(self) -> str:
@@ -69,6 +73,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
 
     Raises:
         FitError: a drive programme, or a log of which nothing is left.
+        SceneError: an effect outside its measured range.
     """
     rig = scene.rig_for(entry)
     name = entry.path.name
@@ -84,16 +89,23 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     shown = np.where(used, force, np.nan)
     inside = np.flatnonzero(used)
     first, last = int(inside[0]), int(inside[-1]) + 1
-    found = segment(record.time[first:last], shown[first:last], half_period=rig.half_period, noise=rig.noise)
+    found = segment(record.time[first:last], shown[first:last], half_period=rig.half_period or None, noise=rig.noise)
     spikes = np.ones(record.time.size, bool)
     spikes[first:last] = found.spikes
     noise = rig.noise or found.noise
     floor = 1e-6 * float(np.nanmax(np.abs(force)))
     weight = np.where(used & ~spikes & np.isfinite(force), 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
-    load, load_sd = smooth(record.time[used], record.normal_force[used], name, found.count)
-    load_sd = float(np.hypot(load_sd, REPEATABLE * np.mean(load.values)))
     falls = found.cycles.fall[entry.skip_cycles :]
     begin, end = _window(record.time[first:last], shown[first:last], found, noise, entry.skip_cycles)
+    load, load_sd = smooth(record.time[used], record.normal_force[used], name, found.count)
+    hidden = 0.0
+    if not unknowns.model.follows_load:
+        hidden = swing(load, begin, end)
+        hidden = hidden if hidden > SEEN * load_sd / float(np.mean(load.values)) else 0.0
+        inside = np.flatnonzero(used & (record.time >= begin) & (record.time <= end))
+        load, load_sd = level(record.time[inside], record.normal_force[inside], name, found.count)
+    scene.check_ranges(entry, speed, (min(load.values), max(load.values)))
+    load_sd = float(np.hypot(load_sd, REPEATABLE * np.mean(load.values)))
     data = LogData(
         np.ascontiguousarray(record.time),
         np.nan_to_num(force),
@@ -106,7 +118,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         end,
     )
     reason = _reason(found, falls, name)
-    return Prepared(record, entry, rig, sign, force, used & ~spikes, found, data, falls, reason, rig.noise is None)
+    counted = used & ~spikes
+    return Prepared(record, entry, rig, sign, force, counted, found, data, falls, reason, rig.noise is None, hidden)
 
 
 def _drive_speed(rig: Rig, record: Record, name: str) -> float:

@@ -245,9 +245,18 @@ def _quality(log: Prepared) -> dict[str, Any]:
         "normal_force_drift": {"value": quality.load_drift, "unit": ""},
     }
     findings = [{"code": f.code, "severity": f.severity, "message": f.message} for f in quality.findings]
+    if log.hidden_swing:
+        findings.append({"code": "load_varies", "severity": "warning", "message": _load_varies(log)})
     worst = {f["severity"] for f in findings}
     verdict = "reject" if "reject" in worst else "accept with warnings" if "warning" in worst else "accept"
     return {"verdict": verdict, "findings": findings, "figures": figures}
+
+
+def _load_varies(log: Prepared) -> str:
+    return (
+        f"the normal force varies by ±{100 * log.hidden_swing:.2g} % beyond its noise, and the fit takes its mean; "
+        'add "varying_normal_force" to effects'
+    )
 
 
 def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
@@ -292,6 +301,7 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]
     if exact and found.status is Status.CONVERGED:
         named = ", ".join(name.replace("_", " ") for name in exact)
         notes.append(f"Taken as exact: {named}; the table of rig errors shows what 1 % would do.")
+    notes += [f"{log.name}: {_load_varies(log)}." for log in prepared if log.hidden_swing]
     for index, reason in sorted(found.left_out.items()):
         notes.append(f"Log {index + 1} took no part in the fit: {reason}.")
     return notes

@@ -37,7 +37,7 @@ def case():
 
 def _scene(logs, rig=RIG, **more):
     entries = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in logs]
-    return Scene.from_document({"effects": list(MAIN), "rig": dict(rig), "logs": entries} | more, Path())
+    return Scene.from_document({"effects": [*MAIN, "varying_normal_force"], "rig": dict(rig), "logs": entries} | more, Path())
 
 
 def _records(case, logs):
@@ -189,7 +189,7 @@ def test_sliding_without_a_cycle_still_gives_the_classical_table():
 
 def test_drive_programmes_are_refused_by_name(case):
     entry = {"path": "steps.csv", "drive_speed": [[0, 1e-3], [2, 2e-3]]}
-    scene = Scene.from_document({"effects": list(MAIN), "rig": dict(RIG), "logs": [entry]}, Path())
+    scene = Scene.from_document({"effects": [*MAIN, "varying_normal_force"], "rig": dict(RIG), "logs": [entry]}, Path())
     with pytest.raises(FitError, match=r"steps\.csv has a drive programme of 2 speeds"):
         fit(scene, [case.records[2]])
 

@@ -11,8 +11,8 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
 from identify.effects import MAIN
-from identify.errors import FitError
-from identify.loads import smooth
+from identify.errors import FitError, SceneError
+from identify.loads import level, smooth
 from identify.model import assemble
 from identify.prepare import prepare
 from identify.scene import Scene
@@ -23,9 +23,9 @@ NOISE = 5e-3
 QUIET = 0.4  # [s] before the drive starts
 
 
-def _scene(**log: object) -> Scene:
+def _scene(effects: tuple[str, ...] = MAIN, **log: object) -> Scene:
     rig = dict(RIG) | {"drive_speed": 1e-3}
-    return Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": [{"path": "a.csv", **log}]}, Path())
+    return Scene.from_document({"effects": list(effects), "rig": rig, "logs": [{"path": "a.csv", **log}]}, Path())
 
 
 def _record(quiet: float = 0.0, sign: float = 1.0, offset: float = 0.0, seed: int = 0) -> Record:
@@ -101,3 +101,40 @@ def test_a_normal_force_that_was_set_is_exact_and_one_that_pulls_is_refused():
         smooth(times, np.full(100, -1.0))
     with pytest.raises(FitError, match="no finite normal force"):
         smooth(times, np.full(100, np.nan))
+
+
+def _loaded(course: np.ndarray, effects: tuple[str, ...] = MAIN, **log: object):
+    record = _record()
+    noisy = course + 1e-3 * np.random.default_rng(2).standard_normal(course.size)
+    scene = _scene(effects, **log)
+    return prepare(scene, scene.logs[0], Record(record.time, noisy, record.friction_force), from_scene(scene))
+
+
+def test_a_varying_load_counts_where_the_effect_is_on_and_its_mean_where_it_is_off():
+    times = np.arange(4000) / 1000.0
+    course = 1.0 + 0.05 * np.sin(2 * np.pi * times / 4.0) + 0.1 * (times - 2.0) / 2.0
+    on = _loaded(course, (*MAIN, "varying_normal_force"))
+    assert on.data.normal_force.at(times) == pytest.approx(course, abs=2e-3) and on.hidden_swing == 0.0
+    off = _loaded(course)
+    assert len(off.data.normal_force.values) == 1
+    assert off.data.mean_normal_force == pytest.approx(np.mean(course), abs=5 * 1e-3 / np.sqrt(course.size))
+    # half the range of the course over its mean, from a fine grid
+    assert off.hidden_swing == pytest.approx(np.ptp(course) / 2 / np.mean(course), rel=0.03)
+    cut = _loaded(course, window=[0.0, 1.0])
+    assert cut.data.mean_normal_force == pytest.approx(np.mean(course[:1001]), abs=2e-3)
+    assert _loaded(np.ones(4000)).hidden_swing == 0.0, "noise is no variation"
+
+
+def test_the_mean_of_noise_alone_is_as_certain_as_noise_lets_it_be():
+    errors = []
+    for seed in range(200):
+        noise = 1e-2 * np.random.default_rng(seed).standard_normal(400)
+        force, sd = level(np.arange(400) / 100.0, 2.0 + noise)
+        errors.append((force.values[0] - 2.0) / sd)
+    assert 0.85 < np.std(errors) < 1.15
+
+
+def test_laws_outside_their_measured_range_are_refused_with_the_measured_load():
+    with pytest.raises(SceneError, match=r"load_dependence was measured from 0.1 to 50 N .* is 98 N"):
+        _loaded(np.full(4000, 98.0), (*MAIN, "load_dependence"))
+    assert _loaded(np.full(4000, 20.0), (*MAIN, "load_dependence")).left_out is None

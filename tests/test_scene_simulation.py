@@ -1,0 +1,103 @@
+"""Simulations of scenes: every effect runs, starts settled, follows the load or its mean, keeps to measured ranges."""
+
+import numpy as np
+import pytest
+
+from identify import simulate
+from identify.drive import NormalForce
+from identify.effects import ALL, MAIN, NAMES
+from identify.errors import SceneError
+from identify.scene import Scene
+
+RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.002, "normal_force": 1.0}
+LAWS = ("velocity_weakening", "linear_weakening", "power_law")
+INERTIAL = [effect.name for effect in ALL if effect.name != "inertia"]
+
+
+def scene_of(effects, **tables):
+    rig = RIG | tables.pop("rig", {})
+    return Scene.from_document({"effects": list(effects), "rig": rig, **tables})
+
+
+def beside_the_others(name):
+    """The paper's effects with this one, in place of its rivals."""
+    effect = next(e for e in ALL if e.name == name)
+    rivals = [e.name for e in ALL if e.role and e.role == effect.role]
+    return tuple(n for n in NAMES if n == name or (n in (*MAIN, *effect.needs) and n not in rivals))
+
+
+@pytest.mark.parametrize("name", INERTIAL)
+def test_every_effect_is_simulated(name):
+    scene = scene_of(beside_the_others(name))
+    motion = simulate(scene, 1.0)
+    samples = motion.sample(np.linspace(0.0, 1.0, 500))
+    assert all(np.all(np.isfinite(values)) for values in samples.values())
+    assert motion.onsets.size >= 2 and np.max(samples["force"]) < 3.0
+
+
+@pytest.mark.parametrize("name", ["skin_compliance", "sensor_lag", "force_sensor", "excitation"])
+@pytest.mark.parametrize("elongation", [0.0, 1e-4])
+def test_a_simulation_starts_settled(name, elongation):
+    """With the drive at rest nothing moves of itself, and the load cell shows what the elongation means."""
+    scene = scene_of(
+        beside_the_others(name),
+        rig={"drive_speed": 0.0},
+        initial={"elongation": elongation},
+        parameters={"excitation_amplitude": {"fixed": 0.0}} if name == "excitation" else {},
+    )
+    values = scene.values()
+    stiffness = values["stiffness"]
+    if name == "skin_compliance":  # two springs in series
+        stiffness = 1.0 / (1.0 / values["stiffness"] + 1.0 / values["skin_stiffness"])
+    samples = simulate(scene, 0.5).sample(np.linspace(0.0, 0.5, 51))
+    assert samples["force"] == pytest.approx(stiffness * elongation, rel=1e-9, abs=1e-12)
+    assert samples["elongation"] == pytest.approx(elongation, rel=1e-12)
+    if name == "skin_compliance":
+        expected = stiffness * elongation / values["skin_stiffness"]
+        assert samples["skin_deformation"] == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    if name == "sensor_lag":
+        assert samples["lagged_force"] == pytest.approx(stiffness * elongation, rel=1e-9, abs=1e-12)
+
+
+def test_the_initial_gamma_is_kept_beside_a_settled_skin():
+    scene = scene_of(beside_the_others("skin_compliance"), initial={"gamma": 0.3, "elongation": 1e-5})
+    first = simulate(scene, 0.1).sample([0.0])
+    assert first["gamma"] == pytest.approx(0.3) and first["elongation"] == pytest.approx(1e-5)
+
+
+def test_the_course_of_the_load_or_its_mean():
+    course = ([0.0, 1.0, 3.0], [1.0, 0.8, 1.2])
+    mean = (0.9 * 1.0 + 0.9 * 1.0) / 2.0  # trapezoids over the first two seconds: 0.9 then (0.8 + 1.0)/2
+    off = simulate(scene_of(MAIN), 2.0, normal_force=course)
+    level = simulate(scene_of(MAIN), 2.0, normal_force=mean)
+    on = simulate(scene_of((*MAIN, "varying_normal_force")), 2.0, normal_force=course)
+    times = np.linspace(0.0, 2.0, 101)
+    assert off.onsets == pytest.approx(level.onsets, rel=1e-12)
+    assert off.sample(times)["normal_force"] == pytest.approx(mean)
+    assert on.sample(times)["normal_force"] == pytest.approx(np.interp(times, *course))
+    assert np.max(np.abs(on.onsets[:5] - level.onsets[:5])) > 1e-3
+
+
+def test_the_mean_of_a_course_is_exact():
+    force = NormalForce.of((np.array([0.0, 1.0, 4.0]), np.array([1.0, 3.0, 2.0])))
+    fine = np.linspace(0.5, 3.7, 200_001)
+    assert force.mean(0.5, 3.7) == pytest.approx(np.trapezoid(force.at(fine), fine) / 3.2, rel=1e-9)
+    assert force.mean(-1.0, 0.0) == 1.0 and NormalForce.of(0.7).mean(0.0, 3.0) == 0.7
+
+
+def test_laws_keep_to_their_measured_range_in_a_simulation():
+    scene = scene_of(("inertia", "power_law"))
+    with pytest.raises(SceneError, match="power_law was measured"):
+        simulate(scene, 1.0, drive=1e-5)
+    with pytest.raises(SceneError, match="power_law was measured"):
+        simulate(scene, 1.0, drive=((0.0, 5e-3), (0.5, 1e-5)))
+    free = scene_of(("inertia", "power_law"), extrapolate=["power_law"])
+    assert simulate(free, 0.1, drive=1e-5).duration == 0.1
+    heavy = scene_of(("inertia", "load_dependence", "varying_normal_force"))
+    with pytest.raises(SceneError, match="load_dependence was measured"):
+        simulate(heavy, 1.0, normal_force=([0.0, 1.0], [1.0, 80.0]))
+
+
+def test_effects_to_be_chosen_are_not_simulated():
+    with pytest.raises(SceneError, match="list them by name"):
+        simulate(Scene.from_document({"effects": "auto", "rig": RIG}), 1.0)
