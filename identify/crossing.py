@@ -21,7 +21,7 @@ DECADES = 16  # the grid begins at this many decades below its end
 PER_DECADE = 12
 PER_PERIOD = 16
 CHUNK = 1024  # times per call while scanning an oscillation
-MAX_SCAN = 2_000_000  # times of one search: a bound, so that no scene runs for ever
+MAX_SCAN = 500_000  # times of one search: a bound, so that no scene runs for ever
 ZOOM, ZOOMS = 17, 8  # a dip is looked at with so many times, each round in the neighbourhood of the lowest
 DEEP = 0.5  # a dip is looked at where a parabola comes within this share of its rise to zero
 

@@ -22,6 +22,9 @@ from identify.stepping import Situated, Stepper
 Array = NDArray[np.float64]
 
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
+RUNAWAY = 1e9  # times the speed at which one normal force stops the mass: no bounded friction gets there
+LEAST = 1e-9  # friction coefficients within this of zero are rounding
+CLOSE = 0.25  # of the guards around it: a minimum of the speed as low as this is looked at
 
 
 @dataclass(frozen=True)
@@ -107,29 +110,34 @@ def slide(
     scale: Scales,
     *,
     locate: bool = True,
+    most: int = MAX_STEPS,
 ) -> Phase:
     """Slide in one mode from state x until one of its guards falls to zero, or for `limit` [s].
 
     Args:
         locate: False takes the step at whose end a guard is negative as it is (a control for tests:
             accuracy is lost).
+        most: bound of the steps.
 
     Raises:
-        SimulationError: the integration needs more than MAX_STEPS steps or meets a state that is not finite.
+        SimulationError: the integration needs more than `most` steps or meets a state that is not finite.
     """
     exits = dict(sliding_modes(machine.model.clamped is not None)[mode].exits)
     machine.situate(situated)
     power = -1.0 / machine.tableau.order
     t, h = 0.0, min(1e-3 * scale.time, limit)
     times, states = [0.0], [x]
-    for _ in range(MAX_STEPS):
+    before: tuple[dict[GuardName, float], Array] | None = None
+    for _ in range(most):
         h = min(h, limit - t)
-        after, norm, guards, _rate = machine.advance(mode, x, t, h)
+        after, norm, guards, rate = machine.advance(mode, x, t, h)
         if not norm <= 1.0:
             h *= 0.2 if not np.isfinite(norm) else max(0.2, 0.9 * norm**power)
             if h < 1e-14 * scale.time:
                 break
             continue
+        if locate and before is not None and all(guards[guard] > 0.0 for guard in exits):
+            h, guards = _dip(machine, mode, x, t, h, (*before, guards, rate))
         fallen: list[tuple[float, GuardName]] = []
         for guard in exits:
             if guards[guard] < 0.0 or (guards[guard] == 0.0 and t > 0.0):
@@ -144,16 +152,79 @@ def slide(
             times.append(t + length)
             states.append(after)
             return Phase(mode, start, situated, np.array(times), np.array(states), guard)
-        t, x = t + h, after
+        t, x, before = t + h, after, (guards, rate)
         times.append(t)
         states.append(x)
         if t >= limit * (1.0 - 1e-15):
             return Phase(mode, start, situated, np.array(times), np.array(states), None)
         h *= min(5.0, max(0.2, 0.9 * max(norm, 1e-10) ** power))
+    if not abs(x[SPEED]) < RUNAWAY * scale.state[SPEED]:
+        raise SimulationError(
+            f"the {mode} phase at {start:.6g} s runs away (it reached {abs(x[SPEED]):.3g} m/s): friction falls with "
+            "speed without a floor; make the slope smaller, or take the law velocity_weakening"
+        )
     raise SimulationError(
-        f"the {mode} phase at {start:.6g} s did not end within {MAX_STEPS} steps (it reached {t:.3g} s): "
+        f"the {mode} phase at {start:.6g} s did not end within {most} steps (it reached {t:.3g} s): "
         "the motion is too stiff for explicit steps; check mass, a and normal force"
     )
+
+
+def refuse_push(model: Model, phase: Phase) -> None:
+    """Where the mass slides fastest friction must still brake.
+
+    Raises:
+        SimulationError: the friction coefficient is negative there.
+    """
+    i = int(np.argmax(np.abs(phase.x[:, SPEED])))
+    s, x = phase.situated, phase.x[i]
+    u = s.at(phase.t[i], s.direction)
+    field = model.slip if phase.mode == "slip" else model.saturated
+    mass = float(s.p[model.parameter_names.index("mass")])
+    net = mass * np.array(field(x, s.p, u)).ravel()[SPEED]
+    coefficient = s.direction * (float(model.load(x, s.p, u)) - net) / float(u[1])
+    if coefficient < -LEAST:
+        raise SimulationError(
+            f"friction pushes at {phase.start + phase.t[i]:.6g} s (coefficient {coefficient:.3g} at "
+            f"{abs(x[SPEED]):.3g} m/s): a law has left its range; let friction fall less with speed and along the track"
+        )
+
+
+def _dip(
+    machine: Stepper,
+    mode: ModeName,
+    x: Array,
+    t: float,
+    h: float,
+    ends: tuple[dict[GuardName, float], Array, dict[GuardName, float], Array],
+) -> tuple[float, dict[GuardName, float]]:
+    """A step at whose ends all guards are positive, cut short where one of them is not in between.
+
+    Args:
+        ends: guards and dx/dt before and after the step.
+
+    Returns:
+        length of the step to take [s] and the guards at its end.
+    """
+    first, falling, last, rising = ends
+    direction = float(machine.inputs[1])
+    for i, sign in ((SPEED, direction), (machine.model.clamped, 1.0)):
+        if i is None or not sign * falling[i] < 0.0 < sign * rising[i]:
+            continue
+
+        def slope(length: float, i: int = i) -> float:
+            return float(machine.advance(mode, x, t, length)[3][i])
+
+        length = h * falling[i] / (falling[i] - rising[i])
+        guards = machine.advance(mode, x, t, length)[2]
+        exits = dict(sliding_modes(machine.model.clamped is not None)[mode].exits)
+        if all(guards[g] > CLOSE * min(first[g], last[g]) for g in exits):
+            continue
+        if slope(0.0) * slope(h) < 0.0:
+            length = float(brentq(slope, 0.0, h, xtol=1e-15 * h, rtol=1e-12))
+            guards = machine.advance(mode, x, t, length)[2]
+        if any(guards[g] <= 0.0 for g in exits):
+            return length, guards
+    return h, last
 
 
 def _locate(machine: Stepper, mode: ModeName, x: Array, t: float, h: float, guard: GuardName) -> float:

@@ -18,7 +18,7 @@ from identify.errors import SimulationError
 from identify.initial import initial_states
 from identify.model import SPEED, Model
 from identify.modes import ModeName, sliding_modes
-from identify.phases import Phase, scales, slide, stepper, stick
+from identify.phases import MAX_STEPS, Phase, refuse_push, scales, slide, stepper, stick
 from identify.quasistatic import balanced
 from identify.stepping import Situated
 from identify.trajectory import Trajectory
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MAX_PHASES = 2_000_000
+STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
 STALLED = 1000  # phases in a row without time passing: chatter, refused by name
 
 
@@ -55,7 +56,7 @@ def phases(
     machine = stepper(model, p, float(normal_force.at(0.0)), rtol)
     scale = scales(model, p, float(normal_force.at(0.0)))
     ends = breaks(drive, normal_force, duration)
-    t, segment, stalled = 0.0, 0, 0
+    t, segment, stalled, steps = 0.0, 0, 0, MAX_STEPS
     mode: ModeName = "stick"
     direction = float(np.sign(x[SPEED])) or 1.0
     if x[SPEED] != 0.0:
@@ -67,7 +68,9 @@ def phases(
         if mode == "stick":
             phase = stick(model, x, situated, t, limit)
         else:
-            phase = slide(machine, mode, x, situated, t, limit, scale, locate=locate)
+            phase = slide(machine, mode, x, situated, t, limit, scale, locate=locate, most=steps)
+            steps = min(MAX_STEPS, steps - phase.t.size + STEPS_PER_PHASE)
+            refuse_push(model, phase)
         stalled = stalled + 1 if phase.duration <= 0.0 else 0
         if stalled > STALLED:
             raise SimulationError(

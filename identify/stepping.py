@@ -16,6 +16,8 @@ from identify.tableaus import DORMAND_PRINCE, Tableau, step
 
 Array = NDArray[np.float64]
 
+LARGEST = 1e150  # of a state: beyond, squares overflow
+
 
 @dataclass(frozen=True)
 class Situated:
@@ -67,7 +69,8 @@ def step_functions(model: Model, tableau: Tableau) -> Mapping[ModeName, ca.Funct
 
         after, error, _ = step(tableau, motion, x, h)
         scale = atol + rtol * ca.fmax(ca.fabs(x), ca.fabs(after))
-        norm = ca.mmax(ca.fabs(error) / scale)
+        # A largest value hides what is not a number: such a step is refused by an infinite norm.
+        norm = ca.if_else(ca.sum1(ca.fabs(after)) < LARGEST, ca.mmax(ca.fabs(error) / scale), np.inf)
         u = _inputs(model, drive, t + h)
         guards = [drive[1] * after[SPEED], ca.SX(1), ca.SX(1)]
         if model.clamped is not None:
@@ -102,6 +105,11 @@ class Stepper:
                 buffer.set_res(i, result.data)
             self._calls[name] = (buffer, call)
         self._atol = atol  # kept alive: the buffers point into it
+
+    @property
+    def inputs(self) -> Array:
+        """What was set for the phase, see Situated.inputs."""
+        return self._drive
 
     def situate(self, situated: Situated) -> None:
         """Set what holds during the coming phase."""
