@@ -25,7 +25,7 @@ MOST_SAMPLES = 400_000  # of one log in the fold: enough for any mean
 @dataclass(frozen=True)
 class Features:
     """One settled cycle of one log. times (b,) [s] from the middle of the fall, waveform (b,) [N] at the mean
-    normal force, sd (b,); period [s] and its sd (period_sd infinite where a log shows one fall only);
+    normal force, sd (b,); time of its middle cycle [s]; period [s] and its sd (period_sd infinite where a log shows one fall only);
     arrest: valley force [N]; drop [N]; cycles folded."""
 
     log: int
@@ -39,6 +39,7 @@ class Features:
     arrest: float
     drop: float
     cycles: int
+    time: float
 
 
 def extract(number: int, log: LogData, falls: Array, half_period: float) -> Features | None:
@@ -89,6 +90,7 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
         float(np.min(mean[used])),
         drop,
         int(settled.size),
+        float(np.mean(settled)),
     )
 
 

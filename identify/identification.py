@@ -22,6 +22,7 @@ from identify.scene import Scene
 from identify.search import UNEQUAL, Attempt, Clock, Sources, resolve, search
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns, from_scene, user_start
+from identify.vibration import tuned
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
@@ -87,6 +88,7 @@ def find(
     progress("detecting cycles", 0.05)
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
+    prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
     sources = starts or ("both" if user_start(scene) else "data")
     attempt, left_out = search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)

@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.model import INPUTS, SPEED, TIME, Model
+from identify.phases import stick as rest
+from identify.phases import swing
+from identify.stepping import Situated
 from identify.tableaus import RK4, step
 
 Array = NDArray[np.float64]
@@ -82,8 +85,9 @@ def _functions(model: Model) -> dict[str, ca.Function]:
 
     after, _, stages = step(RK4, motion, x, h)
     t = ca.SX.sym("t")
-    rested = model.rest(x, p, u, t)
-    spare = model.grip(rested, p, u) - model.driving_force(rested, p, u)
+    then = ca.vertcat(u[:TIME], u[TIME] + t)
+    rested = model.rest(x, p, then, t)
+    spare = model.grip(rested, p, then) - model.driving_force(rested, p, then)
     slope = ca.jacobian(spare, t)
     return {
         "step": ca.Function("lane_step", [x, p, u, h], [clamp(after), after, stages[0]]).map(CHUNK),
@@ -122,7 +126,11 @@ def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
 def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
     """Rest each lane until the drive overcomes its grip.
 
-    The spare grip falls convexly at late times, so Newton from a late time converges monotonically.
+    The spare grip falls convexly at late times, so Newton from a late time converges monotonically. Where the drive
+    vibrates it does not: the first onset is searched lane by lane.
+
+    Args:
+        u: (n, 4), time at the start of the rest.
 
     Returns:
         stick time (n,) [s] (0 where the lane is moved at once, NaN where nothing ever moves it), state at
@@ -136,6 +144,14 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         t = (saturated + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact saturated for ever
         t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
+        swings = np.array([swing(model, lane)[1] for lane in p]) if model.waves.numel_out(0) else np.zeros(1)
+        if np.any(swings > 0.0):
+            longest = t + 2 * swings / np.maximum(k * u[:, 0], 1e-300) + 1e-9
+            rests = [
+                rest(model, x[i], Situated(p[i], u[i, 0], 1.0, u[i, 1], 0.0, u[i, TIME]), u[i, TIME], longest[i])
+                for i in range(t.size)
+            ]
+            return np.array([r.duration for r in rests]), np.stack([r.x[-1] for r in rests])
         for _ in range(NEWTON_STEPS):
             spare, slope, _state = _call(functions["spare"], [x, p, u, t], [1, 1, n_x])
             move = -spare[:, 0] / slope[:, 0]

@@ -17,8 +17,9 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 NO_OFFSET = np.array([KNOWN])
 ZERO = np.zeros(1)
-DECAYED = 6.0  # time constants one block follows: REST_CELLS cubics over them are good to 1e-4
+DECAYED = (3.0, 8.0, 18.0)  # time constants at which a rest is cut: what decays is followed until it is gone
 CELLS_PER_PERIOD = 8  # of an oscillation while the mass rests
+FORGOTTEN = 1e3  # spreads
 MOST_PARTS = 4000  # of one rest
 
 
@@ -180,7 +181,9 @@ class _LogWalk:
             start = self.guess.theta(u.start)[mine]
             mean = np.where(np.isfinite(u.prior_mean[mine]), start, 0.0)
             bounds = u.lower[mine], u.upper[mine]
-            self.own[mine] = self.c.add(start, u.spread[mine], *bounds, mean=mean, sd=u.prior_sd[mine])
+            # A phase of nothing has no information at all: a prior that says nothing keeps the matrices regular.
+            sd = np.minimum(u.prior_sd[mine], FORGOTTEN * u.spread[mine])
+            self.own[mine] = self.c.add(start, u.spread[mine], *bounds, mean=mean, sd=sd)
 
     def _load(self, cycle: int) -> None:
         """The normal force of this cycle: known to within the error of its measurement, or exactly.
@@ -257,7 +260,7 @@ class _LogWalk:
         if self.c.model.straight or until <= since:
             return [(0.0, 1.0)]
         duration = until - since
-        ends = [DECAYED / r for r in self.rates if DECAYED / r < duration]
+        ends = [c / r for r in self.rates for c in DECAYED if c / r < duration]
         edges = np.unique([0.0, *ends, duration])
         longest = min((REST_CELLS * 2 * np.pi / (CELLS_PER_PERIOD * w) for w in self.frequencies), default=np.inf)
         cuts = [

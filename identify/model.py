@@ -68,7 +68,7 @@ class Model:
     jumps: bool  # whether a state jumps where a stick begins
     quiet: tuple[
         tuple[str, float], ...
-    ]  # parameters that are as good as absent at a finite value, and that value, if clocked
+    ]  # parameters of harmonics that are as good as absent at a value, and that value
     follows_load: bool  # whether the course of the normal force counts, or only its mean
     balance: ca.Function | None = None  # (x, p, u, v) -> load minus friction along the slip [N]; None with inertia
 
@@ -321,12 +321,10 @@ class _Composition:
 
 
 def _quiet(effects: Sequence[Effect], m: _Composition) -> tuple[tuple[str, float], ...]:
-    """Null values of the effects that are explicit in time, where these are values of a linear scale."""
+    """Null values of the effects that bring harmonics, where these are values of a linear scale."""
     out = {}
     for effect in effects:
-        q = effect.terms(m.situation(m.x, at_rest=False))
-        ports = ca.vertcat(q.level, q.clock, q.excess, q.kinetic, q.drift)
-        if q.waves or ca.depends_on(ca.SX(ports), m.time):
+        if effect.terms(m.situation(m.x, at_rest=False)).waves:
             linear = {p.name for p in effect.parameters if p.scale == "linear"}
             out |= {name: value for name, value in effect.null.items() if name in linear}
     return tuple(out.items())

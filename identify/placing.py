@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identify import lanes
 from identify.guess import Grid, Guess, LogData
-from identify.model import Model
+from identify.model import TIME, Model
 from identify.waveform import middle_of_fall, waveform
 
 Array = NDArray[np.float64]
@@ -55,11 +55,16 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
     starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
     x = _first_arrests(model, side, starts)
     for _ in range(SWEEPS):
-        _, at_onset = lanes.stick(model, x, side.p, side.u)
-        slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD // 2)
+        stick, at_onset = lanes.stick(model, x, side.p, side.u)
+        slips = lanes.slip(model, at_onset, side.p, _later(side.u, stick), PER_HALF_PERIOD // 2)
         handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
         x = np.where(side.first[:, None], x, np.roll(handed, 1, axis=0))
     slips, onset = _placed(model, logs, side, x)
+    if model.clocked:
+        # Now that the cycles stand in time, so do the sticks before them.
+        arrests = onset + np.where(slips.rested, slips.arrest, 0.0)
+        begins = np.array([log.begin for log in logs])[side.log]
+        side.u[:, TIME] = np.where(side.first, begins, np.roll(arrests, 1))
     # Now that the first onset is known, so is the bounded state at the begin; the first cycles are made again.
     for number, lane in zip(np.unique(side.log), np.flatnonzero(side.first), strict=True):
         starts[number] = _begin_state(model, logs[number], side.p[lane], starts[number], float(onset[lane]))
@@ -77,8 +82,8 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
 
 def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[lanes.Slips, Array]:
     """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
-    _, at_onset = lanes.stick(model, x, side.p, side.u)
-    slips = lanes.slip(model, at_onset, side.p, side.u, PER_HALF_PERIOD)
+    stick, at_onset = lanes.stick(model, x, side.p, side.u)
+    slips = lanes.slip(model, at_onset, side.p, _later(side.u, stick), PER_HALF_PERIOD)
     waves = _waves(model, slips, side)
     onset = side.fall - middle_of_fall(waves.force, waves.h, waves.duration)
     samples = _around(logs, side, onset, waves.duration)
@@ -95,8 +100,15 @@ def _side_by_side(logs: list[LogData], p: list[Array], falls: list[Array]) -> _L
     fall = np.concatenate(falls)
     force = np.concatenate([log_.normal_force.at(f) for log_, f in zip(logs, falls, strict=True)])
     speed = np.array([log_.drive_speed for log_ in logs])[log]
-    u = np.stack([speed, force, np.ones_like(force), fall], axis=1)
+    # Each cycle begins about where the fall before it is.
+    since = np.where(first, np.array([log_.begin for log_ in logs])[log], np.roll(fall, 1))
+    u = np.stack([speed, force, np.ones_like(force), since], axis=1)
     return _Lanes(log, first, fall, np.stack(p)[log], u)
+
+
+def _later(u: Array, t: Array) -> Array:
+    """The inputs t (n,) [s] later."""
+    return np.column_stack([u[:, :TIME], u[:, TIME] + np.nan_to_num(t)])
 
 
 def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
@@ -254,7 +266,7 @@ def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: floa
     candidates = np.linspace(0.0, 1.0, 41)
     x = np.repeat(start[None, :], candidates.size, axis=0)
     x[:, g] = candidates
-    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, onset], (candidates.size, 1))
+    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, log.begin], (candidates.size, 1))
     times, _ = lanes.stick(model, x, np.repeat(p[None, :], candidates.size, axis=0), u)
     best = int(np.argmin(np.abs(times - (onset - log.begin))))
     out = start.copy()

@@ -59,6 +59,11 @@ class _Sticks:
         y, t = centred(y), centred(self.t)
         return np.asarray(y - t * np.sum(self.w * y * t) / np.sum(self.w * t * t))
 
+    @property
+    def variance(self) -> float:
+        """Mean weighted square of the residual."""
+        return float(np.mean(self.w * self.r**2))
+
     def harmonic(self, frequency: float) -> tuple[float, Array]:
         """Fall of the sum of squares by a harmonic, and its sine and cosine amplitudes."""
         omega = 2 * np.pi * frequency
@@ -109,8 +114,12 @@ def _sticks(log: Prepared) -> _Sticks | None:
     return _Sticks(time, made.flat(force), weight, which, made.span, made.interval)
 
 
-def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[Rhythm, ...]:
-    """The harmonics that stand out of the stick phases of these logs, strongest first."""
+def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[Rhythm, ...], Array]:
+    """The harmonics that stand out of the stick phases of these logs, strongest first.
+
+    Returns:
+        the harmonics; and per log what they leave of the loading lines, in variances of the noise (1 without sticks).
+    """
     sticks = [_sticks(log) for log in logs]
     known = [s for s in sticks if s is not None]
     found: list[Rhythm] = []
@@ -128,7 +137,8 @@ def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[Rhythm, ...]:
         found.append(Rhythm(best, amplitude, phase, _together(best, known)))
         sticks = [None if s is None else s.without(best) for s in sticks]
         known = [s for s in sticks if s is not None]
-    return tuple(found)
+    after = [1.0 if s is None else s.variance for s in sticks]
+    return tuple(found), np.array(after)
 
 
 def _peaks(sticks: Sequence[_Sticks]) -> list[float]:

@@ -24,7 +24,7 @@ from identify.placing import place
 from identify.prepare import Prepared, cut_in_last_stick
 from identify.start import GOOD, Start, candidates, fit_features, random_starts
 from identify.unknowns import Unknowns
-from identify.vibration import quieted, tuned
+from identify.vibration import quieted
 
 Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]
@@ -90,7 +90,6 @@ def search(
         return None, left_out
     best: Attempt | None = None
     told("finding a start", 0.1)
-    prepared, unknowns = tuned(prepared, unknowns)
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
     unequal = max(prepared[i].scatter for i in first) > UNEQUAL
     solved = 0

@@ -54,7 +54,7 @@ class _Fold:
             self.weight[i, : f.times.size] = 1.0 / f.sd
         self.period = np.array([f.period if np.isfinite(f.period_sd) else 0.0 for f in features])
         self.period_weight = np.array([1.0 / f.period_sd for f in features])
-        self.u = np.stack([[f.drive_speed, f.normal_force, 1.0, 0.0] for f in features])
+        self.u = np.stack([[f.drive_speed, f.normal_force, 1.0, f.time] for f in features])
 
     @property
     def count(self) -> int:
@@ -70,7 +70,7 @@ class _Fold:
         u = np.tile(self.u, (s, 1))
         x = lanes.at_force(model, arrest.ravel(), p, u)
         stick, at_onset = lanes.stick(model, x, p, u)
-        slips = lanes.slip(model, at_onset, p, u, PER_HALF_PERIOD)
+        slips = lanes.slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
         steps = slips.states.shape[0]
         flat = slips.states.transpose(1, 0, 2).reshape(-1, x.shape[1])
         force = lanes.load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(

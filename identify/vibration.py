@@ -48,7 +48,8 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
             start[i] = quiet[name]
     searched = [w for w in waves if free[w.amplitude] and not unknowns.told[w.amplitude]]
     if searched:
-        lines = list(rhythms(logs, most=len(searched)))
+        found, left = rhythms(logs, most=len(searched))
+        lines = list(found)
         own = np.full((len(logs), len(names)), np.nan)
         for wave in sorted(searched, key=lambda w: unknowns.upper[w.frequency] - unknowns.lower[w.frequency]):
             line = next((r for r in lines if _fits(r, wave, unknowns)), None)
@@ -57,7 +58,7 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
                 continue
             lines.remove(line)
             _set(line, wave, logs, unknowns, start, own)
-        logs = [_with_own(log, row) for log, row in zip(logs, own, strict=True)]
+        logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
     return logs, replace(unknowns, start=start, free=free)
 
 
@@ -92,5 +93,9 @@ def _set(line: Rhythm, wave: _Wave, logs: list[Prepared], unknowns: Unknowns, st
     own[:, wave.phase] = np.where(shown, phases, 0.0)
 
 
-def _with_own(log: Prepared, row: Array) -> Prepared:
-    return replace(log, data=replace(log.data, own=row)) if np.any(np.isfinite(row)) else log
+def _corrected(log: Prepared, own: Array, left: float) -> Prepared:
+    """The log with its own phases; an estimated noise that counted the rhythms in is rid of them."""
+    if not np.any(np.isfinite(own)):
+        return log
+    weight = log.data.weight / min(left, 1.0) if log.noise_estimated else log.data.weight
+    return replace(log, data=replace(log.data, own=own, weight=weight))
