@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -9,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from identify import amplitude, stability
+from identify.effects import MAIN
 from identify.groups import Groups, groups
 from identify.spread import Interval
 from identify.steady import FrictionLike, RigLike
 
 AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
+KNOWN = (*MAIN, "driven_damping", "linear_weakening", "varying_normal_force")  # effects, at one operating point
+SLOW = 1e-6  # s/m, of a weakening that no slip gets to the end of
 ROUNDS = 60  # of the stick that saturates the contact only in part
 
 
@@ -25,10 +29,24 @@ class Contact:
     friction: FrictionLike
 
 
-def contact(values: dict[str, float]) -> Contact:
-    """The rig and friction of named parameter values; what is absent is null (no damping, ageing, weakening)."""
+def beyond(effects: Sequence[str]) -> tuple[str, ...]:
+    """The effects of which the closed forms know nothing."""
+    return tuple(name for name in effects if name not in KNOWN)
+
+
+def contact(values: Mapping[str, float]) -> Contact:
+    """The rig and friction of named parameter values; what is absent is null (no damping, ageing, weakening).
+
+    A damping at a frequency of its own is the h that gives the same damper at the natural frequency; weakening in
+    proportion to speed is the start of an exponential one that is very slow.
+    """
     rig = {name: values.get(name, 0.0) for name in ("mass", "stiffness", "damping")}
+    if "damping_frequency" in values:
+        natural = np.sqrt(rig["stiffness"] / rig["mass"]) / (2 * np.pi)
+        rig["damping"] *= float(natural / values["damping_frequency"])
     friction = {name: values.get(name, 0.0) for name in ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")}
+    if "slope" in values:
+        friction |= {"delta_mu_k": values["slope"] / SLOW, "a": SLOW}
     return Contact(SimpleNamespace(**rig), SimpleNamespace(**friction))
 
 

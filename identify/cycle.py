@@ -80,6 +80,7 @@ class CycleMap:
         self.names = (*model.parameter_names, "normal_force", "drive_speed")
         typical = scales(model, self.p, normal_force)
         self.time, self.speed = typical.time, float(typical.state[SPEED])
+        self._swing = typical.time * _softened(model, self.p)
         self.scale = np.delete(typical.state, SPEED)  # typical size of y
         floor = FLOOR * typical.state
         floor[SPEED] = SPEED_FLOOR * self.speed
@@ -88,8 +89,8 @@ class CycleMap:
 
     @property
     def half_period(self) -> float:
-        """Half a natural period [s]."""
-        return float(np.pi * self.time)
+        """Half a natural period [s], of the mass on rig and series element together."""
+        return float(np.pi * self._swing)
 
     def finer(self, rtol: float) -> CycleMap:
         """The same map with another tolerance."""
@@ -155,6 +156,15 @@ class CycleMap:
     def load(self, x: Array, w: Array) -> float:
         """Force the load cell sees in state x [N]."""
         return self._hold.load(x, w, np.zeros((x.size, w.size)))[0]
+
+
+def _softened(model: Model, p: Array) -> float:
+    """By how much a series element makes the natural period longer: root of the compliance over that of the rig."""
+    u = np.array([0.0, 1.0, 1.0, 0.0])
+    low, high = (np.array(model.at_force(force, p, u)).ravel() for force in (0.0, 1.0))
+    pull = float(model.driving_force(high, p, u)) - float(model.driving_force(low, p, u))
+    give = float(high[ELONGATION] - low[ELONGATION])
+    return float(np.sqrt(give * p[model.parameter_names.index("stiffness")] / pull))
 
 
 def _peak(glide: Glide) -> tuple[float, Array]:

@@ -19,6 +19,7 @@ from identify.stepping import Situated
 Array = NDArray[np.float64]
 
 NEWTON_STEPS = 60
+DOUBLINGS = 60
 
 
 @lru_cache(maxsize=16)
@@ -62,14 +63,20 @@ class Hold:
                 to, so that the onset stays a smooth function of the start.
 
         The spare grip is concave in time (the pull grows evenly, ageing saturates), so Newton's method from
-        the right converges without a step back; where it is not, the general search takes over.
+        the right converges without a step back; where it is not (a series element brings a transient: the slope
+        at the start tells), the general search takes over.
         """
         k, load, speed = w[self._stiffness], w[-2], w[-1]
-        # Longer than any stick: by then the spring alone pulls with more than the strongest grip.
-        longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
         self._x[:], self._w[:], self._t[0] = start, w, 0.0
         spare = self._calls["spare"]
-        first, t = float(spare()[1]), longest
+        first = float(spare()[1])
+        # Longer than any stick: by then the spring alone pulls with more than a grip that is as strong as mu_s says.
+        longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
+        for _ in range(DOUBLINGS):
+            self._t[0] = t = longest
+            if spare()[0] < 0.0:
+                break
+            longest *= 2.0
         for _ in range(NEWTON_STEPS):
             self._t[0] = t
             row = spare()

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.comparison import ClosedForms, closed_forms, contact, judged, number
+from identify.calculable import check_calculable
+from identify.comparison import ClosedForms, beyond, closed_forms, contact, judged, number
 from identify.cycle import CycleMap
 from identify.errors import SimulationError
 from identify.groups import MEANING
@@ -70,6 +71,10 @@ def outlooks(model: Model, points: Sequence[OperatingPoint], names: Sequence[str
     A point without an answer gets {"text": why}; the others are not held up by it.
     """
     try:
+        check_calculable(model)
+    except SimulationError as error:
+        return [{"text": f"Stability and amplitude: no answer; {error}."} for _ in points]
+    try:
         return _documents(model, points, names)
     except SimulationError as error:
         if len(points) == 1:
@@ -78,6 +83,7 @@ def outlooks(model: Model, points: Sequence[OperatingPoint], names: Sequence[str
 
 
 def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[str]) -> list[dict[str, Any]]:
+    check_calculable(model)
     maps = [_map(model, point) for point in points]
     speeds = [abs(float(point.drive_speed)) for point in points]
     unknown = [n for n in names if n not in model.parameter_names]
@@ -91,11 +97,6 @@ def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[s
 
 def _map(model: Model, point: OperatingPoint) -> CycleMap:
     speed, load = abs(float(point.drive_speed)), float(point.normal_force)
-    if model.balance is not None:
-        raise SimulationError(
-            "the effect inertia is off: stability and amplitude of stick-slip are those of a moving mass; "
-            "add inertia to effects and give the mass under [rig]"
-        )
     if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
         raise SimulationError(
             f"the operating point is {point.drive_speed:g} m/s and {load:g} N; expected a drive speed that is not "
@@ -105,7 +106,8 @@ def _map(model: Model, point: OperatingPoint) -> CycleMap:
 
 
 def _document(map_: CycleMap, point: OperatingPoint, answer: Prospect, names: Sequence[str]) -> dict[str, Any]:
-    speed, values = answer.steady.drive_speed, {n: float(v) for n, v in point.values.items()}
+    speed = answer.steady.drive_speed
+    values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True))
     spread = _Intervals(map_, answer, point.covariance, tuple(names))
     forms = closed_forms(contact(values), speed, map_.normal_force)
     document: dict[str, Any] = {
@@ -119,7 +121,7 @@ def _document(map_: CycleMap, point: OperatingPoint, answer: Prospect, names: Se
             name: number(value, MEANING[name][0], MEANING[name][1]) for name, value in asdict(forms.groups).items()
         },
     }
-    document["closed_forms"] = _closed_forms(forms, answer, document, values.get("a", 0.0))
+    document["closed_forms"] = _closed_forms(forms, answer, document, values.get("a", 0.0), beyond(map_.model.effects))
     document["stability"]["text"] = stability_text(document)
     document["amplitude"]["text"] = amplitude_text(document)
     document["closed_forms"]["text"] = closed_form_text(document)
@@ -200,19 +202,24 @@ def _inverse(interval: Interval | None) -> Interval | None:
     return Interval(1 / interval.high, 1 / interval.low)
 
 
-def _closed_forms(forms: ClosedForms, answer: Prospect, document: dict[str, Any], a: float) -> dict[str, Any]:
+def _closed_forms(
+    forms: ClosedForms, answer: Prospect, document: dict[str, Any], a: float, ignored: tuple[str, ...]
+) -> dict[str, Any]:
     nonlinear, alpha = document["amplitude"], forms.groups.alpha
     peak = nonlinear["peak_speed"]["value"]
     validity_number = None if peak is None else a * peak
 
-    def beside(value: float, unit: str, other: float | None) -> dict[str, Any]:
-        return number(value, unit, judged(value, other, forms.status, alpha))
+    unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
 
-    local = "exact for small disturbances of steady sliding"
+    def beside(value: float, unit: str, other: float | None) -> dict[str, Any]:
+        return number(value, unit, unaware or judged(value, other, forms.status, alpha))
+
+    local = unaware or "exact for small disturbances of steady sliding"
     printed = "as printed, up to a factor 2 too low (2 zeta misread as zeta in its determinant)"
     return {
         "a_V_max": number(validity_number, "", "the closed forms of a slip need this to be far below 1"),
         "slip": forms.status,
+        "ignores": list(ignored),
         "drop": beside(forms.drop, "N", nonlinear["drop"]["value"]),
         "period": beside(forms.period, "s", nonlinear["period"]["value"]),
         "slip_duration": beside(forms.slip_duration, "s", nonlinear["slip_duration"]["value"]),

@@ -97,6 +97,8 @@ def amplitude_text(document: Document) -> str:
 def closed_form_text(document: Document) -> str:
     """What the paper's closed forms would have said."""
     part = document["closed_forms"]
+    if part["ignores"]:
+        return f"The paper's closed forms are not valid here: they know nothing of {' and '.join(part['ignores'])}."
     reach = part["a_V_max"]["value"]
     head = "The paper's closed forms need a V_max far below 1" + (
         "." if reach is None else f"; here it is {reach:.2g}."
