@@ -59,13 +59,13 @@ def _phases(
     drive, normal_force = outside
     machine = Collocator(model, rtol, sizes(model, p, float(normal_force.at(0.0))))
     ends = breaks(drive, normal_force, duration)
-    t, v, segment, stalled, direction = 0.0, 0.0, 0, 0, 1.0
+    t, v, segment, stalled, direction, folded = 0.0, 0.0, 0, 0, 1.0, False
     mode: ModeName = "stick"
     for _ in range(MAX_PHASES):
         force, slope = normal_force.line(t)
         situated = Situated(p, drive.at(t), direction, force, slope, t)
         limit = float(ends[segment]) - t
-        phase, following = _phase(machine, mode, x, v, situated, limit, locate)
+        phase, following = _phase(machine, mode, (x, v, folded), situated, limit, locate)
         stalled = stalled + 1 if phase.duration <= 0.0 else 0
         if stalled > STALLED:
             raise SimulationError(
@@ -74,7 +74,7 @@ def _phases(
             )
         if phase.duration > 0.0 or phase.ended_by is not None:
             yield phase  # of no duration too: an arrest at a step of the drive is an arrest
-        t, x, v = t + phase.duration, phase.x[-1], float(phase.v[-1])
+        t, x, v, folded = t + phase.duration, phase.x[-1], float(phase.v[-1]), phase.ended_by == "fold"
         if phase.ended_by is None:
             t, segment = float(ends[segment]), segment + 1
             if segment == ends.size:
@@ -89,14 +89,19 @@ def _phases(
 
 
 def _phase(
-    machine: Collocator, mode: ModeName, x: Array, v: float, situated: Situated, limit: float, locate: bool
+    machine: Collocator,
+    mode: ModeName,
+    at: tuple[Array, float, bool],
+    situated: Situated,
+    limit: float,
+    locate: bool,
 ) -> tuple[BalancedPhase, ModeName]:
-    """One phase of `limit` [s] at most, and the mode that follows it."""
-    model, start = machine.model, situated.time
+    """One phase of `limit` [s] at most, and the mode that follows it; at: state, speed, whether that has folded."""
+    model, start, (x, v, folded) = machine.model, situated.time, at
     if mode == "stick":
         phase = stick(model, x, situated, start, limit)
         return phase, "stick" if phase.ended_by is None else "slip"
-    speed = settle(machine, mode, x, situated, v)
+    speed = settle(machine, mode, x, situated, v, folded=folded)
     if speed is None:
         still = BalancedPhase(mode, start, situated, np.zeros(1), x[None, :], "speed", np.zeros(1))
         return still, "stick"

@@ -24,7 +24,7 @@ Spare = Callable[[Array], Array]  # speeds (n,) [m/s] -> load minus friction (n,
 BALANCED = 1e-9  # of the friction force: less than that is no force at all
 FASTEST = 1e3  # [m/s]; a speed above that is none
 _SPEEDS = np.geomspace(1e-15, FASTEST, 18 * 40 + 1)
-_BESIDE = 1e-4  # relative distance at which the two sides of a fold are told apart
+_BESIDE = 1e-3  # relative distance at which the two sides of a fold are told apart
 
 
 def negligible(situated: Situated, mu: float) -> float:
@@ -32,8 +32,13 @@ def negligible(situated: Situated, mu: float) -> float:
     return BALANCED * mu * situated.normal_force
 
 
-def settle(machine: Collocator, mode: ModeName, x: Array, situated: Situated, v: float) -> float | None:
+def settle(
+    machine: Collocator, mode: ModeName, x: Array, situated: Situated, v: float, *, folded: bool = False
+) -> float | None:
     """The speed [m/s] at which the motion goes on from state x and speed v at the start of a phase; None: it rests.
+
+    Args:
+        folded: the speed v has just ceased to be stable.
 
     Raises:
         SimulationError: no speed balances the forces: the motion would jump to another place.
@@ -49,7 +54,7 @@ def settle(machine: Collocator, mode: ModeName, x: Array, situated: Situated, v:
         p, u = situated.p[:, None], situated.at(0.0, situated.direction)[:, None]
         return np.array(machine.model.balance(x, p, u, speeds[None, :])).ravel()
 
-    towards = _towards(here, v, least, spare)
+    towards = _towards(here, v, least, spare, folded)
     if towards == 0:
         speed = here.speed if here.by_speed == 0.0 else _polished(machine, mode, x, v)
         if speed < 0.0:
@@ -65,15 +70,15 @@ def settle(machine: Collocator, mode: ModeName, x: Array, situated: Situated, v:
     return _below(spare, v, least)
 
 
-def _towards(here: Local, v: float, least: float, spare: Spare) -> int:
+def _towards(here: Local, v: float, least: float, spare: Spare, folded: bool) -> int:
     """Which way the speed runs: 0 it is balanced, or +1, -1."""
     if abs(here.balance) > least:
         return 1 if here.balance > 0.0 else -1
-    if here.stable:
+    if here.stable and not folded:
         return 0
     if here.by_speed == 0.0:
-        # Off its own balance here.speed, a speed that friction softens away from runs away from it.
-        return -1 if 0.0 < v <= here.speed * (1.0 + 1e-6) else 1
+        # Away from its own balance, here.speed; where that has just been lost it may run either way.
+        return -1 if 0.0 < v <= here.speed * (1.0 + 1e-6) and not folded else 1
     if v == 0.0:
         return 1
     return 1 if spare(np.array([v * (1.0 + _BESIDE)]))[0] > 0.0 else -1

@@ -168,9 +168,9 @@ class Collocator:
             here: what the balance says at x, v.
         """
         n = x.size
-        first = np.append(x, v)
-        growth = np.append(here.rate, 0.0)
-        stages = first + NODES[:, None] * h * growth
+        # The speed as its slope says, where a balance that depends on it gives one.
+        faster = -here.drift / here.by_speed if here.by_speed < 0.0 else 0.0
+        stages = np.append(x, v) + NODES[:, None] * h * np.append(here.rate, faster)
         self._x[:], self._t[0], self._h[0] = x, t, h
         size = 3 * (n + 1)
         for _ in range(NEWTON_STEPS):
@@ -188,9 +188,11 @@ class Collocator:
         return None
 
     def _closed(self, stages: Array, change: Array, h: float) -> bool:
-        size = self.scale + np.abs(stages[:, :-1])
-        speed = CLOSE_SPEED * np.abs(stages[:, -1]) + CLOSE**1.25 * self.scale[0] / h
-        return bool(np.all(np.abs(change[:, :-1]) <= CLOSE * size) and np.all(np.abs(change[:, -1]) <= speed))
+        moved = np.abs(change)
+        speed = CLOSE_SPEED * float(np.abs(stages[:, -1]).max()) + CLOSE**1.25 * float(self.scale[0]) / h
+        if not moved[:, -1].max() <= speed:
+            return False
+        return bool((moved[:, :-1] <= CLOSE * (self.scale + np.abs(stages[:, :-1]))).all())
 
     def _error(self, here: Local, x: Array, stages: Array, h: float) -> float:
         """Embedded estimate, filtered so that fast decays do not spoil it (the authors' eq. IV.8.20)."""

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
 FIRST = 1e-2  # the first step that is tried: the time in which the states change by that share of their sizes
 SHORTEST = 1e-13  # of the first step: there is no shorter one
+PER_PERIOD = 32  # steps in a period of the drive's vibration: an arrest between two is not passed over
 _POWER = -1.0 / (ESTIMATE_ORDER + 1)
 _EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])
 
@@ -103,7 +104,7 @@ class Slide:
     def __init__(self, machine: Collocator, mode: ModeName, situated: Situated, *, locate: bool = True) -> None:
         self.machine, self.mode, self.situated, self._locates = machine, mode, situated, locate
         self._exits = tuple(dict(sliding_modes(machine.model.clamped is not None)[mode].exits))
-        self._shortest = 0.0
+        self._shortest, self._longest = 0.0, swing(machine.model, situated.p)[0] / PER_PERIOD
 
     def run(self, x: Array, v: float, start: float, limit: float) -> BalancedPhase:
         """The phase from state x and speed v, beginning at `start` [s], of `limit` [s] at most.
@@ -117,6 +118,7 @@ class Slide:
         h = min(limit, FIRST * float(np.min(self.machine.scale / np.maximum(np.abs(node.here.rate), 1e-300))))
         self._shortest = SHORTEST * h
         for _ in range(MAX_STEPS):
+            h = min(h, self._longest)
             last = h >= limit - node.t
             h = limit - node.t if last else h
             there, norm = self._advance(node, h)
@@ -155,14 +157,24 @@ class Slide:
         stages, norm = step
         x = stages[-1, :-1].copy()
         there = self.machine.local(self.mode, x, float(stages[-1, -1]), node.t + h)
-        return (_Node(node.t + h, x, there.speed, there) if there.stable else None), norm
+        lost = not there.stable
+        if there.speed < 0.0:
+            # A speed that is unstable at zero did not get below zero by itself: that is another branch.
+            lost = lost or self.machine.local(self.mode, x, 0.0, node.t + h).by_speed > 0.0
+        return (None if lost else _Node(node.t + h, x, there.speed, there)), norm
 
     def _reach(self, node: _Node, h: float) -> float:
-        """The longest part of a step at whose end there is a stable speed [s]; 0: there is none."""
+        """The longest part of a step at whose end there is a stable speed [s]; 0: there is none.
+
+        Only roughly, while a step that long would not be accurate enough anyway.
+        """
         low, high = 0.0, h
         while high - low > max(1e-12 * high, self._shortest):
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._advance(node, middle)[0] is None else (middle, high)
+            there, norm = self._advance(node, middle)
+            low, high = (low, middle) if there is None else (middle, high)
+            if there is not None and norm > 1.0:
+                break
         return low
 
     def _guard(self, guard: GuardName, node: _Node) -> float:
