@@ -64,7 +64,9 @@ class Model:
     decays: ca.Function  # p -> rates [1/s] of what decays while the mass rests (series element, lags)
     waves: ca.Function  # p -> angular frequencies [rad/s] of what oscillates
     swings: ca.Function  # p -> bounds of the forces that what oscillates puts on the contact [N]
+    averaging: ca.Function  # p -> time [s] over which a shown force is averaged, 0 for the moment
     clocked: bool  # whether anything depends on time as such
+    series_state: str  # the deformation of an element in series with the rig; "" without one
     jumps: bool  # whether a state jumps where a stick begins
     quiet: tuple[
         tuple[str, float], ...
@@ -150,6 +152,7 @@ class _Composition:
         self.drift: Expression = sum(q.drift for q in ports)
         self.damping: Expression = sum(q.damping for q in ports)
         self.offset: Expression = sum(q.offset for q in ports)
+        self.averaging: Expression = sum(q.averaging for q in ports)
         self.gain: Expression = 1.0
         for q in ports:
             self.gain = self.gain * q.gain
@@ -322,7 +325,7 @@ class _Composition:
 
 def _quiet(effects: Sequence[Effect], m: _Composition) -> tuple[tuple[str, float], ...]:
     """Null values of the effects that bring harmonics, where these are values of a linear scale."""
-    out = {}
+    out: dict[str, float] = {}
     for effect in effects:
         if effect.terms(m.situation(m.x, at_rest=False)).waves:
             linear = {p.name for p in effect.parameters if p.scale == "linear"}
@@ -373,8 +376,10 @@ def assemble(names: tuple[str, ...]) -> Model:
         decays=ca.Function("decays", [m.p], [ca.densify(ca.vertcat(*m.decays()))]),
         waves=ca.Function("waves", [m.p], [ca.densify(ca.vertcat(*(w.omega for w in m.waves)))]),
         swings=ca.Function("swings", [m.p], [ca.densify(ca.vertcat(*m.swings()))]),
+        averaging=ca.Function("averaging", [m.p], [ca.densify(ca.SX(m.averaging))]),
         clocked=bool(ca.depends_on(ca.vertcat(slip, grip, pull, rested), m.time)),
         quiet=_quiet(effects, m),
+        series_state="" if m.series is None else m.series.state,
         jumps=any(type(e).at_stick is not Effect.at_stick for e in effects),
         follows_load=any(e.follows_load for e in effects),
         balance=None if m.inertial else function("balance", moving, m.balance(moved)),

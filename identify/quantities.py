@@ -107,7 +107,8 @@ class Terms:
     strengthening, at rest too; level [1], logarithm of a factor on all friction; loading [1], relative change of
     the rate at which the drive stretches the spring while sticking; clock [s], ageing time gained over the clock by
     s.time, a function of s.time and p alone; waves and drift [m/s], motion of the drive beyond its programme; series,
-    a compliance between rig and contact; lag, gain [1] and offset [N] of the load cell; rates: d(state)/dt by state name.
+    a compliance between rig and contact; lag, gain [1], offset [N] and averaging [s] of the load cell; rates:
+    d(state)/dt by state name.
     """
 
     inertia: Expression = 0.0
@@ -125,6 +126,7 @@ class Terms:
     lag: Lag | None = None
     gain: Expression = 1.0
     offset: Expression = 0.0
+    averaging: Expression = 0.0
     rates: Mapping[str, Expression] = field(default_factory=lambda: NOTHING)
 
 

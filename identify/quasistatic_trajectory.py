@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from identify.errors import SimulationError
 from identify.model import Model
 from identify.quasistatic_collocation import CLOSE, NEWTON_STEPS, NODES, local_function, stage_function
 from identify.quasistatic_phases import BalancedPhase
@@ -24,15 +23,8 @@ class BalancedTrajectory(Trajectory):
 
     phases: tuple[BalancedPhase, ...]
 
-    def sample(self, times: ArrayLike) -> dict[str, Array]:
-        """The motion at rising `times` (n,) [s] within the simulation: see `Trajectory.sample`.
-
-        Raises:
-            SimulationError: times outside the simulation.
-        """
-        t = np.atleast_1d(np.asarray(times, float))
-        if t.size and (t[0] < 0.0 or t[-1] > self.duration * (1 + 1e-12)):
-            raise SimulationError(f"asked for {t[0]:.6g} to {t[-1]:.6g} s of a simulation of {self.duration:.6g} s")
+    def _moments(self, t: Array) -> dict[str, Array]:
+        """The samples at rising times t (n,) [s], the force of the moment."""
         names = (*(s.name for s in self.model.states), "sliding_speed")
         out = {name: np.empty(t.size) for name in (*names, "force", "normal_force", "coefficient", "sliding")}
         starts = np.array([p.start for p in self.phases])

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identify.averaging import averaged, rest_edges
 from identify.errors import SimulationError
 from identify.model import SPEED, Model
 from identify.phases import Phase
@@ -47,9 +48,9 @@ class Trajectory:
         """The motion at rising `times` (n,) [s] within the simulation.
 
         Returns:
-            arrays (n,): "force" (what the load cell sees) [N], one per state of the model ("elongation" [m],
-            "sliding_speed" [m/s], "gamma"), "normal_force" [N], "coefficient" (friction force of the contact
-            over normal force), "sliding" (1 in slip, 0 in stick).
+            arrays (n,): "force" (what the load cell shows, averaged where it averages) [N], one per state of the model
+            ("elongation" [m], "sliding_speed" [m/s], "gamma"), "normal_force" [N], "coefficient" (friction force of
+            the contact over normal force), "sliding" (1 in slip, 0 in stick).
 
         Raises:
             SimulationError: times outside the simulation.
@@ -57,6 +58,22 @@ class Trajectory:
         t = np.atleast_1d(np.asarray(times, float))
         if t.size and (t[0] < 0.0 or t[-1] > self.duration * (1 + 1e-12)):
             raise SimulationError(f"asked for {t[0]:.6g} to {t[-1]:.6g} s of a simulation of {self.duration:.6g} s")
+        out = self._moments(t)
+        span = float(np.array(self.model.averaging(self.phases[0].situated.p)).item())
+        if span > 0.0:
+            out["force"] = averaged(lambda at: self._moments(at)["force"], self._edges, t, span)
+        return out
+
+    @cached_property
+    def _edges(self) -> Array:
+        """Times between which the force is smooth [s]."""
+        p = self.phases[0].situated.p
+        rates, omegas = (np.array(f(p)).ravel() for f in (self.model.decays, self.model.waves))
+        inner = [p.start + (rest_edges(p.duration, rates, omegas) if p.mode == "stick" else p.t) for p in self.phases]
+        return np.unique(np.concatenate([[0.0, self.duration], *inner]))
+
+    def _moments(self, t: Array) -> dict[str, Array]:
+        """The samples at rising times t (n,) [s], the force of the moment."""
         names = [s.name for s in self.model.states]
         out = {name: np.empty(t.size) for name in (*names, "force", "normal_force", "coefficient", "sliding")}
         starts = np.array([p.start for p in self.phases])

@@ -14,10 +14,10 @@ ROOT = Path(__file__).resolve().parent.parent
 ROOMS = """
 errors quantities typical signal outcome examples
 effects model scene
-compiled tableaus drive modes crossing stepping phases trajectory initial
+compiled tableaus drive modes crossing stepping phases averaging trajectory initial
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
 noise zigzag local_fits waveform slips segment strokes classical draft
-bracket steady ageing amplitude groups critical stability spread calculable comparison
+bracket steady ageing amplitude groups critical stability spread calculable choice comparison
 sliding glide_steps glide hold cycle orbit trace branch prospect sensitivity outlook_words outlook
 guess loads lanes blocks features unknowns prepare rhythms vibration placing layout start lay_out hints
 shooting reconstruct solve uncertainty passes gate profile search result identification

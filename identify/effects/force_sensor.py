@@ -33,8 +33,8 @@ class ForceSensor(Effect):
     null = {"sensor_gain": 1.0, "sensor_offset": 0.0, "averaging_time": 0.0}
 
     def terms(self, s: Situation) -> Terms:
-        """Gain and offset; averaging is a matter of sampling."""
-        return Terms(gain=s.p.sensor_gain, offset=s.p.sensor_offset)
+        """Gain, offset and averaging, which is a matter of sampling."""
+        return Terms(gain=s.p.sensor_gain, offset=s.p.sensor_offset, averaging=s.p.averaging_time)
 
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """The largest of its errors: of gain, of zero against the fall of friction, of averaging against a slip."""
