@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.errors import SimulationError
 from identify.model import ELONGATION, Model
 
 Array = NDArray[np.float64]
@@ -21,7 +22,15 @@ def initial_states(model: Model, p: Array, u: Array, given: Mapping[str, float])
     Args:
         p: parameters (n_p,). u: inputs (4,) at the start. given: states by name; "elongation" is the whole one, of
             rig and series element together.
+
+    Raises:
+        SimulationError: a sliding speed for a model without inertia, where it is no state.
     """
+    if model.balance is not None and given.get("sliding_speed", 0.0) != 0.0:
+        raise SimulationError(
+            f"the motion is to start at {given['sliding_speed']:g} m/s, but without inertia the speed follows from the "
+            "balance of forces; drop sliding_speed from [initial], or add the effect inertia"
+        )
     names = [s.name for s in model.states]
     told = {name: value for name, value in given.items() if name in names}
     named = {s.name: s.start for s in model.states} | told

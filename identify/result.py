@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from data_io.quality import assess
+from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Status
@@ -49,15 +50,26 @@ class Findings:
 
 
 def document(
-    scene: Scene, prepared: list[Prepared], found: Findings, clock: Clock, began: float, seed: int
+    scene: Scene,
+    prepared: list[Prepared],
+    found: Findings,
+    clock: Clock,
+    began: float,
+    seed: int,
+    choice: Choice | None = None,
 ) -> dict[str, Any]:
-    """The whole document; numbers are SI, what is missing is None."""
+    """The whole document; numbers are SI, what is missing is None.
+
+    Args:
+        choice: how the effects were chosen, None where the scene lists them.
+    """
     converged = found.status is Status.CONVERGED
     result: dict[str, Any] = {
         "schema": 1,
         "status": found.status.value,
         "message": found.message,
         "parameters": {e.name: _parameter(e, converged) for e in _told(found)} or _untold(found.unknowns),
+        "effects": _effects(prepared, found, choice),
         "correlation": _correlation(found) if converged else None,
         "gate": _gate(found),
         "fit": _fit(found),
@@ -83,6 +95,18 @@ def document(
         "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
     return result
+
+
+def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> dict[str, Any]:
+    """Which effects and why; of those that are listed, what they amount to at the first log."""
+    if choice is not None:
+        return document_of(choice, auto=True)
+    theta = found.unknowns.start if found.attempt is None else found.attempt.solved.theta
+    log, model = prepared[0].data, found.unknowns.model
+    with np.errstate(all="ignore"):
+        p = found.unknowns.values(theta, log.base)
+    values = dict(zip(model.parameter_names, np.where(np.isfinite(p), p, 0.0).tolist(), strict=True))
+    return document_of(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
 
 
 def _timing(clock: Clock, began: float) -> dict[str, float]:

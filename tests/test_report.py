@@ -14,6 +14,8 @@ import h5py
 import numpy as np
 import pytest
 
+from identify.choice import Choice, Reason, document_of
+from identify.effects import ALL
 from identify.outcome import Fit, Status
 from identify.report import write_report
 from identify.report.document import as_json
@@ -21,7 +23,8 @@ from identify.report.envelope import envelope, extremes
 from identify.report.figures import Picture, pictures
 from identify.report.page import LARGEST, render_page
 from identify.report.quantity_text import number, quantity, speed
-from identify.report.words import solver_words
+from identify.report.views import parameter_views
+from identify.report.words import PLAIN_SYMBOLS, plain_symbol, solver_words
 from tests.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -203,6 +206,47 @@ def test_nothing_fitted_still_gives_every_file(fit: Fit, tmp_path: Path) -> None
 def test_a_document_with_the_least_in_it_renders() -> None:
     for result in ({"status": "solver_failed"}, {"status": "converged", "logs": [{}], "parameters": {"x": {}}}):
         check_page(render_page(Fit({"schema": 1, **result}, ()), []))
+
+
+def test_the_choice_of_effects_stands_in_the_page(fit: Fit, drawn: list[Picture]) -> None:
+    kept = Reason(
+        "contact_ageing", True, "sticks regain 34 % of <their> strength", "D k/F", 0.39, 0.21, "1 state", 812.0
+    )
+    gone = Reason("sensor_lag", False, "the lag is a thousandth of a slip")
+    effects = document_of(Choice(("inertia", "contact_ageing"), (kept, gone)), auto=True)
+    page = render_page(Fit({**fit.result, "effects": effects}, fit.logs), drawn)
+    check_page(page)
+    section = page[page.index("Effects: which and why") :]
+    section = section[: section.index("</section>")]
+    for words in (
+        "Chosen from the numbers",
+        "contact ageing",
+        "&lt;their&gt;",
+        "21 %",
+        "812",
+        "D k/F",
+        "1 state",
+        "sensor lag",
+    ):
+        assert words in section
+    assert section.count(">yes<") == 1 and section.count(">no<") == 1
+    assert "error on cycles kept back" not in section, "a column that nobody fills is left out"
+    assert "Effects: which and why" not in render_page(fit, drawn)
+
+
+def test_why_there_is_no_stability_is_told_where_nothing_else_is(fit: Fit, drawn: list[Picture]) -> None:
+    why = "Stability and amplitude: no answer; the effect excitation changes with time."
+    logs = [{**log, "derived": {"text": why}} for log in fit.result["logs"]]
+    page = render_page(Fit({**fit.result, "derived": {}, "logs": logs}, fit.logs), drawn)
+    assert page.count(why) == len(logs)
+
+
+def test_every_parameter_has_a_symbol_and_a_meaning() -> None:
+    for effect in ALL:
+        for p in effect.parameters:
+            view = parameter_views({p.name: {"value": p.default, "unit": p.unit, "verdict": "fixed"}})[0]
+            assert view.meaning and view.symbol and "_" not in view.symbol, p.name
+            assert plain_symbol(p.name) in (p.symbol, PLAIN_SYMBOLS.get(p.name))
 
 
 def test_hostile_labels_stay_text(fit: Fit, tmp_path: Path) -> None:

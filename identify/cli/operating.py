@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.calculable import check_calculable
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
 from identify.cli.results import read_result, scene_of
 from identify.cli.summary import wrapped
 from identify.outlook import OperatingPoint, outlook, outlooks
 from identify.scene import LogEntry, Scene
+from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest
 
 if TYPE_CHECKING:
@@ -79,7 +81,7 @@ def operating_points(arguments: Namespace) -> list[Point]:
     """One point per log, changed by --at; a drive speed given there makes it one point.
 
     Raises:
-        CommandLineError, SceneError, LogError: one sentence each.
+        CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     if arguments.result:
         path = Path(arguments.result)
@@ -91,6 +93,8 @@ def operating_points(arguments: Namespace) -> list[Point]:
         scene = scene_of(document, path)
     else:
         document, scene = None, Scene.from_toml(arguments.scene)
+    scene = without(arguments.without, _settled(scene, document))
+    check_calculable(scene.model)
     changes = at_values(arguments.at, scene)
     points = _points(scene, changes, document)
     if changes:
@@ -98,6 +102,28 @@ def operating_points(arguments: Namespace) -> list[Point]:
     if "drive_speed" in changes or len({(p.drive_speed, p.normal_force) for p in points}) == 1:
         return [replace(points[0], name="the operating point")] if len(points) > 1 else points
     return points
+
+
+def _settled(scene: Scene, document: Mapping[str, Any] | None) -> Scene:
+    """The scene with the effects that were chosen for a result, where it left them open."""
+    chosen = (document or {}).get("effects") or {}
+    return scene.with_effects(chosen["names"]) if scene.effects == "auto" and chosen.get("names") else scene
+
+
+def without(names: Sequence[str], scene: Scene) -> Scene:
+    """The scene without some of its effects.
+
+    Raises:
+        CommandLineError: one that is not on. SceneError: a composition that is refused.
+    """
+    effects = scene.model.effects
+    for name in names:
+        if name not in effects:
+            raise CommandLineError(
+                f"--without names {name!r}, which is not among the effects of the scene; did you mean "
+                f"{nearest(name, effects)!r}?"
+            )
+    return scene.with_effects([name for name in effects if name not in names]) if names else scene
 
 
 def at_values(items: list[str], scene: Scene) -> dict[str, float]:
@@ -140,19 +166,23 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
     estimates = _estimates(document)
     covariance, names = _covariance(document)
     parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
-    kept = [i for i, name in enumerate(names) if name not in parameters]
+    declared = scene.model.parameter_names
+    kept = [i for i, name in enumerate(names) if name not in parameters and name in declared]
     points = []
     for number, entry in enumerate(scene.logs or (None,)):
         said = document["logs"][number] if document and entry else {}
         name = entry.path.name if entry else "the rig of the scene"
+        values = scene.values(entry) | {key: value for key, value in estimates.items() if key in declared} | parameters
+        load = _normal_force(scene, entry, changes, said)
         for speed in _speeds(scene, entry, changes):
+            check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
             points.append(
                 Point(
                     name=name,
                     model=scene.model,
-                    values=scene.values(entry) | estimates | parameters,
+                    values=values,
                     drive_speed=speed,
-                    normal_force=_normal_force(scene, entry, changes, said),
+                    normal_force=load,
                     covariance=None if covariance is None else covariance[np.ix_(kept, kept)],
                     names=tuple(names[i] for i in kept),
                 )

@@ -17,4 +17,11 @@ def add_point_arguments(parser: ArgumentParser) -> None:
         metavar="KEY=VALUE",
         help='operating point, repeatable: drive_speed="1 mm/s", normal_force, or any parameter (default: each log)',
     )
+    parser.add_argument(
+        "--without",
+        action="append",
+        default=[],
+        metavar="EFFECT",
+        help="leave out an effect of the scene, repeatable: one with which no cycle is like the one before",
+    )
     parser.add_argument("--plot", metavar="FILE", help="draw it over drive speed (png, svg or pdf)")

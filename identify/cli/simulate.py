@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from argparse import ArgumentParser, Namespace
+from typing import TYPE_CHECKING
 
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, quantity
+
+if TYPE_CHECKING:
+    from identify.scene import Scene
 
 NAME = "simulate"
 HELP = "run the model of a scene forward and write a log"
@@ -49,12 +54,28 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         normal_force=np.broadcast_to(samples["normal_force"], time.shape).copy(),
         friction_force=samples["force"] + np.random.default_rng(seed).normal(0.0, noise, time.size),
         drive_speed=speed if isinstance(speed, float) else None,
-        metadata={"simulated": True, "scene": scene.name, "noise_N": noise, "seed": seed},
+        metadata=_provenance(scene, duration, rate) | {"noise_N": noise, "seed": seed},
     )
     (write_csv if out.suffix.lower() == ".csv" else write_hdf5)(record, out)
     slips = motion.onsets.size
     terminal.say(f"{out}: {time.size} samples, {slips} slips, noise {noise:g} N (seed {seed}), simulated")
     return Answer(document={"status": "done", "out": str(out), "rows": time.size, "slips": slips})
+
+
+def _provenance(scene: Scene, duration: float, rate: float) -> dict[str, str | float | bool]:
+    """What the log is made of, so that it can be made again: effects, every value [SI], scene (JSON), version."""
+    from importlib.metadata import version
+
+    return {
+        "simulated": True,
+        "scene": scene.name,
+        "effects": ", ".join(scene.model.effects),
+        "parameters_SI": json.dumps(scene.values()),
+        "scene_SI": json.dumps(scene.as_document() | {"logs": []}, ensure_ascii=False),
+        "duration_s": duration,
+        "rate_Hz": rate,
+        "version": version("stick-slip-workbench"),
+    }
 
 
 def _asked(arguments: Namespace) -> tuple[float, float, float, int]:

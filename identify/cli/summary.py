@@ -36,7 +36,18 @@ def say_fit(fit: Fit, terminal: Terminal) -> None:
     terminal.say()
     terminal.say(parameter_table(result["parameters"]))
     terminal.say()
+    say_choice(result.get("effects") or {}, terminal)
     say_reasons(result["parameters"], terminal)
+
+
+def say_choice(effects: Mapping[str, Any], terminal: Terminal) -> None:
+    """Which effects were chosen and which were not; nothing where the scene lists them."""
+    if effects.get("chosen") != "auto":
+        return
+    terminal.say(wrapped(f"effects chosen: {', '.join(effects['names'])}", "  "))
+    gone = [str(reason["effect"]) for reason in effects["reasons"] if not reason["kept"]]
+    terminal.say(wrapped(f"left out: {', '.join(gone) or 'none'}; why: see the report", "  "))
+    terminal.say()
 
 
 def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:

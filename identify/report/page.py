@@ -17,9 +17,9 @@ from identify.report.document import plain
 from identify.report.figures import Picture
 from identify.report.quantity_text import finite, quantity
 from identify.report.svg import inline_svg
-from identify.report.tables import Cell, classical_tables, sensitivity_table
+from identify.report.tables import Cell, classical_tables, effects_table, sensitivity_table
 from identify.report.views import banner, last_iterate_rows, log_views, parameter_views
-from identify.report.words import TIMING_WORDS
+from identify.report.words import EFFECTS_CHOSEN, TIMING_WORDS
 
 LARGEST = 3_000_000  # bytes of report.html
 FOR_FIGURES = 2_300_000  # of which figures may take
@@ -73,7 +73,13 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
             )
             if table is not None
         ],
-        told=[(view, sentences(log.get("derived") or {})) for view, (_, log) in zip(logs, heads, strict=True)],
+        told=[
+            (view, lines)
+            for view, (_, log) in zip(logs, heads, strict=True)
+            if (lines := sentences(log.get("derived") or {}))
+        ],
+        effects=effects_table(result.get("effects") or {}),
+        chosen=EFFECTS_CHOSEN.get(str((result.get("effects") or {}).get("chosen")), ""),
         quality=answer_table([(head, (log.get("quality") or {}).get("figures") or {}) for head, log in heads], ""),
         sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
         timings=_timings(result.get("timing_s") or {}),

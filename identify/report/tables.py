@@ -12,6 +12,13 @@ from identify.report.words import plain_symbol
 
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
+EFFECT_COLUMNS = (
+    ("group", "value"),
+    ("error without it", "error"),
+    ("costs", "cost"),
+    ("gain in the data", "statistic"),
+    ("error on cycles kept back", "held_out"),
+)  # heads and keys of a reason
 
 
 @dataclass(frozen=True)
@@ -72,6 +79,34 @@ def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Any]]) -> Table:
         for quantity_name, shifts in sensitivity.items()
     )
     return Table("", tuple(Cell(plain_symbol(name)) for name in names), rows)
+
+
+def effects_table(effects: Mapping[str, Any]) -> Table | None:
+    """Which effects and why: one row per effect that was looked at; columns that nobody fills are left out."""
+    reasons = [reason for reason in effects.get("reasons") or () if isinstance(reason, Mapping)]
+    if not reasons:
+        return None
+    columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(reason.get(key)) for reason in reasons)]
+    heads = (Cell("kept"), *(Cell(head) for head, _ in columns), Cell("why"))
+    return Table("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
+
+
+def _effect_row(reason: Mapping[str, Any], keys: Sequence[str]) -> Row:
+    kept = bool(reason.get("kept"))
+    cells = [Cell("yes" if kept else "no", kind="" if kept else "doubt")]
+    for key in keys:
+        value = reason.get(key)
+        shown = finite(value)
+        text = (
+            plain_text(value)
+            if shown is None
+            else f"{number(100 * shown, 2)} %"
+            if key == "error"
+            else number(shown, 3)
+        )
+        cells.append(Cell(text, str(reason.get("group") or "") if key == "value" else ""))
+    sentence = str(reason.get("sentence") or "")
+    return Row(str(reason.get("effect", "")).replace("_", " "), (*cells, Cell(sentence, kind="words")))
 
 
 def told(value: Any) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from identify.effects import ALL
 from identify.outcome import Status
 
 
@@ -41,8 +42,17 @@ SOLVED: Mapping[str, str] = {
     "Solved_To_Acceptable_Level": "solved (to acceptable level)",
 }
 
-# Symbol (base, subscript) and meaning; a result may bring its own for effects this table does not know.
+
+def _split(symbol: str) -> tuple[str, str]:
+    """ "k_skin" -> ("k", "skin")."""
+    base, _, subscript = symbol.partition("_")
+    return base, subscript
+
+
+DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
+# Symbol (base, subscript) and meaning; what is not said here is as the effects declare it.
 SYMBOLS: Mapping[str, tuple[str, str]] = {
+    **{name: _split(p.symbol) for name, p in DECLARED.items()},
     "mu_s": ("μ", "s"),
     "mu_k0": ("μ", "k0"),
     "delta_mu_k": ("Δμ", "k"),
@@ -61,6 +71,7 @@ SYMBOLS: Mapping[str, tuple[str, str]] = {
     "tau_cr": ("τ", "cr"),
 }
 MEANINGS: Mapping[str, str] = {
+    **{name: p.meaning for name, p in DECLARED.items()},
     "mu_s": "static coefficient",
     "mu_k0": "kinetic coefficient at the start of sliding",
     "delta_mu_k": "change of the kinetic coefficient towards fast sliding",
@@ -125,6 +136,10 @@ ANSWER_WORDS: Mapping[str, str] = {
     "v_acr": "v_acr",
     "v_a": "v_a",
 }
+EFFECTS_CHOSEN: Mapping[str, str] = {
+    "auto": "Chosen from the numbers of the scene and from the data.",
+    "listed": "Listed in the scene.",
+}
 TIMING_WORDS: Mapping[str, str] = {
     "read": "reading the logs",
     "detect": "finding the cycles",
@@ -147,7 +162,9 @@ PLAIN_SYMBOLS: Mapping[str, str] = {
 
 def plain_symbol(name: str) -> str:
     """The symbol of a parameter without markup, for figures and sentences: "mu_s" -> "μₛ"."""
-    return PLAIN_SYMBOLS.get(name, name)
+    if name in PLAIN_SYMBOLS or name not in DECLARED:
+        return PLAIN_SYMBOLS.get(name, name)
+    return DECLARED[name].symbol
 
 
 def solver_words(status: str) -> str:
