@@ -97,7 +97,9 @@ def _choose(names: Sequence[str]) -> tuple[Effect, ...]:
     for effect in effects:
         missing = [need for need in effect.needs if need not in names]
         if missing:
-            raise SceneError(f"the effect {effect.name} needs the effect {missing[0]}; add it, or drop {effect.name}")
+            others = [e.name for e in ALL if effect.role and e.role == effect.role and e.name != effect.name]
+            instead = f"take {others[0]} in its place" if others else f"drop {effect.name}"
+            raise SceneError(f"the effect {effect.name} needs the effect {missing[0]}; add it, or {instead}")
         rivals = [e.name for e in effects if effect.role and e.role == effect.role]
         if len(rivals) > 1:
             raise SceneError(f"{' and '.join(rivals)} are laws of the same thing ({effect.role}); keep one of them")

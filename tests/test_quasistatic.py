@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from identify.errors import SceneError, SimulationError
+from identify.cli.main import main
+from identify.errors import FitError, SceneError, SimulationError
+from identify.identification import fit
 from identify.model import assemble
-from identify.simulate import run
+from identify.outlook import outlook
+from identify.scene import Scene
+from identify.simulate import run, simulate
 from identify.trajectory import Trajectory
 
 VALUES = {
@@ -305,5 +310,52 @@ def test_the_smaller_model_is_counted() -> None:
     assert [s.name for s in full.states] == ["elongation", "sliding_speed", "gamma"]
     assert set(full.parameter_names) - set(small.parameter_names) == {"mass"}
     assert small.slip.n_instructions() < full.slip.n_instructions()
-    with pytest.raises(SceneError, match="hysteresis_damping needs the effect inertia"):
+    with pytest.raises(SceneError, match=r"hysteresis_damping needs the effect inertia; .* take driven_damping"):
         assemble(("hysteresis_damping", "contact_ageing"))
+
+
+SCENE = """
+effects = ["contact_ageing", "driven_damping"]
+[rig]
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = "0.1 mm/s"
+normal_force = "1 N"
+[parameters]
+mu_s = { start = 0.6 }
+mu_k0 = { start = 0.45 }
+D = { start = "500 um" }
+t_cr = { start = "0.5 s" }
+damping_frequency = { fixed = 13.0 }
+"""
+
+
+def _scene(folder: Path, more: str = "") -> Path:
+    path = folder / "scene.toml"
+    path.write_text(SCENE + more)
+    return path
+
+
+def test_a_scene_without_mass_is_simulated_from_the_command_line(tmp_path: Path) -> None:
+    scene, log = _scene(tmp_path), tmp_path / "log.csv"
+    words = ["--duration", "8", "--rate", "50", "--out", str(log)]
+    assert main(["simulate", "--scene", str(scene), *words]) == 0
+    force = np.loadtxt(log, delimiter=",", comments="#", skiprows=_header(log))[:, 2]
+    motion = _run(("contact_ageing", "driven_damping"), 1e-4, 1.0, 8.0)
+    assert force == pytest.approx(motion.sample(np.arange(401) / 50.0)["force"], abs=1e-9)
+
+
+def _header(log: Path) -> int:
+    lines = log.read_text().splitlines()
+    return next(i for i, line in enumerate(lines) if line[:1].isdigit())
+
+
+def test_what_needs_a_mass_says_so(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("")
+    with pytest.raises(FitError, match=r"inertia is off.*add inertia"):
+        fit(Scene.from_toml(_scene(tmp_path, '[[logs]]\npath = "log.csv"\n')))
+    model = assemble(("contact_ageing",))
+    with pytest.raises(SimulationError, match=r"inertia is off.*add inertia"):
+        outlook(model, {n: VALUES[n] for n in model.parameter_names}, 1e-3, 1.0)
+    with pytest.raises(SimulationError, match=r"drop sliding_speed from \[initial\]"):
+        simulate(Scene.from_toml(_scene(tmp_path, '[initial]\nsliding_speed = "1 mm/s"\n')), 1.0)
