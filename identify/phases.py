@@ -240,13 +240,13 @@ def _locate(machine: Stepper, mode: ModeName, x: Array, t: float, h: float, guar
         return machine.advance(mode, x, t, length)[2][guard]
 
     low = 0.0
-    if t == 0.0:
+    if t == 0.0 and value(0.0) <= 0.0:
         # A slip starts with the guard at zero: find where it is positive first, if anywhere.
-        low = next((f * h for f in (0.5, 0.25, 0.1, 1e-2, 1e-4) if value(f * h) > 0.0), -1.0)
-        if low < 0.0:
+        low = next((f * h for f in np.geomspace(0.5, 1e-12, 20).tolist() if value(f * h) > 0.0), 0.0)
+        if low == 0.0:
             return 0.0
     if value(h) == 0.0:
         return h
-    if low == 0.0 and value(1e-12 * h) <= 0.0:
-        return 0.0
-    return float(brentq(value, max(low, 1e-12 * h), h, xtol=1e-15 * max(h, 1e-300), rtol=1e-14))
+    if value(low) <= 0.0:
+        return low
+    return float(brentq(value, low, h, xtol=1e-15 * max(h, 1e-300), rtol=1e-14))
