@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
+import effect_oracle
 import numpy as np
 import pint
 from numpy.typing import NDArray
 
 from identify.effects import ALL, MAIN
-from identify.model import Model
+from identify.model import Model, assemble
 from identify.quantities import Effect, Parameter
+from identify.simulate import run
 
 Array = NDArray[np.float64]
 
@@ -106,3 +110,88 @@ def factor(unit: str, mass: float, length: float, time: float) -> float:
     if unknown:
         raise ValueError(f"the unit {unit!r} is made of {sorted(unknown)}; expected kg, m and s only")
     return math.prod(sizes[dimension] ** power for dimension, power in powers.items())
+
+
+# ---- motions, compared with the independent integrator
+
+# Where the defaults hardly tell, or tell too late for a short run.
+TELLING = {
+    "occlusion_time": 1.0,
+    "occlusion_hastening": 0.5,
+    "occlusion_level": 0.2,
+    "sensor_gain": 1.05,
+    "sensor_offset": 0.02,
+    "averaging_time": 3e-3,
+    "finger_drift": 2e-5,
+    "tremor_phase": 0.4,
+    "excitation_amplitude": 5e-6,
+    "slope": -2.0,
+    "damping_frequency": 20.0,
+    "direct_strength": 0.01,
+    "lag_time": 2e-3,
+    "second_lag_time": 2e-3,
+}
+WHOLE = ("field_seed",)
+DRIVE, LOAD, DURATION = 2e-3, 1.3, 0.6  # m/s, N, s: a few cycles
+COURSE = ((0.0, 1.3), (0.15, 1.1), (0.4, 1.6), (0.6, 1.5))  # a normal force that varies: (s, N)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """How far two runs differ: slips, event times [s], force [N] (also between the events)."""
+
+    slips: int
+    times: float
+    force: float
+
+
+def numbers(names: tuple[str, ...], random: np.random.Generator | None = None) -> dict[str, float]:
+    """Parameter values that make every effect tell; drawn around them with `random`."""
+    model = assemble(names)
+    centre = [replace(q, default=TELLING.get(q.name, q.default)) for q in model.parameters]
+    p = {q.name: q.default if random is None else drawn(q, random) for q in centre}
+    return p | {name: float(round(p[name])) for name in WHOLE if name in p}
+
+
+def load_of(names: tuple[str, ...]) -> float | tuple[tuple[float, float], ...]:
+    """The normal force of a run: its course where it counts."""
+    return COURSE if "varying_normal_force" in names else LOAD
+
+
+def departure(
+    names: tuple[str, ...],
+    p: dict[str, float],
+    *,
+    drive: float = DRIVE,
+    against: dict[str, float] | None = None,
+) -> Departure:
+    """The simulation against the independent integrator, which may be told other numbers (`against`)."""
+    load = load_of(names)
+    force = load if isinstance(load, float) else tuple(np.array(load).T)
+    ours = run(assemble(names), p, drive, force, DURATION)
+    theirs = _independent(names, tuple((against or p).items()), drive)
+    times = np.linspace(0.0, DURATION, 241)
+    apart = float(np.max(np.abs(ours.sample(times)["force"] - theirs.force(times))))
+    events = [(ours.onsets, theirs.onsets), (ours.arrests, theirs.arrests)]
+    if any(a.size != len(b) for a, b in events):
+        return Departure(ours.arrests.size, math.inf, apart)
+    late = max((float(np.max(np.abs(a - b), initial=0.0)) for a, b in events), default=0.0)
+    return Departure(ours.arrests.size, late, apart)
+
+
+@lru_cache(maxsize=2)
+def _independent(names: tuple[str, ...], p: tuple[tuple[str, float], ...], drive: float) -> effect_oracle.Run:
+    return effect_oracle.simulate(names, dict(p), drive, load_of(names), DURATION)
+
+
+def subset(random: np.random.Generator) -> tuple[str, ...]:
+    """A random composition with inertia: of interchangeable laws one at most, with all it needs."""
+    names, roles = ["inertia"], {""}
+    for index in random.permutation(len(ALL)):
+        effect = ALL[index]
+        wanted = [effect.name, *effect.needs]
+        new = [n for n in wanted if n not in names]
+        if random.random() < 0.5 and not any(BY_NAME[n].role in roles - {""} for n in new):
+            names += new
+            roles |= {BY_NAME[n].role for n in new}
+    return tuple(sorted(names, key=list(BY_NAME).index))

@@ -22,7 +22,7 @@ class ContactAgeing(Effect):
         Parameter("t_cr", "s", 1e-5, 1e5, 0.5, "t_cr", "creep time: rest that saturates the contact"),
     )
     states = (State("gamma", "", start=0.0, lower=0.0, upper=1.0),)
-    null = {"D": 0.0, "t_cr": 0.0}  # a limit: plain static and kinetic friction
+    null = {"D": 0.0, "t_cr": 0.0}  # a limit: plain static and kinetic friction, D/t_cr vanishing too
 
     def terms(self, s: Situation) -> Terms:
         """Strengthening gamma and its rate."""
