@@ -65,6 +65,7 @@ class Model:
     waves: ca.Function  # p -> angular frequencies [rad/s] of what oscillates
     swings: ca.Function  # p -> bounds of the forces that what oscillates puts on the contact [N]
     averaging: ca.Function  # p -> time [s] over which a shown force is averaged, 0 for the moment
+    finest: ca.Function  # p -> shortest lengths of sliding over which friction swings to and fro [m]
     clocked: bool  # whether anything depends on time as such
     series_state: str  # the deformation of an element in series with the rig; "" without one
     jumps: bool  # whether a state jumps where a stick begins
@@ -356,6 +357,7 @@ def assemble(names: tuple[str, ...]) -> Model:
     grip = m.friction(resting, 1.0)
     rested = m.rested()
     moving = [] if m.inertial else [m.speed_along]
+    lengths = [effect.finest(m.values) for effect in effects]
 
     def function(name: str, more: list[ca.SX], result: Expression) -> ca.Function:
         return ca.Function(name, [m.x, m.p, m.u, *more], [ca.densify(ca.SX(result))])
@@ -379,6 +381,7 @@ def assemble(names: tuple[str, ...]) -> Model:
         waves=ca.Function("waves", [m.p], [ca.densify(ca.vertcat(*(w.omega for w in m.waves)))]),
         swings=ca.Function("swings", [m.p], [ca.densify(ca.vertcat(*m.swings()))]),
         averaging=ca.Function("averaging", [m.p], [ca.densify(ca.SX(m.averaging))]),
+        finest=ca.Function("finest", [m.p], [ca.densify(ca.vertcat(*(q for q in lengths if q is not None)))]),
         clocked=bool(ca.depends_on(ca.vertcat(slip, grip, pull, rested), m.time)),
         quiet=_quiet(effects, m),
         series_state="" if m.series is None else m.series.state,

@@ -174,6 +174,10 @@ class Effect(ABC):
         """Those of its states that jump where a slip has come to rest and a stick begins."""
         return NOTHING
 
+    def finest(self, p: SimpleNamespace) -> Expression | None:
+        """Shortest length of sliding over which its terms swing to and fro [m]; None where they do not."""
+        return None
+
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance | None:
         """When it matters, from the numbers of a scene; None where numbers alone do not tell."""
         return None

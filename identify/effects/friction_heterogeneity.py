@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -87,6 +88,10 @@ class FrictionHeterogeneity(Effect):
             loading=p.loading_sd * _normal(seed, stick + 1e4),
             rates={"track": s.direction * s.v},
         )
+
+    def finest(self, p: SimpleNamespace) -> Expression:
+        """The shortest wave of the field."""
+        return ca.if_else(p.field_sd > 0.0, 2 * np.pi / max(_wave_numbers()) * p.field_length, np.inf)
 
     def at_stick(self, s: Situation) -> Mapping[str, Expression]:
         """The next stick is dealt new factors."""
