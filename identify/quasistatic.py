@@ -1,7 +1,9 @@
 """Run a model without inertia forward: rest, sliding in balance of forces, located switches, jumps of the speed.
 
-It is the limit of a vanishing mass with hysteresis damping h and stiffness k fixed. Where friction falls as sliding
-sets in, or softens with distance faster than the spring unloads, the motion jumps to another place: refused by name.
+It is the limit of a vanishing mass with hysteresis damping h > 0 and stiffness k fixed, reached with sqrt(m). (Without
+any damping a mass on an ageing contact is unstable, however small: it swings up at the rate k_D/(2 t_cr (k - k_D)),
+k_D = (mu_s - mu_k) F_n/D.) Where friction falls as sliding sets in, or softens with distance faster than the spring
+unloads (k < k_D), the motion jumps to another place: refused by name.
 """
 
 from __future__ import annotations
