@@ -37,6 +37,7 @@ ORDER = 5
 ESTIMATE_ORDER = 3
 
 NEWTON_STEPS = 12
+PATIENCE = 4  # corrections of the speed that grow after so many of them come to no end
 CLOSE = 1e-8  # of the states: a correction that small leaves an error of its square
 CLOSE_SPEED = 1e-6
 
@@ -172,8 +173,8 @@ class Collocator:
         faster = -here.drift / here.by_speed if here.by_speed < 0.0 else 0.0
         stages = np.append(x, v) + NODES[:, None] * h * np.append(here.rate, faster)
         self._x[:], self._t[0], self._h[0] = x, t, h
-        size = 3 * (n + 1)
-        for _ in range(NEWTON_STEPS):
+        size, before = 3 * (n + 1), np.inf
+        for i in range(NEWTON_STEPS):
             self._stages[:] = stages.ravel()
             out = self._call("stages", mode)
             try:
@@ -181,8 +182,10 @@ class Collocator:
             except np.linalg.LinAlgError:
                 return None
             stages = stages - change
-            if not np.all(np.isfinite(stages)):
+            length = float(np.abs(change[:, -1]).max())
+            if not np.isfinite(length) or (i > PATIENCE and length > before):
                 return None
+            before = length
             if self._closed(stages, np.asarray(change), h):
                 return stages, self._error(here, x, stages, h)
         return None
