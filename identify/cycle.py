@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from identify.glide import Glide, Glider
 from identify.hold import Hold
 from identify.model import ELONGATION, SPEED, Model
-from identify.phases import scales
+from identify.scales import scales
 
 Array = NDArray[np.float64]
 

@@ -45,6 +45,8 @@ class Drive:
 
     def at(self, t: float) -> float:
         """Speed [m/s] at time t [s] (at a start: the new speed)."""
+        if len(self.speeds) == 1:
+            return self.speeds[0]
         return self.speeds[int(np.searchsorted(self.starts, t, side="right")) - 1]
 
 
@@ -88,6 +90,8 @@ class NormalForce:
 
     def line(self, t: float) -> tuple[float, float]:
         """Force [N] and its slope [N/s] just after t [s]."""
+        if len(self.times) == 1:
+            return self.values[0], 0.0
         i = int(np.searchsorted(self.times, t, side="right")) - 1
         if i < 0 or i >= len(self.times) - 1:
             return float(self.at(t)), 0.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identify.compiled import compiled
 from identify.model import ELONGATION, SPEED, Model
 from identify.phases import stick
-from identify.stepping import Situated
+from identify.situated import Situated
 
 Array = NDArray[np.float64]
 

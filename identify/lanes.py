@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from identify.model import INPUTS, SPEED, TIME, Model
 from identify.phases import stick as rest
-from identify.phases import swing
-from identify.stepping import Situated
+from identify.resting import swing
+from identify.situated import Situated
 from identify.tableaus import RK4, step
 
 Array = NDArray[np.float64]

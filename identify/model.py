@@ -35,7 +35,7 @@ ELONGATION, SPEED = 0, 1  # among the states
 TIME = 3  # among the inputs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # one object per composition: compiled functions are found by it
 class Model:
     """The composed oscillator as CasADi functions (SX, so they inline when called with SX).
 

@@ -21,7 +21,7 @@ from identify.quasistatic_balance import settle
 from identify.quasistatic_collocation import Collocator
 from identify.quasistatic_phases import BalancedPhase, Slide, sizes, stick
 from identify.quasistatic_trajectory import BalancedTrajectory
-from identify.stepping import Situated
+from identify.situated import Situated
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from identify.errors import SimulationError
 from identify.modes import ModeName
 from identify.quasistatic_collocation import Collocator, Local
-from identify.stepping import Situated
+from identify.situated import Situated
 
 Array = NDArray[np.float64]
 Spare = Callable[[Array], Array]  # speeds (n,) [m/s] -> load minus friction (n,) [N]
@@ -101,7 +101,7 @@ def _above(spare: Spare, v: float, least: float) -> float | None:
     before = np.flatnonzero(forces[:last] > 0.0)
     if not before.size:
         return float(speeds[max(last - 1, 0)])
-    return _root(spare, float(speeds[before[-1]]), float(speeds[last]))
+    return float(brentq(lambda s: float(spare(np.array([s]))[0]), speeds[before[-1]], speeds[last], rtol=1e-15))
 
 
 def _below(spare: Spare, v: float, least: float) -> float | None:
@@ -112,14 +112,9 @@ def _below(spare: Spare, v: float, least: float) -> float | None:
     if not risen.size:
         return None
     first = int(risen[0])
-    if first == 0 or forces[first - 1] >= 0.0:
-        return float(speeds[max(first - 1, 0)])
-    return _root(spare, float(speeds[first]), float(speeds[first - 1]))
-
-
-def _root(spare: Spare, low: float, high: float) -> float:
-    """The speed between low, where the load is in excess, and high, where friction is."""
-    return float(brentq(lambda v: float(spare(np.array([v]))[0]), low, high, rtol=1e-15))
+    if first == 0:
+        return float(speeds[0])
+    return float(brentq(lambda s: float(spare(np.array([s]))[0]), speeds[first], speeds[first - 1], rtol=1e-15))
 
 
 def _sentence(here: Local, situated: Situated, values: dict[str, float], x: Array, least: float) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from identify.compiled import Compiled, compiled
 from identify.model import Model
 from identify.modes import ModeName
-from identify.stepping import Situated
+from identify.situated import Situated
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,11 @@ from identify.crossing import first_zero
 from identify.errors import SimulationError
 from identify.model import Model
 from identify.modes import GuardName, ModeName, sliding_modes
-from identify.phases import Phase, swing
+from identify.phases import Phase
 from identify.quasistatic_balance import negligible
 from identify.quasistatic_collocation import ESTIMATE_ORDER, Collocator, Local
-from identify.stepping import Situated
+from identify.resting import swing
+from identify.situated import Situated
 
 Array = NDArray[np.float64]
 

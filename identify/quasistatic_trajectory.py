@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ BRIEF = 1e-6  # of a step: what is nearer to its start lies on a straight line
 class BalancedTrajectory(Trajectory):
     """A motion without inertia: phases with speeds, and the same samples as with it."""
 
-    phases: tuple[BalancedPhase, ...]
+    phases: Sequence[BalancedPhase]
 
     def _moments(self, t: Array) -> dict[str, Array]:
         """The samples at rising times t (n,) [s], the force of the moment."""

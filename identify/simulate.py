@@ -7,7 +7,7 @@ overcomes the grip, and the sign function is never smoothed.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,12 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from identify.drive import Drive, NormalForce, breaks
 from identify.errors import SimulationError
 from identify.initial import initial_states
+from identify.methods import Method
 from identify.model import SPEED, Model
-from identify.modes import ModeName, sliding_modes
-from identify.phases import MAX_STEPS, Phase, refuse_push, scales, slide, stepper, stick
+from identify.modes import ModeName
+from identify.phases import MAX_STEPS, Machine, Phase, rest, slide
+from identify.plan import ACCURACY, SAFETY, Plan, accuracy_for, only, plan
 from identify.quasistatic import balanced
-from identify.stepping import Situated
-from identify.trajectory import Trajectory
+from identify.scales import scales
+from identify.situated import Situated
+from identify.trajectory import LOOSER, Trajectory
 
 if TYPE_CHECKING:
     from identify.scene import Scene
@@ -33,44 +36,30 @@ STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS m
 STALLED = 1000  # phases in a row without time passing: chatter, refused by name
 
 
-def phases(
-    model: Model,
-    p: Array,
-    drive: Drive,
-    normal_force: NormalForce,
-    duration: float,
-    x: Array,
-    *,
-    rtol: float = 1e-11,
-    locate: bool = True,
-) -> Iterator[Phase]:
+def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: float, x: Array) -> Iterator[Phase]:
     """The phases of the motion from state x (n_x,), one by one, until `duration` [s].
-
-    Args:
-        p: parameters (n_p,) in the order of the model.
-        locate: see `slide`.
 
     Raises:
         SimulationError: chatter (stick and slip without time passing), or a slip that cannot be integrated.
     """
-    machine = stepper(model, p, float(normal_force.at(0.0)), rtol)
-    scale = scales(model, p, float(normal_force.at(0.0)))
+    model, p = machine.model, machine.p
     ends = breaks(drive, normal_force, duration)
     t, segment, stalled, steps = 0.0, 0, 0, MAX_STEPS
     mode: ModeName = "stick"
     direction = float(np.sign(x[SPEED])) or 1.0
     if x[SPEED] != 0.0:
         mode = "slip"
+    phase: Phase
     for _ in range(MAX_PHASES):
         force, slope = normal_force.line(t)
         situated = Situated(p, drive.at(t), direction, force, slope, t)
         limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
-            phase = stick(model, x, situated, t, limit)
+            phase = stick = rest(machine.rests, x, situated, t, limit)
+            direction = -1.0 if stick.pull < 0.0 else 1.0
         else:
-            phase = slide(machine, mode, x, situated, t, limit, scale, locate=locate, most=steps)
-            steps = min(MAX_STEPS, steps - phase.t.size + STEPS_PER_PHASE)
-            refuse_push(model, phase)
+            phase = slide(machine, mode, x, situated, t, limit, most=steps)
+            steps = min(MAX_STEPS, steps - len(phase.times) + STEPS_PER_PHASE)
         stalled = stalled + 1 if phase.duration <= 0.0 else 0
         if stalled > STALLED:
             raise SimulationError(
@@ -79,17 +68,15 @@ def phases(
             )
         if phase.duration > 0.0:
             yield phase
-        t, x = t + phase.duration, phase.x[-1]
+        t, x = t + phase.duration, phase.end
         if phase.ended_by is None:
             t, segment = float(ends[segment]), segment + 1
             if segment == ends.size:
                 return
         elif mode == "stick":
-            u = np.array([situated.drive_speed, float(normal_force.at(t)), 1.0, t])
-            direction = float(np.sign(np.array(model.driving_force(x, p, u)).item())) or 1.0
             mode = "slip"
         else:
-            mode = dict(sliding_modes(model.clamped is not None)[mode].exits)[phase.ended_by]
+            mode = dict(machine.modes[mode].exits)[phase.ended_by]
             if mode == "stick" and model.jumps:
                 x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
     raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
@@ -103,7 +90,9 @@ def run(
     duration: float,
     *,
     start: dict[str, float] | None = None,
-    rtol: float = 1e-11,
+    accuracy: float = ACCURACY,
+    rtol: float | None = None,
+    method: Method | None = None,
     locate: bool = True,
 ) -> Trajectory:
     """Simulate a model for `duration` [s].
@@ -113,20 +102,38 @@ def run(
         drive: drive speed [m/s], or a programme of (start [s], speed [m/s]).
         normal_force: [N], or (times [s], values [N]), piecewise linear.
         start: initial states by name; left out: at rest, spring unloaded, fresh contact.
-        rtol: relative tolerance of one step.
+        accuracy: relative error of switch times and forces that is tolerated; method and steps follow from it.
+        rtol: relative tolerance of one step, instead of what follows from `accuracy`.
+        method: one method for all sliding, with `rtol`; for comparisons.
+        locate: see `Machine`.
 
     Raises:
         SimulationError: what the model refuses, by name.
     """
     if not duration > 0.0:
         raise SimulationError(f"the duration is {duration} s; expected a positive time")
+    if not 0.0 < accuracy < 1.0:
+        raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
     p = np.array([values[name] for name in model.parameter_names])
     initial = start or {}
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
+    programme, load = Drive.of(drive), NormalForce.of(normal_force)
     if model.balance is not None:
-        return balanced(model, p, Drive.of(drive), NormalForce.of(normal_force), duration, x, rtol=rtol, locate=locate)
-    motion = phases(model, p, Drive.of(drive), NormalForce.of(normal_force), duration, x, rtol=rtol, locate=locate)
-    return Trajectory(model, tuple(motion), duration)
+        return balanced(model, p, programme, load, duration, x, rtol=rtol or accuracy / SAFETY, locate=locate)
+    scale = scales(model, p, float(load.at(0.0)))
+    steps = plan(model, p, scale, accuracy, steady=len(load.times) == 1)
+    if rtol is not None:
+        steps = replace(steps, rtol=rtol)
+    if method is not None:
+        steps = only(model, method, steps.rtol)
+
+    def motion(steps: Plan) -> tuple[Phase, ...]:
+        return tuple(phases(Machine(model, p, scale, steps, locate=locate), programme, load, duration, x))
+
+    def looser() -> Trajectory:
+        return Trajectory(model, motion(steps.looser(LOOSER)), duration)
+
+    return Trajectory(model, motion(steps), duration, accuracy, looser)
 
 
 def simulate(
@@ -135,7 +142,8 @@ def simulate(
     *,
     drive: float | Drive | tuple[tuple[float, float], ...] | None = None,
     normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
-    rtol: float = 1e-11,
+    accuracy: float | None = None,
+    rtol: float | None = None,
 ) -> Trajectory:
     """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
 
@@ -144,6 +152,8 @@ def simulate(
 
     Args:
         drive, normal_force: replace those of the scene's rig; units and forms as in `run`.
+        accuracy: relative error of switch times and forces that is tolerated; None: an order below the noise of the
+            scene, `ACCURACY` where it states none.
 
     Raises:
         SimulationError: no drive speed or normal force is given, or what the model refuses.
@@ -164,4 +174,6 @@ def simulate(
     u = np.array([programme.at(0.0), float(load.at(0.0)), 1.0, 0.0])
     p = np.array([values[name] for name in model.parameter_names])
     start = initial_states(model, p, u, asdict(scene.initial))
-    return run(model, values, programme, load, duration, start=start, rtol=rtol)
+    if accuracy is None:
+        accuracy = accuracy_for(scene.rig.noise, max(values["mu_s"], values["mu_k0"]) * max(load.values))
+    return run(model, values, programme, load, duration, start=start, accuracy=accuracy, rtol=rtol)

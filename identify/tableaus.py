@@ -1,4 +1,4 @@
-"""Runge-Kutta formulas as plain numbers, each with its stated order; stepping is one function."""
+"""Explicit Runge-Kutta formulas as plain numbers, each with its stated order; stepping is one function."""
 
 from __future__ import annotations
 
@@ -6,13 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from identify import dop853
+
 Field = Callable[[Any, Any], Any]  # (x, time within the step) -> dx/dt
 
 
 @dataclass(frozen=True)
 class Tableau:
     """An explicit Runge-Kutta formula: nodes c, rows a, weights b; `error` = b minus the weights of the
-    embedded formula (empty: none), so that h * sum(error * stage) estimates the local error."""
+    embedded formula (empty: none), so that h * sum(error * stage) estimates the local error.
+
+    `coarse`: the same of a second embedded formula, of lower order; with it the estimate is
+    error^2 / sqrt(error^2 + 0.01 coarse^2) (Hairer, Norsett and Wanner, II.10), else `error` as it is.
+    """
 
     name: str
     order: int
@@ -20,6 +26,7 @@ class Tableau:
     a: tuple[tuple[float, ...], ...]
     b: tuple[float, ...]
     error: tuple[float, ...] = ()
+    coarse: tuple[float, ...] = ()
 
 
 RK4 = Tableau(
@@ -28,6 +35,16 @@ RK4 = Tableau(
     c=(0.0, 0.5, 0.5, 1.0),
     a=((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
     b=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
+)
+
+# Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321-325.
+BOGACKI_SHAMPINE = Tableau(
+    name="bogacki_shampine",
+    order=3,
+    c=(0.0, 1 / 2, 3 / 4, 1.0),
+    a=((), (1 / 2,), (0.0, 3 / 4), (2 / 9, 1 / 3, 4 / 9)),
+    b=(2 / 9, 1 / 3, 4 / 9, 0.0),
+    error=(2 / 9 - 7 / 24, 1 / 3 - 1 / 4, 4 / 9 - 1 / 3, -1 / 8),
 )
 
 # Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19-26.
@@ -56,7 +73,22 @@ DORMAND_PRINCE = Tableau(
     ),
 )
 
-ALL: tuple[Tableau, ...] = (RK4, DORMAND_PRINCE)
+DOP853 = Tableau(
+    name="dop853",
+    order=8,
+    c=dop853.NODES,
+    a=dop853.STAGES,
+    b=dop853.WEIGHTS,
+    error=dop853.ERROR_5,
+    coarse=dop853.ERROR_3,
+)
+
+ALL: tuple[Tableau, ...] = (RK4, BOGACKI_SHAMPINE, DORMAND_PRINCE, DOP853)
+
+
+def weighted(weights: tuple[float, ...], stages: list[Any]) -> Any:
+    """Sum of the stages times their weights, without those that count nothing."""
+    return sum(weight * stage for weight, stage in zip(weights, stages, strict=True) if weight)
 
 
 def step(tableau: Tableau, field: Field, x: Any, h: Any) -> tuple[Any, Any, list[Any]]:
@@ -68,14 +100,9 @@ def step(tableau: Tableau, field: Field, x: Any, h: Any) -> tuple[Any, Any, list
         the state after the step, the local error estimate (0 without an embedded formula), the stages.
     """
     stages: list[Any] = []
+    moves: list[Any] = []
     for c, row in zip(tableau.c, tableau.a, strict=True):
-        inner = x
-        for weight, stage in zip(row, stages, strict=True):
-            if weight:
-                inner = inner + h * weight * stage
-        stages.append(field(inner, c * h))
-    after = x + h * sum(weight * stage for weight, stage in zip(tableau.b, stages, strict=True) if weight)
-    error: Any = 0.0
-    if tableau.error:
-        error = h * sum(weight * stage for weight, stage in zip(tableau.error, stages, strict=True) if weight)
-    return after, error, stages
+        stages.append(field(x + weighted(row, moves), c * h))
+        moves.append(h * stages[-1])
+    error: Any = weighted(tableau.error, moves) if tableau.error else 0.0
+    return x + weighted(tableau.b, moves), error, stages

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,23 +12,53 @@ from numpy.typing import ArrayLike, NDArray
 from identify.averaging import averaged, rest_edges
 from identify.errors import SimulationError
 from identify.model import SPEED, Model
-from identify.phases import Phase
-from identify.stepping import step_functions
-from identify.tableaus import DORMAND_PRINCE
+from identify.phases import Phase, Slide
+from identify.stepping import steps
 
 Array = NDArray[np.float64]
+
+LOOSER = 100.0  # tolerance of the run that the error is estimated from, over that of the run itself
+CAUTION = 10.0  # of that factor, how much the estimate does not count on
+LAST_DIGITS = 1e-13  # no estimate says less
+COMPARED = 2000  # times at which forces are compared
+
+
+@dataclass(frozen=True)
+class Achieved:
+    """Estimated relative errors: of switch times, against the mean time between onsets (the duration, with fewer than
+    two); of forces, against the largest one. Infinite where another tolerance leads to other switches."""
+
+    switches: float
+    forces: float
 
 
 @dataclass(frozen=True)
 class Trajectory:
     """A simulated motion: its phases in order, and everything that can be sampled from them.
 
-    `duration` [s] counts from the start of the simulation; all quantities are SI.
+    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for.
     """
 
     model: Model
-    phases: tuple[Phase, ...]
+    phases: Sequence[Phase]
     duration: float
+    accuracy: float | None = None
+    looser: Callable[[], Trajectory] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def achieved(self) -> Achieved | None:
+        """The error as far as it can be told without a truth: from a second run with a looser tolerance, made when
+        this is first asked for. None where no second run is known."""
+        if self.looser is None:
+            return None
+        apart = distance(self, self.looser())
+        share = CAUTION / LOOSER
+        return Achieved(share * apart.switches + LAST_DIGITS, share * apart.forces + LAST_DIGITS)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the integration methods at work, in the order in which they came into play."""
+        return tuple(dict.fromkeys(phase.method.name for phase in self.phases if isinstance(phase, Slide)))
 
     @cached_property
     def onsets(self) -> Array:
@@ -86,6 +117,25 @@ class Trajectory:
         return out
 
 
+def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
+    """How far two motions of the same scene are apart, as `Achieved` measures it."""
+    period = trajectory.duration / max(trajectory.onsets.size, 1)
+    kinds = ("onsets", "arrests", "saturations")
+    pairs = [(getattr(trajectory, kind), getattr(other, kind)) for kind in kinds]
+    if any(ours.size != theirs.size for ours, theirs in pairs):
+        return Achieved(np.inf, np.inf)
+    apart = max((float(np.max(np.abs(a - b))) for a, b in pairs if a.size), default=0.0)
+    # Where a drive speed or a switch makes the force jump or bend, a shift in time is not an error of the force.
+    starts = np.array([phase.start for phase in trajectory.phases[1:]])
+    times = np.linspace(0.0, trajectory.duration, COMPARED)
+    beside = np.searchsorted(starts, times)
+    edges = np.concatenate([[-np.inf], starts, [np.inf]])
+    times = times[np.minimum(times - edges[beside], edges[beside + 1] - times) > 2.0 * apart]
+    ours, theirs = (motion.sample(times)["force"] for motion in (trajectory, other))
+    largest = float(np.max(np.abs(ours), initial=0.0)) or 1.0
+    return Achieved(apart / period, float(np.max(np.abs(ours - theirs), initial=0.0)) / largest)
+
+
 def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], where: slice) -> None:
     """Fill the samples of one phase; t (n,) is local to it."""
     s, n = phase.situated, t.size
@@ -97,11 +147,9 @@ def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], w
     else:
         node = np.clip(np.searchsorted(phase.t, t, side="right") - 1, 0, max(phase.t.size - 2, 0))
         # The step function itself is the dense output: a shorter step from the node before.
-        function = step_functions(model, DORMAND_PRINCE)[phase.mode]
-        drive = np.repeat(s.inputs[:, None], n, axis=1)
-        atol = np.ones((len(model.states), n))
-        at, h = phase.t[node][None, :], (t - phase.t[node])[None, :]
-        x = np.array(function(phase.x[node].T, p, drive, at, h, np.ones((1, n)), atol)[0])
+        xth = np.vstack([phase.x[node].T, phase.t[node], t - phase.t[node]])
+        assert isinstance(phase, Slide)
+        x = steps(model, phase.method, phase.mode, xth, np.repeat(s.constants[:, None], n, axis=1))
     for i, state in enumerate(model.states):
         out[state.name][where] = x[i]
     out["force"][where] = np.array(model.load_cell(x, p, u)).ravel()

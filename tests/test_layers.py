@@ -14,7 +14,8 @@ ROOT = Path(__file__).resolve().parent.parent
 ROOMS = """
 errors quantities typical signal outcome examples
 effects model scene
-compiled tableaus drive modes crossing stepping phases averaging trajectory initial
+compiled dop853 tableaus drive modes situated crossing resting scales methods stepping plan phases averaging
+trajectory initial
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
 noise zigzag local_fits waveform slips segment strokes classical draft
 bracket steady ageing amplitude groups critical stability spread calculable choice comparison

@@ -1,0 +1,20 @@
+"""The table of integration methods. A new one is one file here and one line in ALL."""
+
+from identify import tableaus
+from identify.methods.explicit import Explicit
+from identify.methods.interface import Method
+from identify.methods.outside import Cvodes
+from identify.methods.radau import Radau
+from identify.methods.series import Exponential
+
+LOW = Explicit.of(tableaus.BOGACKI_SHAMPINE, "explicit, low order", "Bogacki and Shampine 1989")
+MIDDLE = Explicit.of(tableaus.DORMAND_PRINCE, "explicit, middle order", "Dormand and Prince 1980")
+HIGH = Explicit.of(tableaus.DOP853, "explicit, high order", "Hairer, Norsett and Wanner I, II.10")
+STIFF = Radau()
+LINEAR = Exponential()
+OUTSIDE = Cvodes()
+
+ALL: tuple[Method, ...] = (LOW, MIDDLE, HIGH, STIFF, LINEAR, OUTSIDE)
+NAMES: tuple[str, ...] = tuple(method.name for method in ALL)
+
+__all__ = ["ALL", "HIGH", "LINEAR", "LOW", "MIDDLE", "NAMES", "OUTSIDE", "STIFF", "Method"]

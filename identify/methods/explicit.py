@@ -1,0 +1,41 @@
+"""Explicit Runge-Kutta methods: any tableau with an embedded formula."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from identify.methods.interface import Expression, Method, Scale, largest
+from identify.tableaus import Tableau, step, weighted
+
+NOTHING = 1e-300  # keeps 0/0 of an exact step a number
+
+
+@dataclass(frozen=True)
+class Explicit(Method):
+    """Steps with one tableau; its embedded formulas estimate the error."""
+
+    tableau: Tableau
+    name: str
+    order: int
+    measured: int
+    says: str
+    source: str
+
+    @classmethod
+    def of(cls, tableau: Tableau, says: str, source: str) -> Explicit:
+        """The method of a tableau that has an embedded formula."""
+        return cls(tableau, tableau.name, tableau.order, tableau.order, says, source)
+
+    def step(
+        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
+    ) -> tuple[Expression, Expression]:
+        """One step of the tableau."""
+        after, error, stages = step(self.tableau, lambda state, at: rate(state, constants, t + at), x, h)
+        tolerated = scale(after)
+        norm = largest(error, tolerated)
+        if self.tableau.coarse:
+            coarse = largest(h * weighted(self.tableau.coarse, stages), tolerated)
+            norm = norm**2 / ca.sqrt(norm**2 + 0.01 * coarse**2 + NOTHING)
+        return after, norm

@@ -1,0 +1,108 @@
+"""From one number, the accuracy, to a method and its tolerance for every sliding mode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.compiled import compiled
+from identify.errors import SimulationError
+from identify.methods import HIGH, LINEAR, LOW, MIDDLE, STIFF, Method
+from identify.model import ELONGATION, SPEED, Model
+from identify.modes import ModeName, sliding_modes
+from identify.scales import Scales
+from identify.stepping import takes
+
+Array = NDArray[np.float64]
+
+ACCURACY = 1e-10  # where nobody asks and no noise is known
+BELOW_NOISE = 0.1  # of the noise: what the integration may be wrong by
+LOOSEST = 1e-4  # where the noise would allow more: a record stays free of visible errors
+# Down to this accuracy the method is the cheapest (docs/accuracy.md).
+BY_ACCURACY: tuple[tuple[float, Method], ...] = ((1e-1, LOW), (1e-3, MIDDLE), (0.0, HIGH))
+SAFETY = 10.0  # tolerance of a step: this much finer than the accuracy of the record
+FINEST, COARSEST = 1e-14, 1e-2  # tolerances of a step
+STIFF_FROM = 300.0  # decay rates times the natural time: explicit steps would be held back by them, not by their error
+SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
+
+
+@dataclass(frozen=True)
+class Plan:
+    """rtol: relative tolerance of one step; methods per sliding mode, in the order in which they take over."""
+
+    rtol: float
+    methods: Mapping[ModeName, tuple[Method, ...]]
+
+    def looser(self, factor: float) -> Plan:
+        """The same with a tolerance that much larger."""
+        return Plan(min(self.rtol * factor, COARSEST), self.methods)
+
+
+def accuracy_for(noise: float | None, force: float) -> float:
+    """The accuracy a record deserves: an order below its noise [N] over its force [N]; without noise `ACCURACY`."""
+    if not noise:
+        return ACCURACY
+    return float(np.clip(BELOW_NOISE * noise / force, ACCURACY, LOOSEST))
+
+
+def plan(model: Model, p: Array, scale: Scales, accuracy: float, *, steady: bool) -> Plan:
+    """Methods and tolerance that keep switch times and forces of a record within `accuracy` (relative).
+
+    Linear laws are summed in closed form; motions with fast decays are left to an implicit method; the rest to the
+    cheapest explicit one, behind which the implicit one waits.
+
+    Args:
+        p: parameters (n_p,). steady: whether the normal force stands still.
+    """
+    chosen = next(method for least, method in BY_ACCURACY if accuracy >= least)
+    methods: dict[ModeName, tuple[Method, ...]] = {}
+    for mode in sliding_modes(model.clamped is not None):
+        stiff = _decay(model, mode, p, scale) * scale.time > STIFF_FROM
+        general = (STIFF, HIGH) if stiff else (chosen, STIFF)
+        methods[mode] = (LINEAR, *general) if takes(model, LINEAR, mode, steady) and not stiff else general
+    return Plan(float(np.clip(accuracy / SAFETY, FINEST, COARSEST)), methods)
+
+
+def only(model: Model, method: Method, rtol: float) -> Plan:
+    """One method for every mode, with a tolerance of its steps: for comparisons.
+
+    Raises:
+        SimulationError: the method does not integrate this motion.
+    """
+    modes = sliding_modes(model.clamped is not None)
+    refused = [mode for mode in modes if not takes(model, method, mode, steady=False)]
+    if refused and not all(takes(model, method, mode, steady=True) for mode in refused):
+        raise SimulationError(
+            f"{method.name} is for {method.says}, and the mode {refused[0]} of this model is not of that kind: "
+            "leave the choice to the accuracy, or take another method"
+        )
+    return Plan(rtol, dict.fromkeys(modes, (method,)))
+
+
+@lru_cache(maxsize=32)
+def _jacobian(model: Model, mode: ModeName) -> ca.Function:
+    """(x, p, u) -> d(dx/dt)/dx, column by column."""
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", 4)
+    field = model.saturated if mode == "saturated" else model.slip
+    return ca.Function("jacobian", [x, p, u], [ca.densify(ca.vec(ca.jacobian(field(x, p, u), x)))])
+
+
+def _decay(model: Model, mode: ModeName, p: Array, scale: Scales) -> float:
+    """The fastest decay [1/s] of small disturbances while sliding slowly and fast."""
+    n = len(model.states)
+    x, u = np.array([s.start for s in model.states], float), np.array([0.0, scale.normal_force, 1.0, 0.0])
+    x[ELONGATION] = scale.state[ELONGATION]
+    call = compiled(_jacobian(model, mode))
+    call.bind([x, p, u])
+    slopes = np.empty((len(SPEEDS), n, n))
+    for i, share in enumerate(SPEEDS):
+        x[SPEED] = share * scale.state[SPEED]
+        slopes[i] = call().reshape(n, n).T
+    if not np.all(np.isfinite(slopes)):
+        return 0.0
+    return max(float(-np.min(np.linalg.eigvals(slopes).real)), 0.0)

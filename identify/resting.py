@@ -1,0 +1,130 @@
+"""How long a resting mass stays at rest: the first time at which the drive overcomes the grip.
+
+Where the spare grip (grip minus pull) is concave in time, as it is for a steady drive and a contact that
+saturates, Newton's method from the far end meets the only zero; anything else is scanned (`crossing`).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.compiled import compiled
+from identify.crossing import first_zero
+from identify.model import Model
+from identify.situated import Situated
+
+Array = NDArray[np.float64]
+
+LANES = 64  # times of one call
+_BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
+NEWTON_STEPS = 60
+SPARE, SLOPE, PULL, RESTED = 0, 1, 2, 3  # places in a row
+
+
+@lru_cache(maxsize=32)
+def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), and
+    of LANES times the spare grip and its second derivative."""
+    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
+    p, drive = c[:-5], c[-5:]
+    u = ca.vertcat(drive[0], drive[2] + drive[3] * t, 1, drive[4] + t)
+    rested = model.rest(x, p, u, t)
+    pull = model.driving_force(rested, p, u)
+    spare = model.grip(rested, p, u) - ca.fabs(pull)
+    slope = ca.jacobian(spare, t)
+    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(spare, slope, pull, rested)))])
+
+    def many(name: str, value: ca.SX, lanes: int) -> ca.Function:
+        return ca.Function(name, [x, c, t], [ca.cse(ca.densify(value))]).map(lanes, [True, True, False], [False])
+
+    bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(slope, t))])
+    times = ca.SX.sym("times", _BENDS.size)
+    largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
+    bends = ca.Function("bends", [x, c, times], [ca.cse(largest)])
+    return row, many("spare", spare, LANES), bends
+
+
+class Resting:
+    """Rests of one model; holds buffers, so one per thread."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
+        self._t, self._times, self._bends = np.zeros(1), np.zeros(LANES), np.zeros(_BENDS.size)
+        self._row, self._spare, self._bend = (compiled(f) for f in _functions(model))
+        self._row.bind([self._x, self._c, self._t])
+        self._spare.bind([self._x, self._c, self._times])
+        self._bend.bind([self._x, self._c, self._bends])
+        self._oscillates = model.waves.numel_out(0) > 0
+
+    def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
+        """Rest from x (n_x,), its speed zero, for at most `limit` [s].
+
+        Returns:
+            when the grip is overcome [s] (0: at once; None: not before the limit), the state then or at the limit
+            (n_x,), the pull of the drive there [N].
+
+        Raises:
+            SimulationError: too fast a vibration to be looked at.
+        """
+        self._x[:] = x
+        self._c[:-5], self._c[-5:] = situated.p, situated.numbers
+        if self._at(0.0)[SPARE] <= 0.0:
+            return 0.0, x, float(self._row()[PULL])
+        onset = None
+        if limit > 0.0:
+            onset = self._by_newton(limit) if self._concave(limit) else self._by_scan(situated.p, limit)
+        row = self._at(limit if onset is None else onset)
+        return onset, row[RESTED:].copy(), float(row[PULL])
+
+    def _at(self, t: float) -> Array:
+        self._t[0] = t
+        return self._row()
+
+    def _concave(self, limit: float) -> bool:
+        """Whether the spare grip bends downwards throughout."""
+        if self._oscillates:
+            return False
+        np.multiply(_BENDS, limit, out=self._bends)
+        return bool(self._bend()[0] <= 0.0)
+
+    def _by_newton(self, limit: float) -> float | None:
+        """The only zero of a concave function that is positive at time zero, from the right."""
+        t, last = limit, np.inf
+        for _ in range(NEWTON_STEPS):
+            row = self._at(t)
+            value, slope = float(row[SPARE]), float(row[SLOPE])
+            if t == limit and value > 0.0:
+                return None
+            step = value / slope if slope < 0.0 else 0.0
+            # Beyond the last digits the steps no longer shrink, or change sign.
+            if step <= 1e-15 * t or (step >= last and step <= 1e-12 * limit):
+                return max(t - max(step, 0.0), 0.0)
+            t, last = max(t - step, 0.0), step
+        return t
+
+    def _by_scan(self, p: Array, limit: float) -> float | None:
+        period, force = swing(self.model, p)
+        return first_zero(self._many, limit, period, force)
+
+    def _many(self, times: Array) -> Array:
+        """Spare grip [N] at times (n,) [s]."""
+        out = np.empty(times.size)
+        for first in range(0, times.size, LANES):
+            part = times[first : first + LANES]
+            self._times[: part.size] = part
+            out[first : first + part.size] = self._spare()[: part.size]
+        return out
+
+
+def swing(model: Model, p: Array) -> tuple[float, float]:
+    """Shortest period [s] of what oscillates in the drive (infinite without), bound of its force on the contact [N]."""
+    if model.waves.numel_out(0) == 0:
+        return np.inf, 0.0
+    forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
+    moving = forces > 0.0
+    return (2.0 * np.pi / float(np.max(omegas[moving])), float(np.sum(forces))) if moving.any() else (np.inf, 0.0)
