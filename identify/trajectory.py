@@ -17,8 +17,6 @@ from identify.stepping import steps
 
 Array = NDArray[np.float64]
 
-LOOSER = 100.0  # tolerance of the run that the error is estimated from, over that of the run itself
-CAUTION = 10.0  # of that factor, how much the estimate does not count on
 LAST_DIGITS = 1e-13  # no estimate says less
 COMPARED = 2000  # times at which forces are compared
 
@@ -33,6 +31,14 @@ class Achieved:
 
 
 @dataclass(frozen=True)
+class Second:
+    """Another run of the same scene, and the share of the distance to it that is the first one's error."""
+
+    run: Callable[[], Trajectory]
+    share: float
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """A simulated motion: its phases in order, and everything that can be sampled from them.
 
@@ -43,16 +49,16 @@ class Trajectory:
     phases: Sequence[Phase]
     duration: float
     accuracy: float | None = None
-    looser: Callable[[], Trajectory] | None = field(default=None, repr=False, compare=False)
+    second: Second | None = field(default=None, repr=False, compare=False)
 
     @cached_property
     def achieved(self) -> Achieved | None:
-        """The error as far as it can be told without a truth: from a second run with a looser tolerance, made when
+        """The error as far as it can be told without a truth: from a second run with another tolerance, made when
         this is first asked for. None where no second run is known."""
-        if self.looser is None:
+        if self.second is None:
             return None
-        apart = distance(self, self.looser())
-        share = CAUTION / LOOSER
+        apart = distance(self, self.second.run())
+        share = self.second.share
         return Achieved(share * apart.switches + LAST_DIGITS, share * apart.forces + LAST_DIGITS)
 
     @property
@@ -149,7 +155,8 @@ def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], w
         # The step function itself is the dense output: a shorter step from the node before.
         xth = np.vstack([phase.x[node].T, phase.t[node], t - phase.t[node]])
         assert isinstance(phase, Slide)
-        x = steps(model, phase.method, phase.mode, xth, np.repeat(s.constants[:, None], n, axis=1))
+        constants, tolerances = (np.repeat(a[:, None], n, axis=1) for a in (s.constants, phase.tolerances))
+        x = steps(model, phase.method, phase.mode, xth, constants, tolerances)
     for i, state in enumerate(model.states):
         out[state.name][where] = x[i]
     out["force"][where] = np.array(model.load_cell(x, p, u)).ravel()
