@@ -81,16 +81,10 @@ class Stick(Phase):
 
 @dataclass(frozen=True)
 class Slide(Phase):
-<<<<<<< HEAD
     """A stretch of sliding, taken by steps of `method` with `tolerances` (rtol, then atol (n_x,))."""
 
     method: Method
     tolerances: Array
-=======
-    """A stretch of sliding, taken by the steps of `method`."""
-
-    method: Method
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
 
 
 class Machine:
@@ -194,11 +188,7 @@ def slide(
         if stop != Stop.TIME_IS_UP:
             ended_by = _end(machine, stepper, stop == Stop.LOCATED, rows[-1], times, states)
         _refuse_push(stepper, start, times, states)
-<<<<<<< HEAD
         return Slide(mode, start, situated, times, states, ended_by, stepper.method, stepper.tolerances)
-=======
-        return Slide(mode, start, situated, times, states, ended_by, stepper.method)
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
     if machine.give_over(mode):
         return slide(machine, mode, x, situated, start, limit, most)
     raise SimulationError(_unfinished(machine, mode, start, times[-1], abs(states[-1][SPEED]), most))

@@ -27,12 +27,9 @@ LOOSEST = 1e-4  # where the noise would allow more: a record stays free of visib
 BY_ACCURACY: tuple[tuple[float, Method], ...] = ((1e-1, LOW), (1e-3, MIDDLE), (0.0, HIGH))
 SAFETY = 10.0  # tolerance of a step: this much finer than the accuracy of the record
 FINEST, COARSEST = 1e-14, 1e-2  # tolerances of a step
-<<<<<<< HEAD
 APART = 100.0  # tolerances of two runs whose distance tells the error
 CAUTION = 10.0  # of that factor, how much is not counted on
 TIGHTEST = 1e-13  # rounding takes over below
-=======
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
 STIFF_FROM = 300.0  # decay rates times the natural time: explicit steps would be held back by them, not by their error
 SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
 
@@ -44,18 +41,12 @@ class Plan:
     rtol: float
     methods: Mapping[ModeName, tuple[Method, ...]]
 
-<<<<<<< HEAD
     def other(self) -> tuple[Plan, float]:
         """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
         a tighter one where there is room for it, else a looser one."""
         if self.rtol / APART >= TIGHTEST:
             return Plan(self.rtol / APART, self.methods), 1.0 + CAUTION / APART
         return Plan(self.rtol * APART, self.methods), CAUTION / APART
-=======
-    def looser(self, factor: float) -> Plan:
-        """The same with a tolerance that much larger."""
-        return Plan(min(self.rtol * factor, COARSEST), self.methods)
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
 
 
 def accuracy_for(noise: float | None, force: float) -> float:

@@ -24,11 +24,7 @@ from identify.plan import ACCURACY, SAFETY, Plan, accuracy_for, only, plan
 from identify.quasistatic import balanced
 from identify.scales import scales
 from identify.situated import Situated
-<<<<<<< HEAD
 from identify.trajectory import Second, Trajectory
-=======
-from identify.trajectory import LOOSER, Trajectory
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
 
 if TYPE_CHECKING:
     from identify.scene import Scene
@@ -134,19 +130,12 @@ def run(
     def motion(steps: Plan) -> tuple[Phase, ...]:
         return tuple(phases(Machine(model, p, scale, steps, locate=locate), programme, load, duration, x))
 
-<<<<<<< HEAD
     other, share = steps.other()
 
     def second() -> Trajectory:
         return Trajectory(model, motion(other), duration)
 
     return Trajectory(model, motion(steps), duration, accuracy, Second(second, share))
-=======
-    def looser() -> Trajectory:
-        return Trajectory(model, motion(steps.looser(LOOSER)), duration)
-
-    return Trajectory(model, motion(steps), duration, accuracy, looser)
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
 
 
 def simulate(

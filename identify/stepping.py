@@ -303,25 +303,15 @@ class Stepper:
         self._z, self._xth = np.zeros(self.places.control.stop), np.zeros(self.places.n + 2)
         self._bounds = np.array([0.0, longest, shortest, float(locate), farthest])
         self._constants = np.concatenate([p, np.zeros(5)])
-<<<<<<< HEAD
         self.tolerances = np.concatenate([[rtol], atol])
         self._trial: Compiled = compiled(trial(model, method, mode))
         self._trial.bind([self._xth, self._constants, self.tolerances])
-=======
-        tolerances = np.concatenate([[rtol], atol])
-        self._trial: Compiled = compiled(trial(model, method, mode))
-        self._trial.bind([self._xth, self._constants, tolerances])
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
         self._ends: Compiled = compiled(_ends(model, mode))
         self._ends.bind([self._z[: self.places.n], self._constants, np.zeros(1)])
         self._coefficient: Compiled = compiled(_coefficient(model, mode))
         self._coefficient.bind([self._xth[:-2], self._constants, self._xth[-2:-1]])
         self._burst: Compiled = compiled(burst(model, method, mode))
-<<<<<<< HEAD
         self._burst.bind([self._z, self._bounds, self._constants, self.tolerances])
-=======
-        self._burst.bind([self._z, self._bounds, self._constants, tolerances])
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
 
     def start(self, x: Array | list[float], situated: Situated, limit: float, h: float) -> None:
         """Begin a phase in x (n_x,) with a step of length h [s]; it may last `limit` [s]."""
@@ -351,15 +341,8 @@ class Stepper:
         return float(self._coefficient()[0])
 
 
-<<<<<<< HEAD
 def steps(model: Model, method: Method, mode: ModeName, xth: Array, constants: Array, tolerances: Array) -> Array:
     """States (n_x, m) after m steps of any lengths: xth (n_x + 2, m) states, times in phase, lengths;
     constants (n_p + 5, m) and tolerances (n_x + 1, m) as in `trial`."""
-=======
-def steps(model: Model, method: Method, mode: ModeName, xth: Array, constants: Array) -> Array:
-    """States (n_x, m) after m steps of any lengths: xth (n_x + 2, m) states, times in phase, lengths;
-    constants (n_p + 5, m) as in `trial`."""
-    tolerances = np.ones((len(model.states) + 1, xth.shape[1]))
->>>>>>> bdba3414520fa02088c4123e8d8cb60aa3b86a7e
     out = trial(model, method, mode)(xth, constants, tolerances)
     return np.array(out)[: len(model.states)]
