@@ -22,6 +22,11 @@ RTOL = 1e-12
 NAMES = ("elongation", "sliding_speed", "gamma", "skin_deformation", "lagged_force", "second_lagged_force", "track")
 X, V, GAMMA, SKIN, LAG1, LAG2, TRACK, IMPULSE = range(8)
 ATOL = np.array([1e-17, 1e-15, 1e-14, 1e-17, 1e-13, 1e-13, 1e-17, 1e-14])
+KNOWN = frozenset(
+    "inertia hysteresis_damping driven_damping contact_ageing velocity_weakening linear_weakening power_law "
+    "direct_effect load_dependence pressure_dependence varying_normal_force occlusion friction_heterogeneity "
+    "excitation finger_motion skin_compliance force_sensor sensor_lag sensor_second_lag".split()
+)
 RHYTHMS = ("breathing", "pulse", "tremor")
 
 
@@ -54,6 +59,9 @@ class Equations:
     """Forces and rates of one rig and pair; `on`: the effects that are there. p: parameters by name, SI."""
 
     def __init__(self, on: Collection[str], p: Mapping[str, float]) -> None:
+        unknown = sorted(set(on) - KNOWN)
+        if unknown:
+            raise ValueError(f"the independent integrator knows no {unknown[0]}; write its equation here")
         self.on, self.p = frozenset(on), SimpleNamespace(**p)
         q = self.p
         self.c = 0.0

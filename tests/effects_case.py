@@ -52,8 +52,8 @@ def _effect(name: str, own: Effect) -> Effect:
 
 
 def without(effect: Effect) -> tuple[str, ...]:
-    """The same composition with the effect off."""
-    return tuple(n for n in company(effect) if n != effect.name)
+    """The same composition with the effect off, and with it those that cannot do without."""
+    return tuple(n for n in company(effect) if n != effect.name and effect.name not in _effect(n, effect).needs)
 
 
 def together() -> tuple[str, ...]:
@@ -132,6 +132,8 @@ TELLING = {
     "second_lag_time": 2e-3,
 }
 WHOLE = ("field_seed",)
+RTOL = 1e-13  # of both integrators, per step
+TIMES, FORCES = 2e-12, 1e-10  # s, N: what they leave over a run
 DRIVE, LOAD, DURATION = 2e-3, 1.3, 0.6  # m/s, N, s: a few cycles
 COURSE = ((0.0, 1.3), (0.15, 1.1), (0.4, 1.6), (0.6, 1.5))  # a normal force that varies: (s, N)
 
@@ -168,7 +170,7 @@ def departure(
     """The simulation against the independent integrator, which may be told other numbers (`against`)."""
     load = load_of(names)
     force = load if isinstance(load, float) else tuple(np.array(load).T)
-    ours = run(assemble(names), p, drive, force, DURATION)
+    ours = run(assemble(names), p, drive, force, DURATION, rtol=RTOL)
     theirs = _independent(names, tuple((against or p).items()), drive)
     times = np.linspace(0.0, DURATION, 241)
     apart = float(np.max(np.abs(ours.sample(times)["force"] - theirs.force(times))))
@@ -181,7 +183,7 @@ def departure(
 
 @lru_cache(maxsize=2)
 def _independent(names: tuple[str, ...], p: tuple[tuple[str, float], ...], drive: float) -> effect_oracle.Run:
-    return effect_oracle.simulate(names, dict(p), drive, load_of(names), DURATION)
+    return effect_oracle.simulate(names, dict(p), drive, load_of(names), DURATION, rtol=RTOL)
 
 
 def subset(random: np.random.Generator) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from identify.scene import Scene
 from identify.simulate import run, simulate
 
 VARYING = (*case.MAIN, "varying_normal_force")
-TIMES, FORCES = 2e-11, 5e-10  # s, N: what the integrator leaves over a few cycles
+TIMES, FORCES = case.TIMES, case.FORCES
 # A slip that starts under a rising pull takes sqrt(m D / fall) ln(...) until it has slid by D; with D falling as the
 # square of the creep time, so that no speed of sliding ages, that is the first order less the logarithm.
 ORDER = {"contact_ageing": 0.85}
@@ -45,7 +45,7 @@ def _run(names: tuple[str, ...], p: dict[str, float]):
     values, load = {n: p[n] for n in model.parameter_names}, case.load_of(names)
     u = np.array([case.DRIVE, case.LOAD, 1.0, 0.0])
     start = initial_states(model, np.array(list(values.values())), u, {})
-    return run(model, values, case.DRIVE, load, case.DURATION, start=start)
+    return run(model, values, case.DRIVE, load, case.DURATION, start=start, rtol=case.RTOL)
 
 
 def _compared(effect, strength: float) -> tuple[float, float]:
@@ -98,7 +98,9 @@ def test_an_effect_near_its_limit_is_nearly_absent(effect):
 def test_a_varying_normal_force_that_does_not_vary_is_absent():
     p = case.numbers(case.MAIN)
     level = ((0.0, 0.3, 0.6), (case.LOAD, case.LOAD, case.LOAD))
-    with_it, less = (run(assemble(n), p, case.DRIVE, level, case.DURATION) for n in (VARYING, case.MAIN))
+    with_it, less = (
+        run(assemble(n), p, case.DRIVE, level, case.DURATION, rtol=case.RTOL) for n in (VARYING, case.MAIN)
+    )
     np.testing.assert_allclose(with_it.onsets, less.onsets, rtol=0.0, atol=TIMES)
 
 
@@ -107,6 +109,8 @@ def test_where_it_is_off_the_normal_force_is_its_mean():
     mean = float(np.trapezoid(forces, times)) / case.DURATION
     rig = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": case.DRIVE}
     scenes = [Scene.from_document({"effects": list(names), "rig": rig}) for names in (case.MAIN, VARYING)]
-    off, on = (simulate(scene, case.DURATION, normal_force=(times, forces)).onsets for scene in scenes)
-    np.testing.assert_allclose(off, simulate(scenes[0], case.DURATION, normal_force=mean).onsets, rtol=0.0, atol=TIMES)
+    off, on = (simulate(scene, case.DURATION, normal_force=(times, forces), rtol=case.RTOL).onsets for scene in scenes)
+    np.testing.assert_allclose(
+        off, simulate(scenes[0], case.DURATION, normal_force=mean, rtol=case.RTOL).onsets, rtol=0.0, atol=TIMES
+    )
     assert np.max(np.abs(on[:2] - off[:2])) > 1e-3

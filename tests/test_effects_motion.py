@@ -9,7 +9,7 @@ import pytest
 from identify.effects import ALL
 
 EVERY = pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.name)
-TIMES, FORCES = 2e-11, 5e-10  # s, N: what both integrators leave over a few cycles
+TIMES, FORCES = case.TIMES, case.FORCES
 
 RANGES = {
     "highest_speed",

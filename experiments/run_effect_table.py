@@ -1,0 +1,162 @@
+"""Which effects go together, what each costs in numbers counted, and the table of effects of docs/effects.md.
+
+Every pair of effects, in company of the main ones, is composed; where it composes it is simulated for a few cycles
+and compared with the independent integrator of the tests. Costs are counted on the composed model and on a fit of
+two cycles, with the effect and without it.
+
+python experiments/run_effect_table.py [--docs]    --docs: write the tables of docs/effects.md
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import casadi as ca
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from experiments import effect_cost, effect_pairs
+from experiments.effect_pairs import case
+from experiments.machine import describe
+from identify.effects import ALL
+from identify.quantities import Effect, Parameter
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "effects.md"
+MARK = "<!-- {}: written by experiments/run_effect_table.py --docs -->"
+END = "<!-- end -->"
+
+
+def number(value: float) -> str:
+    """A number as people write it."""
+    return f"{value:.4g}".replace("e-0", "e-").replace("e+0", "e")
+
+
+def parameter(q: Parameter) -> str:
+    """Name, default with unit, and how it is taken."""
+    unit = f" {q.unit}" if q.unit else ""
+    kind = {"friction": "", "rig": ", [rig]", "given": ", given"}[q.kind]
+    return f"`{q.name}` {number(q.default)}{unit}{kind}"
+
+
+def null(effect: Effect) -> str:
+    """The values at which it is as good as absent."""
+    told = []
+    for name, value in effect.null.items():
+        q = next(q for q in effect.parameters if q.name == name)
+        sign = "=" if q.lower <= value <= q.upper else "→"
+        told.append(f"{name} {sign} {number(value).replace('inf', '∞')}")
+    return ", ".join(told) or "normal force constant"
+
+
+def effects_table() -> list[str]:
+    """What the effects say, bring and come from: the rows of a markdown table."""
+    rows = [
+        "| effect | says | parameters (default) | states | absent at | excludes, needs | source |",
+        "|" + " --- |" * 7,
+    ]
+    for e in ALL:
+        rivals = [r.name for r in ALL if e.role and r.role == e.role and r is not e]
+        bounds = [f"not with {', '.join(rivals)}"] * bool(rivals) + [f"needs {', '.join(e.needs)}"] * bool(e.needs)
+        cells = (
+            f"`{e.name}`",
+            e.says,
+            "<br>".join(parameter(q) for q in e.parameters) or "none",
+            ", ".join(f"`{s.name}`" + f" {s.unit}" * bool(s.unit) for s in e.states) or "none",
+            null(e),
+            "; ".join(bounds),
+            e.source,
+        )
+        rows.append("| " + " | ".join(cells) + " |")
+    return rows
+
+
+def cost_table(effects: tuple[Effect, ...] = ALL) -> list[str]:
+    """Counts without and with each effect: the rows of a markdown table."""
+    heads = ("effect", "states", "parameters", *effect_cost.COUNTED, "searched", "unknowns", "rows")
+    rows = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
+    for e in effects:
+        less, more = (effect_cost.cost(names) for names in effect_cost.pair(e))
+        counts = [(getattr(less, name), getattr(more, name)) for name in ("states", "parameters")] + list(
+            zip(less.instructions, more.instructions, strict=True)
+        )
+        counts += [(getattr(less, name), getattr(more, name)) for name in ("searched", "unknowns", "rows")]
+        rows.append(f"| `{e.name}` | " + " | ".join(_change(a, b) for a, b in counts) + " |")
+    return rows
+
+
+def _change(before: int | None, after: int | None) -> str:
+    if before is None or after is None:
+        return "– → " + (str(after) if after is not None else "–")
+    return str(after) if before == after else f"{before} → {after}"
+
+
+def pair_report(step: int = 1) -> list[str]:
+    """The table of pairs: a markdown matrix, the refusals in words, the largest departure."""
+    found = {(p.first, p.second): p for p in effect_pairs.pairs(step)}
+    names = [e.name for e in ALL]
+    rows = ["| | " + " | ".join(str(i + 1) for i in range(len(names))) + " |", "| --- |" + " :-: |" * len(names)]
+    for i, a in enumerate(names):
+        cells = [_cell(found.get((names[min(i, j)], names[max(i, j)]))) for j in range(len(names))]
+        cells[i] = "–"
+        rows.append(f"| {i + 1} `{a}` | " + " | ".join(cells) + " |")
+    compared = [p for p in found.values() if p.departure is not None]
+    refused = [p for p in found.values() if p.refused]
+    apart = [p for p in compared if not p.agrees]
+    late = max(p.departure.times for p in compared if p.departure)
+    force = max(p.departure.force for p in compared if p.departure)
+    rows += [
+        "",
+        f"✓ simulated and equal to the independent integrator; ≠ not equal; × refused; blank: not tried in this run. "
+        f"{len(compared)} pairs compared, {len(compared) - len(apart)} equal (event times within {case.TIMES:g} s, "
+        f"forces within {case.FORCES:g} N), {len(refused)} refused. "
+        f"Largest departure {late:.1e} s and {force:.1e} N.",
+        "",
+        *(f"- × {p.first} with {p.second}: {p.refused}" for p in refused),
+        *(f"- ≠ {p.first} with {p.second}: {p.departure}" for p in apart),
+        *(f"- × {name} without inertia: {why}" for name, why in effect_pairs.without_inertia() if why),
+    ]
+    return rows
+
+
+def _cell(pair: effect_pairs.Pair | None) -> str:
+    if pair is None:
+        return " "
+    return "×" if pair.refused else "✓" if pair.agrees else "≠"
+
+
+def page_with(tables: dict[str, list[str]], text: str) -> str:
+    """The page with these tables in their places."""
+    for name, rows in tables.items():
+        head = MARK.format(name)
+        pattern = re.escape(head) + r"\n.*?" + re.escape(END)
+        text, count = re.subn(pattern, lambda _, h=head, r=rows: "\n".join([h, *r, END]), text, flags=re.DOTALL)
+        if count != 1:
+            raise ValueError(f"{PAGE.name} holds {count} places for the table {name!r}; expected one")
+    return text
+
+
+def page_tables() -> dict[str, list[str]]:
+    """The tables of docs/effects.md; counts hold for one version of CasADi, which is said."""
+    version = f"Counted with CasADi {ca.__version__}."
+    return {"effects": effects_table(), "costs": [*cost_table(), "", version]}
+
+
+def main(fast: bool = False) -> None:
+    """Print all tables; fast: the costs of a few effects and a few pairs."""
+    print(f"# Effects: what goes together and what it costs\n\n{describe()}\n")
+    print("## Pairs\n")
+    print("\n".join(pair_report(17 if fast else 1)))
+    print("\n## Costs, counted: without → with\n")
+    print("\n".join(cost_table(ALL[3:6] if fast else ALL)))
+    for name, why in {e.name: effect_cost.cost(effect_cost.pair(e)[0]).why for e in ([] if fast else ALL)}.items():
+        if why:
+            print(f"\n- without {name}, no fit is laid out: {why}")
+
+
+if __name__ == "__main__":
+    if "--docs" in sys.argv:
+        PAGE.write_text(page_with(page_tables(), PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    else:
+        main(fast="--fast" in sys.argv)
