@@ -108,6 +108,7 @@ class Machine:
         self.rests = Resting(model)
         self.first = dict.fromkeys(self._left, FIRST * self.scale.time)
         self.modes = sliding_modes(model.clamped is not None)
+        self.following = {name: dict(mode.exits) for name, mode in self.modes.items()}
         self.exits = {name: tuple(GUARDS.index(guard) for guard, _ in mode.exits) for name, mode in self.modes.items()}
 
     def stepper(self, mode: ModeName) -> Stepper:
@@ -213,7 +214,8 @@ def _refuse_push(stepper: Stepper, start: float, times: list[float], states: lis
     Raises:
         SimulationError: the friction coefficient is negative there.
     """
-    i = max(range(len(states)), key=lambda node: abs(states[node][SPEED]))
+    speeds = [abs(state[SPEED]) for state in states]
+    i = speeds.index(max(speeds))
     coefficient = stepper.coefficient(states[i], times[i])
     if coefficient < -LEAST:
         raise SimulationError(

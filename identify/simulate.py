@@ -76,7 +76,7 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
         elif mode == "stick":
             mode = "slip"
         else:
-            mode = dict(machine.modes[mode].exits)[phase.ended_by]
+            mode = machine.following[mode][phase.ended_by]
             if mode == "stick" and model.jumps:
                 x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
     raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
@@ -145,6 +145,7 @@ def simulate(
     drive: float | Drive | tuple[tuple[float, float], ...] | None = None,
     normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
     accuracy: float | None = None,
+    noise: float | None = None,
     rtol: float | None = None,
 ) -> Trajectory:
     """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
@@ -154,8 +155,9 @@ def simulate(
 
     Args:
         drive, normal_force: replace those of the scene's rig; units and forms as in `run`.
-        accuracy: relative error of switch times and forces that is tolerated; None: an order below the noise of the
-            scene, `ACCURACY` where it states none.
+        accuracy: relative error of switch times and forces that is tolerated; None: an order below the noise,
+            `ACCURACY` where there is none.
+        noise: that the record is to carry [N]; None: what the scene says.
 
     Raises:
         SimulationError: no drive speed or normal force is given, or what the model refuses.
@@ -177,5 +179,7 @@ def simulate(
     p = np.array([values[name] for name in model.parameter_names])
     start = initial_states(model, p, u, asdict(scene.initial))
     if accuracy is None:
-        accuracy = accuracy_for(scene.rig.noise, max(values["mu_s"], values["mu_k0"]) * max(load.values))
+        accuracy = accuracy_for(
+            scene.rig.noise if noise is None else noise, max(values["mu_s"], values["mu_k0"]) * max(load.values)
+        )
     return run(model, values, programme, load, duration, start=start, accuracy=accuracy, rtol=rtol)

@@ -27,7 +27,8 @@ N_GUARDS = len(GUARDS)
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
 GROWTH, SHRINKING, SAFETY = 5.0, 0.2, 0.9  # of the step length from one trial to the next
 WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
-LAST, NEAR = 1e-15, 1e-8  # moves of Newton's method, of a step: nothing follows; one more is exact
+LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
+NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
 CLOSE = 0.25  # of the guard before it: a minimum as low as this within a step is looked at
 
 
@@ -156,7 +157,7 @@ def burst(model: Model, method: Method, mode: ModeName) -> ca.Function:
     h = ca.if_else(locating, h, free)
     row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
     exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
-    found = _locating(z[at.control], h, row[at.n + 1 :], exits)
+    found = _locating(z[at.control], h, row[at.n + 1 :], exits, tolerances[0])
     walked = _walking(z[at.control], t, h, ends, row[at.n :], exits, bounds, method)
     moved, *control = (ca.if_else(locating, f, w) for f, w in zip(found, walked, strict=True))
     after = ca.vertcat(
@@ -249,7 +250,9 @@ def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Express
     return ca.if_else(ca.logic_and(turning, near), length, h)
 
 
-def _locating(control: Expression, h: Expression, ends: Expression, exits: list[int]) -> tuple[Expression, ...]:
+def _locating(
+    control: Expression, h: Expression, ends: Expression, exits: list[int], rtol: Expression
+) -> tuple[Expression, ...]:
     """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket."""
     newton, hit, fallen = ca.inf, 0.0, 0.0
     for i in exits:
@@ -261,7 +264,7 @@ def _locating(control: Expression, h: Expression, ends: Expression, exits: list[
     following = ca.if_else(inside, newton, 0.5 * (low + high))
     move = ca.fabs(newton - h)
     done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= LAST * h, high - low <= LAST * high))
-    near = ca.logic_and(inside, move <= NEAR * control[4])
+    near = ca.logic_and(inside, move <= NEAR * ca.sqrt(rtol) * control[4])
     return done, following, control[1], control[2], low, high, near, 0, Stop.LOCATED * done
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import oracle
 import pytest
@@ -200,3 +202,19 @@ def test_cost_is_counted_linear_in_cycles() -> None:
     nodes = [sum(len(phase.times) for phase in run(MODEL, PAIR, 1e-3, 1.0, t).phases) for t in (3.0, 6.0, 12.0)]
     assert nodes[1] == pytest.approx(2 * nodes[0], rel=0.1)
     assert nodes[2] == pytest.approx(4 * nodes[0], rel=0.1)
+
+
+def test_the_command_line_takes_an_accuracy_and_reports_the_error(tmp_path, capsys) -> None:
+    from identify.cli.main import main
+    from identify.examples import FOLDER
+
+    rig = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N", "--duration", "2", "--rate", "500"]
+    command = ["simulate", "--scene", str(FOLDER / "pair.toml"), *rig, "--out", str(tmp_path / "log.csv")]
+    assert main([*command, "--accuracy", "1e-5", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["accuracy"]
+    assert found["asked"] == 1e-5
+    assert 0.0 < found["switches"] < 1e-5
+    assert found["methods"] == ["dop853"]
+    assert main([*command, "--noise", "5 mN", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["accuracy"]["asked"] == pytest.approx(1e-4)
+    assert main([*command, "--accuracy", "2"]) == 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from argparse import ArgumentParser, Namespace
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, quantity
@@ -24,6 +25,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--rate", required=True, metavar="HZ", help="samples per second [Hz]")
     parser.add_argument("--noise", default="0", metavar="SD", help="standard deviation of white force noise [N]")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the noise (default 0)")
+    parser.add_argument(
+        "--accuracy",
+        metavar="X",
+        help="relative error of switch times and forces that is tolerated (default: an order below the noise)",
+    )
     parser.add_argument("--out", required=True, metavar="LOG.csv|LOG.h5", help="the log to write")
 
 
@@ -37,6 +43,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     if out.suffix.lower() not in (".csv", ".h5", ".hdf5"):
         raise CommandLineError(f"--out {out} ends in {out.suffix!r}; expected .csv or .h5: rename it")
     duration, rate, noise, seed = _asked(arguments)
+    accuracy = _accuracy(arguments.accuracy)
 
     import numpy as np
 
@@ -45,7 +52,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.simulate import simulate
 
     scene = Scene.from_toml(arguments.scene, arguments.set)
-    motion = simulate(scene, duration)
+    motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None)
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     samples = motion.sample(time)
     speed = scene.rig.drive_speed
@@ -59,7 +66,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     (write_csv if out.suffix.lower() == ".csv" else write_hdf5)(record, out)
     slips = motion.onsets.size
     terminal.say(f"{out}: {time.size} samples, {slips} slips, noise {noise:g} N (seed {seed}), simulated")
-    return Answer(document={"status": "done", "out": str(out), "rows": time.size, "slips": slips})
+    document = {"status": "done", "out": str(out), "rows": time.size, "slips": slips}
+    if motion.achieved is not None:
+        found = {name: error if np.isfinite(error) else None for name, error in asdict(motion.achieved).items()}
+        terminal.say(f"asked for {motion.accuracy:.2g}; {_words(found)}; {', '.join(motion.methods) or 'no slip'}")
+        document["accuracy"] = {"asked": motion.accuracy, **found, "methods": list(motion.methods)}
+    return Answer(document=document)
 
 
 def _provenance(scene: Scene, duration: float, rate: float) -> dict[str, str | float | bool]:
@@ -76,6 +88,27 @@ def _provenance(scene: Scene, duration: float, rate: float) -> dict[str, str | f
         "rate_Hz": rate,
         "version": version("stick-slip-workbench"),
     }
+
+
+def _accuracy(given: str | None) -> float | None:
+    """The accuracy asked for.
+
+    Raises:
+        CommandLineError: no relative error.
+    """
+    if given is None:
+        return None
+    accuracy = quantity(given, "", "--accuracy")
+    if not 0.0 < accuracy < 1.0:
+        raise CommandLineError(f"--accuracy is {accuracy:g}; expected a relative error such as 1e-6: correct it")
+    return accuracy
+
+
+def _words(achieved: dict[str, float | None]) -> str:
+    """What the second run says of the first."""
+    if None in achieved.values():
+        return "estimated errors: unknown, with another tolerance the slips come differently"
+    return f"estimated errors: switch times {achieved['switches']:.1g} of a cycle, forces {achieved['forces']:.1g}"
 
 
 def _asked(arguments: Namespace) -> tuple[float, float, float, int]:
