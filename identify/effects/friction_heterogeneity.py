@@ -78,9 +78,9 @@ class FrictionHeterogeneity(Effect):
         p = s.p
         # Whole numbers, so that a draw has no derivative.
         seed, stick = ca.floor(p.field_seed + 0.5), ca.floor(s.x.stick_number + 0.5)
-        field = 0.0
+        place, field = s.x.track / p.field_length, 0.0
         for i, number in enumerate(_wave_numbers()):
-            field = field + ca.cos(number * s.x.track / p.field_length + 2 * np.pi * _uniform(seed, i + 0.5))
+            field = field + ca.cos(number * place + 2 * np.pi * _uniform(seed, i + 0.5))
         spread = np.sqrt(2.0 / MODES)
         return Terms(
             excess=p.field_sd * spread * field,
