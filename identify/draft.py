@@ -17,6 +17,7 @@ from data_io import Record
 from identify.effects import MAIN
 from identify.scene.toml import to_fill_in
 from identify.segment import segment
+from identify.speeds import speed_scale
 
 Array = NDArray[np.float64]
 
@@ -168,4 +169,5 @@ def _toml(value: Any) -> str:
 
 def speed_text(speed: float) -> str:
     """A speed [m/s] as it stands on the dial: "0.1 mm/min", "5 mm/s"."""
-    return f"{6e4 * speed:.4g} mm/min" if speed < 1e-5 else f"{1e3 * speed:.4g} mm/s"
+    unit, size = speed_scale(speed)
+    return f"{speed / size:.4g} {unit}"

@@ -7,8 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from identify.speeds import speed_scale
+
 Document = Mapping[str, Any]
 OPEN = "interval open: "  # how a reason begins
+MOST_PLACES = 8
+LEAST = 0.0999  # of a unit, from which on it is taken
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -16,21 +20,45 @@ def said(value: float | None, unit: str) -> str:
     """A number with three digits and a unit of handy size ("0.56 N", "22 mm/s")."""
     if value is None:
         return "none"
+    name, factor = _scale(value, unit)
+    return f"{_digits(value / factor, 3)} {name}".rstrip()
+
+
+def _scale(value: float, unit: str) -> tuple[str, float]:
+    """A unit of handy size for a value, and its size in SI."""
+    if unit == "m/s":
+        return speed_scale(value)
     if not unit or value == 0:
-        return f"{value:.3g}" + (f" {unit}" if unit else "")
-    usual = 1e-3 if unit in ("m", "m/s") and abs(value) < 1 else 1.0
-    factor, prefix = next(((f, s) for f, s in PREFIXES if abs(value) >= f and f <= usual), PREFIXES[-1])
-    return f"{np.format_float_positional(value / factor, 3, fractional=False, trim='-')} {prefix}{unit}"
+        return unit, 1.0
+    usual = 1e-3 if unit == "m" and abs(value) < 1 else 1.0
+    factor, prefix = next(((f, s) for f, s in PREFIXES if abs(value) >= LEAST * f and f <= usual), PREFIXES[-1])
+    return f"{prefix}{unit}", factor
+
+
+def _digits(value: float, digits: int) -> str:
+    return f"{value:.3g}" if value == 0 else np.format_float_positional(value, digits, fractional=False, trim="-")
 
 
 def _with_interval(entry: Mapping[str, Any]) -> str:
-    words = said(entry["value"], entry["unit"])
+    """The number and its interval in one unit, with as many decimals as tell the ends apart."""
+    value, unit = entry["value"], entry["unit"]
     low, high = entry["interval"] or (None, None)
     if entry.get("reason"):
-        words += " (interval open)"
-    elif low is not None:
-        words += f" (95 %: {said(low, entry['unit'])} to {said(high, entry['unit'])})"
-    return words
+        return f"{said(value, unit)} (interval open)"
+    if low is None or high is None:
+        return said(value, unit)
+    name, factor = _scale(value, unit)
+    shown = [v / factor for v in (value, low, high)]
+    if not shown[2] > shown[1]:
+        return said(value, unit)
+    places = max(_places(shown[0]) + 2, _places((shown[2] - shown[1]) / 2))
+    middle, first, last = (f"{v:.{min(max(places, 0), MOST_PLACES)}f}" for v in shown)
+    return f"{middle} {name} (95 %: {first} to {last})".replace("  ", " ")
+
+
+def _places(value: float) -> int:
+    """Decimals at which the first digit of a number stands."""
+    return 0 if value == 0 or not np.isfinite(value) else -int(np.floor(np.log10(abs(value))))
 
 
 def _why_open(entries: Iterable[Mapping[str, Any]]) -> str:
@@ -50,14 +78,14 @@ def stability_text(document: Document) -> str:
     answer = document["stability"]
     sentence = {
         "always sticks": "it sticks and slips, however the motion starts",
-        "never sticks": "it slides steadily",
-        "bistable": "both are possible, depending on the start: stick-slip that has begun goes on, steady sliding too",
+        "never sticks": "it slides steadily, however the motion starts",
+        "bistable": "it depends on the start: stick-slip that has begun goes on, and so does steady sliding",
         "sticks irregularly": "it sticks and slips, but the jumps do not settle on one size",
         "undecided": (
             "neither stick-slip nor stable sliding was found: the sliding speed oscillates without coming to rest"
         ),
     }[answer["outcome"]]
-    lines = [f"At {_where(document)}: {answer['outcome']}; {sentence}."]
+    lines = [f"At {_where(document)} {sentence}."]
     end = answer["critical_speed"]
     if end["value"] is not None:
         lines.append(f"Stick-slip ends above a drive speed of {_with_interval(end)}.")
@@ -83,10 +111,11 @@ def amplitude_text(document: Document) -> str:
     """Size and timing of the jumps."""
     part = document["amplitude"]
     if part["drop"]["value"] is None:
-        return f"Amplitude: none; {part['drop']['validity']}."
+        return f"Amplitude at {_where(document)}: none; {part['drop']['validity']}."
     plain = {name: said(entry["value"], entry["unit"]) for name, entry in part.items() if name != "text"}
     return (
-        f"Each jump drops the force by {_with_interval(part['drop'])}, every {_with_interval(part['period'])}: "
+        f"At {_where(document)} each jump drops the force by {_with_interval(part['drop'])}, "
+        f"every {_with_interval(part['period'])}: "
         f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
         f"at up to {_with_interval(part['peak_speed'])}; "
         f"the force rises to {plain['onset_force']} and falls to {plain['arrest_force']}."

@@ -312,7 +312,7 @@ def test_envelope_holds_the_extremes_of_every_stretch() -> None:
         (speed(1e-3), "1\N{NO-BREAK SPACE}mm/s"),
         (speed(1e-4), "0.1\N{NO-BREAK SPACE}mm/s"),
         (speed(-1e-4 / 60), "−0.1\N{NO-BREAK SPACE}mm/min"),
-        (speed(0.0), "0\N{NO-BREAK SPACE}m/s"),
+        (speed(0.0), "0\N{NO-BREAK SPACE}mm/s"),
         (speed(None), "–"),
         (quantity(500.0, "Hz"), "500\N{NO-BREAK SPACE}Hz"),
         (quantity(2000.0, "Hz"), "2000\N{NO-BREAK SPACE}Hz"),

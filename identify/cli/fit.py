@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from identify.cli.common import (
     log_options,
     quantity,
 )
+from identify.errors import SceneError
 
 if TYPE_CHECKING:
     from identify.outcome import Fit
@@ -62,11 +64,35 @@ def scene_of(arguments: Namespace) -> Scene:
     options = {key: value for key, value in log_options(arguments).items() if value is not None}
     if "normal_force" in options:
         options["normal_force"] = quantity(options["normal_force"], "N", "--normal-force")
+    check_named(arguments.logs, arguments.scene)
     scene = Scene.from_toml(arguments.scene, arguments.set)
     scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
     if not scene.logs:
         raise CommandLineError(f"{arguments.scene} lists no log and none was given; name a LOG, or add [[logs]] to it")
     return replace(scene, logs=tuple(replace(entry, **options) for entry in scene.logs))
+
+
+def check_named(logs: Sequence[str], scene: str) -> None:
+    """Refuse a log that is neither a file nor one of the scene's, before anything is said of the scene.
+
+    Raises:
+        CommandLineError: no such log. SceneError: no scene file.
+    """
+    from identify.scene.toml import read_toml
+
+    try:
+        listed = read_toml(Path(scene)).get("logs", [])
+    except SceneError as error:
+        raise SceneError(f"{scene}: {error}") from None
+    paths = [str(log.get("path", "")) for log in listed if isinstance(log, dict)] if isinstance(listed, list) else []
+    names = {Path(path).name for path in paths}
+    for path in paths if not logs else ():
+        check_there(Path(scene).parent / Path(path).expanduser())
+    for log in logs:
+        if not Path(log).exists() and Path(log).name not in names:
+            raise CommandLineError(
+                f"{log}: there is no such log, as a file or among the logs of the scene; check its path"
+            )
 
 
 def check_logs(scene: Scene) -> None:
@@ -76,8 +102,17 @@ def check_logs(scene: Scene) -> None:
         CommandLineError: no such file.
     """
     for entry in scene.logs:
-        if not entry.path.exists():
-            raise CommandLineError(f"{entry.path}: there is no such log; check its path in the scene, or put it there")
+        check_there(entry.path)
+
+
+def check_there(path: Path) -> None:
+    """Refuse a log that is not there.
+
+    Raises:
+        CommandLineError: no such file.
+    """
+    if not path.exists():
+        raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
 
 
 def fit_and_report(scene: Scene, out: Path, terminal: Terminal) -> Fit:

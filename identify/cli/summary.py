@@ -31,6 +31,9 @@ def say_fit(fit: Fit, terminal: Terminal) -> None:
     """Status, parameters with intervals and verdicts, and the reasons of what is not identified."""
     result = fit.result
     terminal.say(wrapped(f"{str(result['status']).replace('_', ' ')}: {result['message']}"))
+    for number, log in enumerate(result.get("logs", ()), 1):
+        if fit.converged and log.get("reason_left_out"):
+            terminal.say(wrapped(f"log {number} took no part: {log['reason_left_out']}", "  "))
     if not fit.converged:
         return
     terminal.say()

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from identify.report.quantity_text import DASH, decimals, finite, number, places_for, quantity, scale_for, split_key
 from identify.report.tables import Cell, Row, Table, plain_text
-from identify.report.words import ANSWER_ORDER, ANSWER_WORDS
+from identify.report.words import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, SLIPS
 
 Path = tuple[str, ...]
 Entry = Mapping[str, Any]
 Column = Mapping[Path, Entry]
+WORDS = {**OUTCOMES, **SLIPS}
 SAID_ONCE = ":"  # of a long validity only what stands before this is said again
 
 
@@ -77,8 +79,16 @@ def _part_rows(part: Path, paths: Sequence[Path], found: Sequence[Column]) -> li
     rows = [Row(" · ".join(_word(name) for name in part), note=shared, heading=True)] if part else []
     heard: list[set[str]] = [set() for _ in found]
     for path in paths:
-        rows.append(_row(path[-1], entries[path], shared, heard))
+        row = _row(path[-1], entries[path], shared, heard)
+        if rows and _without_numbers(row) and rows[-1].cells and _without_numbers(rows[-1]) and not row.note:
+            rows[-1] = replace(rows[-1], head=f"{rows[-1].head}, {row.head}")
+        else:
+            rows.append(row)
     return rows
+
+
+def _without_numbers(row: Row) -> bool:
+    return all(cell.text == DASH for cell in row.cells)
 
 
 def _row(key: str, entries: Sequence[Entry | None], shared: str, heard: Sequence[set[str]]) -> Row:
@@ -113,7 +123,7 @@ def _cell(entry: Entry | None, said: str, validity: str) -> Cell:
         return Cell(DASH)
     value, unit = entry.get("value"), str(entry.get("unit") or "")
     shown = finite(value)
-    text = quantity(shown, unit) if shown is not None else plain_text(value)
+    text = quantity(shown, unit) if shown is not None else WORDS.get(str(value), plain_text(value))
     interval = interval_text(entry.get("interval"), shown, unit) if shown is not None else ""
     notes = [note for note in (interval, said, str(entry.get("reason") or "")) if note]
     return Cell(text, " · ".join(notes), "doubt" if "not valid" in validity.lower() else "")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from identify.speeds import speed_scale
+
 DASH = "–"
 # From large to small; the first unit in which the number is at least 0.1 is taken.
 LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "m": (("mm", 1e-3), ("µm", 1e-6), ("nm", 1e-9)),
-    "m/s": (("m/s", 1.0), ("mm/s", 1e-3), ("µm/s", 1e-6), ("nm/s", 1e-9)),
     "s": (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)),
     "N": (("N", 1.0), ("mN", 1e-3), ("µN", 1e-6)),
     "N/s": (("N/s", 1.0), ("mN/s", 1e-3), ("µN/s", 1e-6)),
@@ -20,7 +21,6 @@ LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "W": (("W", 1.0), ("mW", 1e-3), ("µW", 1e-6)),
     "J": (("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9)),
 }
-SLOW = 1e-5  # m/s, below which drive speeds are said per minute
 # How a key of the result document tells its unit; longer endings first.
 KEY_UNITS = (
     ("_m_per_s", "m/s"),
@@ -48,6 +48,8 @@ class Scale:
 
 def scale_for(value: float | None, unit: str) -> Scale:
     """The unit in which the SI value reads well; unknown units stay as they are."""
+    if unit == "m/s":
+        return Scale(*speed_scale(value))
     known = LAB_UNITS.get(unit)
     if known is None:
         return Scale(unit, 1.0)
@@ -102,10 +104,8 @@ def quantity(value: float | None, unit: str, digits: int = 4) -> str:
 
 
 def speed(value: float | None) -> str:
-    """A drive speed [m/s]; a slow one in mm/min, as it is on the dial of the tribometer."""
-    if value is None or not 0.0 < abs(value) < SLOW:
-        return quantity(value, "m/s")
-    return f"{number(value * 6e4)}\N{NO-BREAK SPACE}mm/min"
+    """A speed [m/s]; a slow one in mm/min, as it is on the dial of the tribometer."""
+    return quantity(value, "m/s")
 
 
 def split_key(key: str) -> tuple[str, str]:

@@ -19,6 +19,7 @@ from identify.report.quantity_text import (
 )
 from identify.report.words import (
     MEANINGS,
+    QUALITY,
     QUALITY_CLASS,
     STATUS,
     SYMBOLS,
@@ -106,7 +107,7 @@ def parameter_views(parameters: Mapping[str, Mapping[str, Any]]) -> tuple[Parame
 
 def log_views(fit: Fit) -> tuple[LogView, ...]:
     """One view per log of the document."""
-    return tuple(_log(number_, log) for number_, log in enumerate(fit.result.get("logs", ()), start=1))
+    return tuple(_log(number_, log, fit.converged) for number_, log in enumerate(fit.result.get("logs", ()), start=1))
 
 
 def last_iterate_rows(last: Any) -> tuple[tuple[str, str], ...]:
@@ -181,7 +182,7 @@ def _tiles(result: Mapping[str, Any]) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
-def _log(number_: int, log: Mapping[str, Any]) -> LogView:
+def _log(number_: int, log: Mapping[str, Any], converged: bool) -> LogView:
     quality = log.get("quality") or {}
     verdict = str(quality.get("verdict") or "")
     path = str(log.get("path", ""))
@@ -192,8 +193,9 @@ def _log(number_: int, log: Mapping[str, Any]) -> LogView:
         sha256=str(log.get("sha256") or ""),
         facts=_facts(log),
         labels=tuple((str(key), str(value)) for key, value in (log.get("labels") or {}).items()),
-        quality=verdict,
-        quality_class=QUALITY_CLASS.get(verdict, "plain"),
+        quality=QUALITY.get(verdict, verdict),
+        # green beside a fit that was refused would say the opposite of the banner
+        quality_class=QUALITY_CLASS.get(verdict, "plain") if converged or verdict != "accept" else "plain",
         findings=tuple(
             (str(f.get("severity", "info")), str(f.get("message", ""))) for f in quality.get("findings", ())
         ),

@@ -136,6 +136,24 @@ ANSWER_WORDS: Mapping[str, str] = {
     "v_acr": "v_acr",
     "v_a": "v_a",
 }
+OUTCOMES: Mapping[str, str] = {
+    "always sticks": "stick-slip, from any start",
+    "never sticks": "steady sliding, from any start",
+    "bistable": "stick-slip or sliding, by the start",
+    "sticks irregularly": "irregular stick-slip",
+    "undecided": "neither was found",
+}
+SLIPS: Mapping[str, str] = {
+    "restick": "sticks again",
+    "steady": "slides on",
+    "no_slip": "none",
+    "runaway": "runs away",
+}
+QUALITY: Mapping[str, str] = {
+    "accept": "data: good",
+    "accept with warnings": "data: usable, with warnings",
+    "reject": "data: not usable",
+}
 EFFECTS_CHOSEN: Mapping[str, str] = {
     "auto": "Chosen from the numbers of the scene and from the data.",
     "listed": "Listed in the scene.",

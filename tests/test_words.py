@@ -1,0 +1,129 @@
+"""What users read: intervals whose ends differ, one unit per kind of quantity, an operating point, no contradiction."""
+
+import re
+
+import pytest
+
+from identify.cli import main as cli
+from identify.cli.common import Terminal
+from identify.cli.summary import say_fit
+from identify.outcome import Fit
+from identify.outlook_words import amplitude_text, said, stability_text
+from identify.report.answers import answer_table
+from identify.report.page import render_page
+from identify.report.quantity_text import quantity
+from identify.report.tables import Cell
+from tests.fake_fit import failed, fake_fit
+
+
+def entry(value, unit, interval=None, **more):
+    return {"value": value, "unit": unit, "interval": interval, "validity": ""} | more
+
+
+def document(outcome="always sticks", drop=0.889, low=0.88871, high=0.88929):
+    return {
+        "operating_point": {"drive_speed": entry(1e-4 / 60, "m/s"), "normal_force": entry(0.943, "N")},
+        "stability": {
+            "outcome": outcome,
+            "critical_speed": entry(0.02112, "m/s", [0.021079, 0.021163]),
+            "sliding_unstable_between": [],
+            "searched_between": [1e-6, 1.0],
+        },
+        "amplitude": {
+            "drop": entry(drop, "N", [low, high]),
+            "period": entry(212.2, "s", [212.188, 212.237]),
+            "peak_speed": entry(0.01427, "m/s", [0.01426, 0.014278]),
+            "stick_duration": entry(212.1, "s"),
+            "slip_duration": entry(0.1042, "s"),
+            "slip_distance": entry(3.5e-4, "m"),
+            "onset_force": entry(0.9, "N"),
+            "arrest_force": entry(0.011, "N"),
+        },
+    }
+
+
+@pytest.mark.parametrize("spread", [0.3, 0.03, 3e-3, 3e-4, 3e-5, 3e-6])
+@pytest.mark.parametrize("drop", [0.889, 0.0889, 1.0, 123.4])
+def test_ends_of_an_interval_differ_and_hold_the_value(drop, spread):
+    text = amplitude_text(document(drop=drop, low=drop * (1 - spread), high=drop * (1 + spread)))
+    found = re.search(r"drops the force by ([\d.]+) (m?N) \(95 %: ([\d.]+) to ([\d.]+)\)", text)
+    assert found, text
+    value, low, high = (float(found[i]) * (1e-3 if found[2] == "mN" else 1.0) for i in (1, 3, 4))
+    assert low < value < high
+    assert (high - low) / (2 * drop * spread) == pytest.approx(1.0, abs=0.5)
+
+
+def test_amplitude_says_where_and_everything_in_the_units_of_the_rest():
+    text = amplitude_text(document())
+    assert text.startswith("At 0.1 mm/min and 0.943 N each jump drops the force by 0.889")
+    assert "µm/s" not in text and "943 mN" not in text
+    none = document()
+    none["amplitude"]["drop"] = entry(None, "N", validity="no stick-slip here")
+    none["amplitude"]["drop"]["validity"] = "no stick-slip here"
+    assert amplitude_text(none) == "Amplitude at 0.1 mm/min and 0.943 N: none; no stick-slip here."
+
+
+@pytest.mark.parametrize("value", [0.02112, 1e-3, 7.46e-5, 1.2e-5, 9e-6, 1.6e-6, 1.3])
+def test_speeds_have_one_unit_in_sentences_and_tables(value):
+    unit = "mm/min" if value < 1e-5 else "mm/s"
+    assert said(value, "m/s").endswith(f" {unit}") and quantity(value, "m/s").endswith(f"\N{NO-BREAK SPACE}{unit}")
+
+
+def test_what_it_does_is_said_once():
+    text = stability_text(document())
+    assert text.startswith("At 0.1 mm/min and 0.943 N it sticks and slips, however the motion starts. Stick-slip ends")
+    assert "always sticks" not in text
+    assert "depends on the start" in stability_text(document("bistable"))
+
+
+def test_rows_without_a_number_become_one():
+    why = "not valid here: the linear law runs away (alpha = -1.02, at or below -1)"
+    names = ("drop", "period", "slip_duration", "peak_speed")
+    forms = {"slip": "runaway"} | {name: entry(None, "N", validity=why) for name in names}
+    table = answer_table([(Cell("log 1"), {"closed_forms": forms, "stability": {"outcome": "always sticks"}})], "")
+    heads = [row.head for row in table.rows]
+    assert "drop of the force, period, duration of slip, highest sliding speed" in heads
+    cells = {row.head: row.cells for row in table.rows if row.cells}
+    assert cells["what it does here"][0].text == "stick-slip, from any start"
+    assert cells["kind of linear slip"][0].text == "runs away"
+    some = answer_table([(Cell("a"), {"x": entry(None, ""), "y": entry(1.0, ""), "z": entry(None, "")})], "")
+    assert [row.head for row in some.rows] == ["x", "y", "z"], "only neighbours are joined"
+
+
+def test_a_refused_fit_shows_no_green_badge():
+    page = render_page(fake_fit(), [])
+    assert 'chip good">data: good' in page
+    refused = render_page(failed(fake_fit(), "model_misfit", "the model does not follow"), [])
+    section = refused[refused.index('<section class="log"') :]
+    assert "data: good" in section and 'chip good">data' not in section
+
+
+def test_logs_that_took_no_part_are_named_in_the_terminal(capsys):
+    import sys
+
+    fit = fake_fit()
+    logs = [{**log, "reason_left_out": None} for log in fit.result["logs"]]
+    logs[1]["reason_left_out"] = "fast.csv shows no complete stick-slip cycle"
+    say_fit(Fit({**fit.result, "logs": logs}, fit.logs), Terminal(sys.stdout, sys.stderr))
+    out = capsys.readouterr().out
+    assert "log 2 took no part: fast.csv shows no complete stick-slip cycle" in out and "log 1 took" not in out
+
+
+SCENE = """
+effects = ["inertia"]
+[rig]
+mass = "0.2 kg"
+stiffness = "1470 N/m"
+"""
+
+
+def test_a_log_that_is_not_there_is_said_before_anything_else(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.toml").write_text(SCENE, encoding="utf-8")
+    (tmp_path / "b.toml").write_text(SCENE + '[[logs]]\npath = "gone.csv"\n', encoding="utf-8")
+    for arguments in (["gone.csv", "--scene", "a.toml"], ["--scene", "b.toml"]):
+        assert cli.main(["fit", *arguments]) == 2
+        err = capsys.readouterr().err
+        assert "gone.csv: there is no such log" in err and "drive speed" not in err
+    assert cli.main(["fit", "gone.csv", "--scene", "none.toml"]) == 2
+    assert "no such scene file" in capsys.readouterr().err
