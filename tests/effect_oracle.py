@@ -76,6 +76,7 @@ class Equations:
             for r in RHYTHMS:
                 self.waves.append((p[f"{r}_amplitude"], 2 * math.pi * p[f"{r}_frequency"], p[f"{r}_phase"]))
         self.stick = 0
+        self.fast = False  # beyond the kink of the power law
         if "friction_heterogeneity" in on:
             self.track = Track(q.field_seed, q.field_sd, q.field_length)
 
@@ -129,7 +130,7 @@ class Equations:
             return q.mu_k0 + q.delta_mu_k * (1 - math.exp(-q.a * max(v, 0.0)))
         if "linear_weakening" in self.on:
             return q.mu_k0 + q.slope * v
-        if "power_law" in self.on and v > q.lowest_speed:
+        if "power_law" in self.on and self.fast:
             return q.mu_k0 * (v / q.lowest_speed) ** -q.speed_exponent
         return q.mu_k0
 
@@ -275,7 +276,7 @@ def simulate(
         now = end if cause == "time" else now + length
         if cause == "onset":
             force = equations.rig(s, 0.0, equations.drive(v0, now))[0]
-            mode, way = "slip", 1 if force >= 0 else -1
+            mode, way, equations.fast = "slip", 1 if force >= 0 else -1, False
             run.onsets.append(now)
         elif cause == "arrest":
             s[V] = 0.0
@@ -286,6 +287,8 @@ def simulate(
             s[GAMMA] = 0.0
             run.saturations.append(now)
             mode = "saturated"
+        elif cause == "kink":
+            equations.fast = not equations.fast
         elif cause == "refill":
             mode = "slip"
     return run
@@ -323,11 +326,16 @@ def _piece(
     def refilled(t: float, y: Array) -> float:
         return -equations.ageing(0.0, way * float(s[V] + y[V]), now + t)
 
+    def kink(t: float, y: Array) -> float:
+        beyond = way * float(s[V] + y[V]) - equations.p.lowest_speed
+        return beyond if equations.fast else -beyond
+
     ages = "contact_ageing" in equations.on
+    bent = [("kink", kink)] if "power_law" in equations.on else []
     table: dict[str, list[tuple[str, Callable[[float, Array], float]]]] = {
         "stick": [("onset", spare(1)), ("onset", spare(-1))],
-        "slip": [("arrest", stopped), *([("empty", emptied)] if ages else [])],
-        "saturated": [("arrest", stopped), ("refill", refilled)],
+        "slip": [("arrest", stopped), *([("empty", emptied)] if ages else []), *bent],
+        "saturated": [("arrest", stopped), ("refill", refilled), *bent],
     }
     events = []
     for _, event in table[mode]:
