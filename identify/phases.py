@@ -17,9 +17,9 @@ from scipy.optimize import brentq
 
 from identify.errors import SimulationError
 from identify.methods import Method
-from identify.model import SPEED, Model
+from identify.model import ELONGATION, SPEED, Model
 from identify.modes import GUARDS, GuardName, ModeName, sliding_modes
-from identify.plan import Plan
+from identify.plan import Plan, growth
 from identify.resting import Resting
 from identify.scales import Scales
 from identify.situated import Situated
@@ -30,10 +30,11 @@ Array = NDArray[np.float64]
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
 PATIENCE = 3000  # trials of one phase after which the next method takes over, where there is one
 RUNAWAY = 1e9  # times the speed at which one normal force stops the mass: no bounded friction gets there
+FREEING = 8  # doublings of the last digit of the elongation that set a mass free which only rounding holds
 LEAST = 1e-9  # friction coefficients within this of zero are rounding
 FIRST = 1e-3  # of the natural time: the very first step
+BEGINNING = 0.1  # of the time in which a slip that has just begun grows e-fold: no first step is longer
 FLOOR = 1e-6  # absolute over relative tolerance, of typical states
-FROM_NOTHING = 1e-3  # the same of the speed, against the floor of the others
 ROUNDING = 1e-12  # what the rounding of the forces makes of the speed within a thousandth of the natural time
 
 
@@ -102,11 +103,13 @@ class Machine:
         self.model, self.locate, self.scale, self.p = model, locate, scale, p
         self._floor = FLOOR * self.scale.state
         # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
-        self._floor[SPEED] *= max(FROM_NOTHING, ROUNDING / plan.rtol)
+        self._floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
         self._rtol, self._left = plan.rtol, {mode: list(methods) for mode, methods in plan.methods.items()}
         self._at_work: dict[ModeName, Stepper] = {}
         self.rests = Resting(model)
-        self.first = dict.fromkeys(self._left, FIRST * self.scale.time)
+        fastest = growth(model, p, scale)
+        self.longest_first = BEGINNING / fastest if fastest > 0.0 else np.inf
+        self.first = dict.fromkeys(self._left, min(FIRST * self.scale.time, self.longest_first))
         self.modes = sliding_modes(model.clamped is not None)
         self.following = {name: dict(mode.exits) for name, mode in self.modes.items()}
         self.exits = {name: tuple(GUARDS.index(guard) for guard, _ in mode.exits) for name, mode in self.modes.items()}
@@ -170,6 +173,8 @@ def slide(
     """
     stepper, n = machine.stepper(mode), len(machine.model.states)
     stepper.start(x, situated, limit, machine.first[mode])
+    if x[SPEED] == 0.0 and stepper.speeding < 0.0:
+        x = _freed(machine, stepper, x, situated, limit)
     times, states, tried = [0.0], [x.tolist()], 0
     ended_by: GuardName | None = None
     while tried < most:
@@ -178,7 +183,7 @@ def slide(
         for row in rows:
             if row[n] > times[-1]:
                 if len(times) == 1 and row[-1] == Stop.NOT_YET:
-                    machine.first[mode] = row[stepper.places.h]
+                    machine.first[mode] = min(row[stepper.places.h], machine.longest_first)
                 times.append(row[n])
                 states.append(row[:n])
         stop = rows[-1][-1]
@@ -193,6 +198,18 @@ def slide(
     if machine.give_over(mode):
         return slide(machine, mode, x, situated, start, limit, most)
     raise SimulationError(_unfinished(machine, mode, start, times[-1], abs(states[-1][SPEED]), most))
+
+
+def _freed(machine: Machine, stepper: Stepper, x: Array, situated: Situated, limit: float) -> Array:
+    """The state from which a slip starts that the last digits of the forces would hold back; x where it is more."""
+    for moves in range(FREEING):
+        near = x.copy()
+        near[ELONGATION] += situated.direction * 2.0**moves * np.spacing(abs(x[ELONGATION]))
+        stepper.start(near, situated, limit, machine.first[stepper.mode])
+        if stepper.speeding >= 0.0:
+            return near
+    stepper.start(x, situated, limit, machine.first[stepper.mode])
+    return x
 
 
 def _unfinished(machine: Machine, mode: ModeName, start: float, reached: float, speed: float, most: int) -> str:

@@ -113,3 +113,14 @@ def _stiff(model: Model, p: Array, scale: Scales) -> bool:
     if not np.isfinite(bound) or bound * scale.time <= STIFF_FROM:
         return False
     return float(-np.min(np.linalg.eigvals(slopes).real)) * scale.time > STIFF_FROM
+
+
+def growth(model: Model, p: Array, scale: Scales) -> float:
+    """The fastest growth [1/s] of a slip that has just begun, its contact saturated: it grows from nothing."""
+    n = len(model.states)
+    x = np.array([s.start if s.upper is None else s.upper for s in model.states], float)
+    x[ELONGATION], x[SPEED] = scale.state[ELONGATION], 0.0
+    call = compiled(_jacobian(model))
+    call.bind([x, p, np.array([0.0, scale.normal_force, 1.0, 0.0])])
+    slopes = call().reshape(n, n).T
+    return max(float(np.max(np.linalg.eigvals(slopes).real)), 0.0) if np.all(np.isfinite(slopes)) else 0.0

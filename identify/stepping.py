@@ -325,6 +325,11 @@ class Stepper:
         self._z[self.places.t] = 0.0
         self._z[self.places.control] = (h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS, 0.0)
 
+    @property
+    def speeding(self) -> float:
+        """How fast the speed along the direction of slip rises at the last node [m/s^2]."""
+        return float(self._z[self.places.ends][N_GUARDS + GUARDS.index("speed")])
+
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows as in `Pace`, the last one where it stopped."""
         rows = self._burst().reshape(self.method.trials, -1)
