@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +13,13 @@ import numpy as np
 import pytest
 
 import identify.model
+from data_io import read_log
+from identify.cli.main import main
 from identify.effects import ALL
 from identify.model import BASE_PARAMETERS, SPEED, TIME, Model, assemble
 from identify.quantities import Effect, Parameter, Situation, Terms
 from identify.scene import Scene
+from identify.simulate import simulate
 
 EVERY = pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.name)
 MASS, LENGTH, TIMES = 3.7, 0.21, 1.9  # how much smaller the units of kg, m and s become
@@ -270,3 +274,21 @@ def test_scene_survives_its_document(effect):
     assert replace(again, source=scene.source) == scene
     assert set(again.effects) == set(names)
     assert {name: again.values()[name] for name in numbers} == numbers
+
+
+@pytest.mark.parametrize("ending", ["csv", "h5"])
+def test_simulated_log_is_read_back(tmp_path, ending):
+    """All effects together, out of range where they are: what the simulation shows is what the log says."""
+    numbers = case.numbers(ALL_TOGETHER)
+    model = assemble(ALL_TOGETHER)
+    rig = {q.name: numbers[q.name] for q in model.parameters if q.kind == "rig"}
+    lines = [f"effects = {json.dumps(list(ALL_TOGETHER))}", "[rig]", *(f"{k} = {v!r}" for k, v in rig.items())]
+    lines += [f"drive_speed = {case.DRIVE}", f"normal_force = {case.LOAD}", "[parameters]"]
+    lines += [f"{q.name} = {{ fixed = {numbers[q.name]!r} }}" for q in model.parameters if q.kind != "rig"]
+    scene, log = tmp_path / "scene.toml", tmp_path / f"log.{ending}"
+    scene.write_text("\n".join(lines), encoding="utf-8")
+    assert main(["simulate", "--scene", str(scene), "--duration", "0.6", "--rate", "500", "--out", str(log)]) == 0
+    record = read_log(log)
+    shown = simulate(Scene.from_toml(scene), 0.6).sample(record.time)["force"]
+    np.testing.assert_allclose(record.friction_force, shown, rtol=0.0, atol=1e-9)
+    assert np.ptp(shown) > 0.1
