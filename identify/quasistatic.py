@@ -26,7 +26,7 @@ from identify.situated import Situated
 Array = NDArray[np.float64]
 
 MAX_PHASES = 2_000_000
-STALLED = 1000  # phases in a row without time passing
+STALLED, MOMENT = 1000, 1e-10  # so many phases in a row, each no longer than that share of the whole: chatter
 
 
 def balanced(
@@ -68,11 +68,11 @@ def _phases(
         situated = Situated(p, drive.at(t), direction, force, slope, t)
         limit = float(ends[segment]) - t
         phase, following = _phase(machine, mode, (x, v, folded), situated, limit, locate)
-        stalled = stalled + 1 if phase.duration <= 0.0 else 0
+        stalled = stalled + 1 if phase.duration <= MOMENT * duration else 0
         if stalled > STALLED:
             raise SimulationError(
-                f"the contact sticks and slides without time passing at {t:.6g} s (chatter): without inertia nothing "
-                "holds it either way; add the effect inertia"
+                f"the contact changes between rest and slide without time passing at {t:.6g} s (chatter): "
+                "without inertia nothing holds it either way; add the effect inertia"
             )
         if phase.duration > 0.0 or phase.ended_by is not None:
             yield phase  # of no duration too: an arrest at a step of the drive is an arrest

@@ -100,8 +100,9 @@ def _above(spare: Spare, v: float, least: float) -> float | None:
     last = int(fallen[0])
     before = np.flatnonzero(forces[:last] > 0.0)
     if not before.size:
-        return float(speeds[max(last - 1, 0)])
-    return float(brentq(lambda s: float(spare(np.array([s]))[0]), speeds[before[-1]], speeds[last], rtol=1e-15))
+        # Balanced up to a speed at which the law begins: just above it, where it holds the speed.
+        return _root(lambda v: spare(v) + least, float(speeds[max(last - 1, 0)]), float(speeds[last]))
+    return _root(spare, float(speeds[before[-1]]), float(speeds[last]))
 
 
 def _below(spare: Spare, v: float, least: float) -> float | None:
@@ -112,9 +113,14 @@ def _below(spare: Spare, v: float, least: float) -> float | None:
     if not risen.size:
         return None
     first = int(risen[0])
-    if first == 0:
-        return float(speeds[0])
-    return float(brentq(lambda s: float(spare(np.array([s]))[0]), speeds[first], speeds[first - 1], rtol=1e-15))
+    if first == 0 or forces[first - 1] >= 0.0:
+        return float(speeds[max(first - 1, 0)])
+    return _root(spare, float(speeds[first]), float(speeds[first - 1]))
+
+
+def _root(spare: Spare, low: float, high: float) -> float:
+    """The speed between low, where the load is in excess, and high, where friction is."""
+    return float(brentq(lambda v: float(spare(np.array([v]))[0]), low, high, rtol=1e-15))
 
 
 def _sentence(here: Local, situated: Situated, values: dict[str, float], x: Array, least: float) -> str:

@@ -359,3 +359,15 @@ def test_what_needs_a_mass_says_so(tmp_path: Path) -> None:
         outlook(model, {n: VALUES[n] for n in model.parameter_names}, 1e-3, 1.0)
     with pytest.raises(SimulationError, match=r"drop sliding_speed from \[initial\]"):
         simulate(Scene.from_toml(_scene(tmp_path, '[initial]\nsliding_speed = "1 mm/s"\n')), 1.0)
+
+
+def test_a_law_that_begins_at_a_speed_holds_the_motion_there() -> None:
+    """Friction that rises as a power of speed above v_low: no speed is stable below, so sliding starts at v_low."""
+    more = {"speed_exponent": -0.1, "lowest_speed": 1e-3, "highest_speed": 1.0, "D": 430e-6, "t_cr": 0.4}
+    motion = _run(("contact_ageing", "power_law"), 2.6e-3, 1.0, 2.0, **more)
+    assert [p.mode for p in motion.phases] == ["stick", "slip", "saturated"]
+    started = motion.sample([motion.onsets[0] * (1 + 1e-9)])["sliding_speed"]
+    assert started == pytest.approx([1e-3], rel=1e-4)
+    steady = motion.sample([2.0])
+    assert steady["sliding_speed"] == pytest.approx([2.6e-3], rel=1e-3)
+    assert steady["force"] == pytest.approx(0.45 * (steady["sliding_speed"] / 1e-3) ** 0.1, rel=1e-9)
