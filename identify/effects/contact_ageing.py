@@ -46,6 +46,6 @@ class ContactAgeing(Effect):
         return Importance(
             "D k/((μs − μk0) F_n)",
             p["D"] / travel,
-            f"sliding by {p['D'] / travel:.2g} of the fall's elongation renews the contact, a stick of {rest:.2g} s "
-            f"regains {100 * regained:.2g} % of its strength",
+            f"sliding by {1e6 * p['D']:.3g} µm renews the contact, {p['D'] / travel:.2g} of the spring's travel; "
+            f"a stick of {rest:.2g} s regains {100 * regained:.3g} % of the strength",
         )

@@ -31,5 +31,5 @@ class DirectEffect(Effect):
         """A against the fall of friction it works against."""
         share = p["direct_strength"] / max(abs(p["mu_s"] - p["mu_k0"]), 1e-12)
         return Importance(
-            "A/(μs − μk0)", share, f"the direct effect is {100 * share:.2g} % of the fall of friction per e-fold"
+            "A/(μs − μk0)", share, f"the direct effect is {100 * share:.3g} % of the fall of friction per e-fold"
         )

@@ -32,5 +32,5 @@ class DrivenDamping(Effect):
         damper = p["damping"] / (2 * np.pi * p["damping_frequency"])
         ratio = damper * np.pi / (2 * p["stiffness"] * slip_time(p, normal_force, drive_speed))
         return Importance(
-            "ζ = c/2√(m k)", ratio, f"a free swing of the rig loses {100 * lost_per_period(ratio):.2g} % per period"
+            "ζ = c/2√(m k)", ratio, f"a free swing of the rig loses {100 * lost_per_period(ratio):.3g} % per period"
         )

@@ -91,5 +91,5 @@ class FingerMotion(Effect):
         fall = max(abs(p["mu_s"] - p["mu_k0"]) * normal_force, 1e-300)
         share = p["stiffness"] * amplitude / fall
         return Importance(
-            "k A/((μs − μk0) F_n)", share, f"the finger moves the force by {100 * share:.2g} % of the drop"
+            "k A/((μs − μk0) F_n)", share, f"the finger moves the force by {100 * share:.3g} % of the drop"
         )

@@ -43,6 +43,6 @@ class ForceSensor(Effect):
         return Importance(
             "max(|G − 1|, F_0/((μs − μk0) F_n), T_avg/T_slip)",
             max(gain, zero, blur),
-            f"the load cell is off by {100 * gain:.2g} % in gain, {100 * zero:.2g} % of the fall in zero, and averages "
-            f"over {100 * blur:.2g} % of a slip",
+            f"the load cell is off by {100 * gain:.3g} % in gain, {100 * zero:.3g} % of the fall in zero, and averages "
+            f"over {100 * blur:.3g} % of a slip",
         )

@@ -100,7 +100,7 @@ class FrictionHeterogeneity(Effect):
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """The scatter against the fall of friction."""
         share = max(p["field_sd"] / max(abs(p["mu_s"] - p["mu_k0"]), 1e-12), p["strength_sd"], p["loading_sd"])
-        return Importance("s_L/(μs − μk0)", share, f"cycles differ by about {100 * share:.2g} %")
+        return Importance("s_L/(μs − μk0)", share, f"cycles differ by about {100 * share:.3g} %")
 
 
 def _uniform(seed: Expression, number: Expression) -> Expression:

@@ -31,5 +31,5 @@ class HysteresisDamping(Effect):
         """The damping ratio."""
         ratio = p["damping"] / (2 * p["stiffness"])
         return Importance(
-            "ζ = h/2k", ratio, f"a free swing of the rig loses {100 * lost_per_period(ratio):.2g} % per period"
+            "ζ = h/2k", ratio, f"a free swing of the rig loses {100 * lost_per_period(ratio):.3g} % per period"
         )

@@ -42,10 +42,11 @@ class LoadDependence(Effect):
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """Change of all friction between the reference and this load."""
         change = math.expm1(-p["load_exponent"] * math.log(normal_force / p["reference_force"]))
+        side = "below" if change < 0 else "above"
         return Importance(
             "(F_n/F_ref)^−n − 1",
             abs(change),
-            f"at {normal_force:.3g} N all friction is {100 * change:+.2g} % off that at {p['reference_force']:.3g} N",
+            f"friction is {100 * abs(change):.3g} % {side} that at {p['reference_force']:.3g} N",
         )
 
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:

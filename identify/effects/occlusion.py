@@ -55,4 +55,4 @@ class Occlusion(Effect):
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """The change of level."""
         share = abs(p["occlusion_level"])
-        return Importance("λ_occ", share, f"friction drifts by {100 * share:.2g} % within {p['occlusion_time']:.3g} s")
+        return Importance("λ_occ", share, f"friction drifts by {100 * share:.3g} % within {p['occlusion_time']:.3g} s")

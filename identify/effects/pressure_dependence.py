@@ -66,10 +66,11 @@ class PressureDependence(Effect):
         """Change of all friction between the reference and this pressure."""
         pressure = _pressure(p, normal_force)
         change = math.expm1(-p["pressure_exponent"] * math.log(pressure / p["reference_pressure"]))
+        side = "below" if change < 0 else "above"
         return Importance(
             "(p/p_ref)^−n − 1",
             abs(change),
-            f"at {pressure:.3g} Pa all friction is {100 * change:+.2g} % off that at {p['reference_pressure']:.3g} Pa",
+            f"friction is {100 * abs(change):.3g} % {side} that at {p['reference_pressure']:.3g} Pa",
         )
 
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:

@@ -34,4 +34,4 @@ class SkinCompliance(Effect):
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """Rig against skin."""
         ratio = p["stiffness"] / p["skin_stiffness"]
-        return Importance("k/k_skin", ratio, f"the skin softens the rig by {100 * ratio / (1 + ratio):.2g} %")
+        return Importance("k/k_skin", ratio, f"the skin softens the rig by {100 * ratio / (1 + ratio):.3g} %")
