@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 MAX_PHASES = 2_000_000
 STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
-STALLED = 1000  # phases in a row without time passing: chatter, refused by name
+STALLED = 1000  # phases within one natural time: chatter, refused by name
 
 
 def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: float, x: Array) -> Iterator[Phase]:
@@ -44,13 +44,13 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
     """
     model, p = machine.model, machine.p
     ends = breaks(drive, normal_force, duration)
-    t, segment, stalled, steps = 0.0, 0, 0, MAX_STEPS
+    t, segment, steps, marked = 0.0, 0, MAX_STEPS, -np.inf
     mode: ModeName = "stick"
     direction = float(np.sign(x[SPEED])) or 1.0
     if x[SPEED] != 0.0:
         mode = "slip"
     phase: Phase
-    for _ in range(MAX_PHASES):
+    for number in range(MAX_PHASES):
         force, slope = normal_force.line(t)
         situated = Situated(p, drive.at(t), direction, force, slope, t)
         limit = max(float(ends[segment]) - t, 0.0)
@@ -60,12 +60,13 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
         else:
             phase = slide(machine, mode, x, situated, t, limit, most=steps)
             steps = min(MAX_STEPS, steps - len(phase.times) + STEPS_PER_PHASE)
-        stalled = stalled + 1 if phase.duration <= 0.0 else 0
-        if stalled > STALLED:
-            raise SimulationError(
-                f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
-                "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
-            )
+        if number % STALLED == STALLED - 1:
+            if t - marked < machine.scale.time:
+                raise SimulationError(
+                    f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
+                    "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
+                )
+            marked = t
         if phase.duration > 0.0:
             yield phase
         t, x = t + phase.duration, phase.end

@@ -32,6 +32,7 @@ NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as th
 CLOSE = 0.25  # of the guard before it: a minimum as low as this within a step is looked at
 
 
+ROUNDING = 1e-15  # of the forces: a few last digits
 LARGEST = 1e150  # of a state: beyond, squares overflow
 DIPS = 3  # times in a row that a dip is sought more closely
 
@@ -80,6 +81,15 @@ def _ends(model: Model, mode: ModeName) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
+def _pull(model: Model) -> ca.Function:
+    """(x, constants, t) -> size of the force of the rig over the mass [m/s^2]."""
+    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
+    p, drive = c[:-5], c[-5:]
+    load = model.load(x, p, ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1], drive[4] + t))
+    return ca.Function("pull", [x, c, t], [ca.densify(ca.fabs(load) / p[model.parameter_names.index("mass")])])
+
+
+@lru_cache(maxsize=64)
 def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     """(x and t and h, constants, tolerances) -> x after, error norm (<= 1 acceptable), guards and their slopes.
 
@@ -94,8 +104,12 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
     size = ca.fabs(x) + h * ca.fabs(rate(x, c, t))
 
+    # Forces have so many digits: what their rounding makes of the speed is no error of the step.
+    blur = ca.SX.zeros(n) if kind is ca.SX else ca.MX.zeros(n)
+    blur[SPEED] = h * ROUNDING * _pull(model)(x, c, t)
+
     def scale(after: Expression) -> Expression:
-        return tolerances[1:] + tolerances[0] * ca.fmax(size, ca.fabs(after))
+        return tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after))
 
     after, norm = method.step(rate, x, c, t, h, scale)
     # A largest value hides what is not a number: such a step is refused.
