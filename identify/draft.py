@@ -85,11 +85,11 @@ def look(piece: Piece) -> Told:
     force = record.friction_force * (np.sign(np.nanmedian(record.friction_force)) or 1.0)
     found = segment(record.time, force)
     slope = found.stick_slope
-    speed, source = _speed(record)
+    speed, source = told_speed(record)
     return Told(piece, speed, source, found.count, slope and slope[0], found.noise)
 
 
-def _speed(record: Record) -> tuple[float | None, str]:
+def told_speed(record: Record) -> tuple[float | None, str]:
     """The drive speed [m/s] that the record tells, and where it says so."""
     if record.drive_speed is not None:
         return abs(float(np.median(record.drive_speed))) or None, "as the log says"

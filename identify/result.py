@@ -22,6 +22,7 @@ from identify.outlook import OperatingPoint, outlooks
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.search import Attempt, Clock
+from identify.suspicions import strange_coefficient
 from identify.uncertainty import LEVEL, Estimate, Information, Interval
 from identify.unknowns import Unknowns
 
@@ -268,7 +269,9 @@ def _quality(log: Prepared) -> dict[str, Any]:
         "stick_slope": {"value": slope[0] if slope else None, "unit": "N/s"},
         "normal_force_drift": {"value": quality.load_drift, "unit": ""},
     }
-    findings = [{"code": f.code, "severity": f.severity, "message": f.message} for f in quality.findings]
+    strange = strange_coefficient(log.record)
+    gate = (*quality.findings, strange) if strange else quality.findings
+    findings = [{"code": f.code, "severity": f.severity, "message": f.message} for f in gate]
     if log.hidden_swing:
         findings.append({"code": "load_varies", "severity": "warning", "message": _load_varies(log)})
     worst = {f["severity"] for f in findings}

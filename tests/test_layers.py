@@ -17,7 +17,7 @@ effects model scene
 compiled dop853 tableaus drive modes situated crossing resting scales methods stepping plan phases averaging
 trajectory initial
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
-noise zigzag local_fits waveform slips segment strokes classical draft
+noise zigzag local_fits waveform slips segment strokes classical suspicions draft
 bracket steady ageing amplitude groups critical stability spread calculable choice comparison
 sliding glide_steps glide hold cycle orbit trace branch prospect sensitivity outlook_words outlook
 guess loads lanes blocks features unknowns prepare rhythms vibration placing layout start lay_out hints

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,12 @@ from data_io import Record, Step
 from data_io.quality import Quality, assess
 from identify.classical import classical_table
 from identify.cli.common import Terminal
+from identify.cli.scene import only
 from identify.cli.summary import columns, wrapped
+from identify.draft import told_speed
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 from identify.segment import SLIDING, SLIP, STICK, Segmentation, segment
+from identify.suspicions import suspicions
 
 HEADINGS = ("run", "step", "stroke")
 MOST_STROKES = 2  # fit beside each other in 80 columns
@@ -39,12 +42,20 @@ class Inspection:
     quality: Quality
     steps: tuple[StepSeen, ...]
     classical: Mapping[str, Any]
+    drive_speed: float | None
+    speed_source: str
 
 
 def inspection(path: str, record: Record) -> Inspection:
     """Look at a record: quality of clock and forces, then phases step by step."""
     steps = tuple(_seen(record, step) for step in record.steps)
-    return Inspection(path, record, assess(record), steps, classical_table(record, drive_speed=record.drive_speed))
+    quality = assess(record)
+    found = suspicions(record, [step.phases for step in steps])
+    quality = replace(quality, findings=(*quality.findings, *found))
+    told, source = told_speed(record)
+    return Inspection(
+        path, record, quality, steps, classical_table(record, drive_speed=record.drive_speed), told, source
+    )
 
 
 def _seen(record: Record, step: Step) -> StepSeen:
@@ -69,7 +80,7 @@ def say(seen: Inspection, terminal: Terminal) -> None:
             terminal.say(f"  {role.replace('_', ' ')}: {source}")
     terminal.say(wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  "))
     terminal.say(f"  normal force: {quantity(quality.load, 'N')}, drift {100 * quality.load_drift:+.1f} %")
-    terminal.say(f"  drive speed: {_speed(record)}")
+    terminal.say(wrapped(f"drive speed: {_speed(seen)}", "  "))
     terminal.say(f"  quality: {quality.verdict}")
     for finding in quality.findings:
         terminal.say(wrapped(f"{finding.severity}: {finding.message}", "    "))
@@ -79,10 +90,15 @@ def say(seen: Inspection, terminal: Terminal) -> None:
     terminal.say()
 
 
-def _speed(record: Record) -> str:
-    if record.drive_speed is None:
-        return "not in the log"
-    return speed(float(np.median(record.drive_speed)))
+def _speed(seen: Inspection) -> str:
+    if seen.drive_speed is None:
+        alone = [
+            (s.step.number, *told_speed(part)) for s in seen.steps if (part := only(seen.record, s.step)) is not None
+        ]
+        told = [f"step {number}: {speed(value)}, {source}" for number, value, source in alone if value is not None]
+        return "; ".join(told) if len(seen.steps) > 1 and told else "not in the log"
+    source = "" if seen.record.drive_speed is not None else f", {seen.speed_source}"
+    return f"{speed(seen.drive_speed)}{source}"
 
 
 def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
@@ -128,7 +144,6 @@ def _cell(value: float | None, sd: float | None, unit: str) -> str:
 def document(seen: Inspection) -> dict[str, Any]:
     """The inspection as a JSON-able document, SI."""
     record, quality = seen.record, seen.quality
-    speed = record.drive_speed
     return {
         "path": seen.path,
         "format": record.metadata.get("format"),
@@ -136,7 +151,8 @@ def document(seen: Inspection) -> dict[str, Any]:
         "rows": len(record),
         "duration_s": float(record.time[-1]),
         "columns": dict(record.units()),
-        "drive_speed_m_per_s": None if speed is None else float(np.median(speed)),
+        "drive_speed_m_per_s": seen.drive_speed,
+        "drive_speed_source": seen.speed_source,
         "sampling": asdict(quality.sampling),
         "quality": {
             "verdict": quality.verdict,
