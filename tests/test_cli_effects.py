@@ -1,11 +1,13 @@
 """Effects on the command line: simulated, asked about, left out, refused in one sentence."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
 from test_cli import folder, refused, stickslip  # noqa: F401
 
+from identify import examples
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene import Scene
 
@@ -125,3 +127,13 @@ def test_a_fit_says_which_effects_it_took_and_why(scene_file, capsys):
     assert all(reason["kept"] and reason["sentence"] for reason in effects["reasons"])
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "Effects: which and why" in page and "contact ageing" in page and "Listed in the scene." in page
+
+
+def test_a_drafted_scene_follows_the_measured_load(folder, capsys):  # noqa: F811
+    log = examples.FOLDER / "0.1_mm_per_s.txt.gz"
+    assert stickslip(capsys, "scene", log, "--out", "draft.toml")[0] == 0
+    effects = tomllib.loads(Path("draft.toml").read_text(encoding="utf-8"))["effects"]
+    assert effects == [*MAIN, "varying_normal_force"]
+    assert all(
+        "varying_normal_force" in Scene.from_toml(path).effects for path in (examples.SCENE, examples.SCENE_AT_50_HZ)
+    )
