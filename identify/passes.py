@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 COARSE = Grid(slip=8, saturated=8, steps=2)
 STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
+SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
 MOST_PASSES = 6
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
@@ -48,9 +49,18 @@ class Solved:
 
 
 def solve_in_passes(
-    logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, *, on_pass: Callable[[int], None] | None = None
+    logs: list[LogData],
+    guesses: list[Guess],
+    unknowns: Unknowns,
+    *,
+    on_pass: Callable[[int], None] | None = None,
+    hopeless: float = np.inf,
 ) -> Solved:
-    """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES)."""
+    """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES).
+
+    Args:
+        hopeless: a pass that ends with a larger cost is the last one.
+    """
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
     iterations, forming = 0, 0.0
     solved: Solved | None = None
@@ -74,6 +84,8 @@ def solve_in_passes(
         if on_pass is not None:
             on_pass(number)
         fine = grid is not COARSE
+        if solution.cost > hopeless:
+            return solved
         if not np.all(np.isfinite(solution.x)) or (not solution.success and (fine or solution.infeasibility > NEAR)):
             return solved
         if fine and shift < SETTLED:
@@ -93,7 +105,7 @@ def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> 
         p = dict(zip(names, unknowns.values(guess.theta(unknowns.start), log.base).tolist(), strict=True))
         rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
         decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
-        rate = max([rate, *decays.tolist()])
+        rate = max([rate, *(SLACK * decays).tolist()])
         longest = np.nanmax(np.concatenate([guess.arrest - guess.saturation, (guess.arrest - guess.onset) / 2, [0.0]]))
         needed = max(needed, rate * float(longest) / COARSE.saturated / FASTEST)
     steps = next((s for s in STEPS if s >= needed), STEPS[-1])

@@ -33,6 +33,7 @@ Progress = Callable[[str, float | None], None]
 FULL = 3  # cycles a log must show to take part in the start
 ATTEMPTS = 4  # starts that are solved before giving up
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
+HOPELESS = 8.0  # cost per residual of a start that no solve will save
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 SAME = 0.02  # of the spread: starts closer than that are one
 
@@ -68,10 +69,12 @@ def search(
     seed: int = 0,
     clock: Clock | None = None,
     progress: Progress | None = None,
+    thorough: bool = True,
 ) -> tuple[Attempt | None, dict[int, str]]:
     """Find the solution of all logs together.
 
     Args:
+        thorough: False takes the data's own start alone, and none where that does not fit one cycle.
         sources: starts from the data, from the user's values (unknowns.start), or both.
 
     Returns:
@@ -91,9 +94,10 @@ def search(
     best: Attempt | None = None
     told("finding a start", 0.1)
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
-    unequal = max(prepared[i].scatter for i in first) > UNEQUAL
+    unequal = not thorough or max(prepared[i].scatter for i in first) > UNEQUAL
     solved = 0
-    for theta in _starts([prepared[i] for i in first], unknowns, sources, seed, unequal, clock):
+    worst = np.inf if thorough else HOPELESS
+    for theta in _starts([prepared[i] for i in first], unknowns, sources, seed, unequal, worst, clock):
         if solved == (1 if unequal else ATTEMPTS):
             break
         told(f"solving from start {solved + 1}", 0.3 + 0.1 * solved)
@@ -130,9 +134,15 @@ def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) ->
 
 
 def _starts(
-    prepared: list[Prepared], unknowns: Unknowns, sources: Sources, seed: int, unequal: bool, clock: Clock
+    prepared: list[Prepared],
+    unknowns: Unknowns,
+    sources: Sources,
+    seed: int,
+    unequal: bool,
+    worst: float,
+    clock: Clock,
 ) -> Iterator[Array]:
-    """Starts (n_p,) in the order in which they deserve a try."""
+    """Starts (n_p,) in the order in which they deserve a try, up to a `worst` cost per residual."""
     since = time.perf_counter()
     features: list[Features] = []
     bases: list[Array] = []
@@ -160,7 +170,8 @@ def _starts(
     clock.add("start", since)
     # What is explicit in time was held still; it starts where the sticks say.
     timed = settled.free != unknowns.free
-    yield from _distinct([replace(s, theta=np.where(timed, unknowns.start, s.theta)) for s in starts], unknowns)
+    starts = [replace(s, theta=np.where(timed, unknowns.start, s.theta)) for s in starts if s.cost <= worst]
+    yield from _distinct(starts, unknowns)
 
 
 def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 SOFT_FACTOR = 3.0  # sd of a logarithm: a factor of twenty
 SOFT_SPREADS = 10.0  # sd of a parameter on a linear scale, in its own spread: 1 for a coefficient
-RESOLVED = 0.03  # of sqrt(m/k): time constants that go to zero cannot be told from zero below that
+RESOLVED = 0.04  # of sqrt(m/k): time constants that go to zero cannot be told from zero below that
 RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays within a factor of three
 
 

@@ -1,0 +1,255 @@
+"""Does effects = "auto" find the effects a record was made with?
+
+Random pairs with random subsets of effects are simulated (two logs each, white noise), and the data choose. An effect
+is strong enough to be asked for where leaving it out of the model that made the record costs a likelihood-ratio
+statistic of at least 50; one of more than 25 must never be dropped. Every record follows from the seed and its own
+number, so the study can be run in parts: `run_effect_selection.py FIRST LAST FILE` appends one line of JSON per record,
+`run_effect_selection.py table FILE` prints the table.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from machine import describe
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.effects import ALL, NAMES
+from identify.errors import SimulationError
+from identify.model import assemble
+from identify.nested import fit_model, fit_smaller, scene_with
+from identify.scene import Scene
+from identify.selection import choose_from_data
+from identify.simulate import run
+
+RECORDS, SEED = 100, 20261121
+RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
+NOISE = 5e-3
+LOGS = ((1e-4, 12.0, 500.0, 1.0), (1e-3, 2.5, 1000.0, 1.4))  # drive speed [m/s], duration [s], rate [Hz], load [N]
+USUAL = {"hysteresis_damping": 0.85, "contact_ageing": 0.85, "velocity_weakening": 0.8}  # chance of being there
+EXTRA = 0.3  # chance of each of the others
+OTHERS = (
+    "direct_effect",
+    "load_dependence",
+    "varying_normal_force",
+    "occlusion",
+    "excitation",
+    "finger_motion",
+    "skin_compliance",
+    "sensor_lag",
+)
+STRONG, KEEP = 50.0, 25.0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One record: effects it was made with, effects chosen, statistic of each true one at the model that made the
+    record, seconds, and what went wrong."""
+
+    number: int
+    true: tuple[str, ...]
+    chosen: tuple[str, ...]
+    statistics: dict[str, float]
+    seconds: float
+    complaint: str = ""
+
+
+def draw(number: int) -> tuple[tuple[str, ...], dict[str, float], list[Record], int]:
+    """Effects, parameters and logs of one record, and how many draws were passed over (fewer than three slips)."""
+    random = np.random.default_rng([SEED, number])
+    passed = 0
+    while True:
+        chance = USUAL | dict.fromkeys(OTHERS, EXTRA)
+        there = {name for name, p in chance.items() if random.uniform() < p}
+        effects = tuple(name for name in NAMES if name == "inertia" or name in there)
+        truth = RIG | _parameters(random)
+        noise_seed = int(random.integers(2**31))
+        try:
+            logs = _simulated(effects, truth, noise_seed)
+        except SimulationError:
+            logs = None
+        if logs is not None:
+            return effects, truth, logs, passed
+        passed += 1
+
+
+def _parameters(random: np.random.Generator) -> dict[str, float]:
+    def log(low: float, high: float) -> float:
+        return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+    mu_s, step = random.uniform(0.4, 0.8), random.uniform(0.1, 0.25)
+    defaults = {q.name: q.default for effect in ALL for q in effect.parameters}
+    return defaults | {
+        "mu_s": mu_s,
+        "mu_k0": mu_s - step,
+        "delta_mu_k": random.uniform(-0.15, -0.03),
+        "a": log(100.0, 1000.0),
+        "D": log(15e-6, 60e-6),
+        "t_cr": log(0.1, 1.5),
+        "direct_strength": log(0.002, 0.012),
+        "load_exponent": random.uniform(0.1, 0.4),
+        "occlusion_level": random.choice([-1, 1]) * random.uniform(0.03, 0.15),
+        "occlusion_time": log(3.0, 30.0),
+        "excitation_amplitude": log(0.5e-6, 3e-6),
+        "excitation_frequency": random.uniform(25.0, 60.0),
+        "excitation_phase": random.uniform(-3.0, 3.0),
+        "breathing_amplitude": 0.0,
+        "pulse_amplitude": log(2e-6, 10e-6),
+        "pulse_frequency": random.uniform(0.9, 1.5),
+        "pulse_phase": random.uniform(-3.0, 3.0),
+        "tremor_amplitude": log(1e-6, 3e-6),
+        "tremor_frequency": random.uniform(8.0, 12.0),
+        "tremor_phase": random.uniform(-3.0, 3.0),
+        "skin_stiffness": log(2000.0, 20000.0),
+        "lag_time": log(1e-3, 5e-3),
+        "load_fall": random.uniform(0.05, 0.2),
+        "noise": NOISE,
+    }
+
+
+def _simulated(effects: Sequence[str], truth: dict[str, float], seed: int) -> list[Record] | None:
+    """The logs of one record; None where one of them shows fewer than three slips or slides in the end."""
+    model, random = assemble(tuple(effects)), np.random.default_rng(seed)
+    values = {q.name: truth[q.name] for q in model.parameters}
+    out = []
+    for speed, duration, rate, load in LOGS:
+        times = np.arange(round(duration * rate)) / rate
+        course: NDArray[np.float64] = np.full(times.size, load)
+        given: float | tuple[NDArray[np.float64], NDArray[np.float64]] = load
+        if "varying_normal_force" in effects:
+            # the load relaxes as that of a finger does
+            nodes = np.linspace(0.0, duration, 25)
+            relaxed = load * (1.0 - truth["load_fall"] * -np.expm1(-3.0 * nodes / duration))
+            given, course = (nodes, relaxed), np.interp(times, nodes, relaxed)
+        motion = run(model, values, speed, given, duration, rtol=1e-9)
+        arrests = motion.arrests
+        if arrests.size < 4 or arrests[-1] < duration - 2.0 * float(np.median(np.diff(arrests))):
+            return None
+        force = motion.sample(times)["force"] + truth["noise"] * random.standard_normal(times.size)
+        out.append(Record(times, course, force))
+    return out
+
+
+def _scene() -> Scene:
+    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
+    return Scene.from_document({"effects": "auto", "rig": dict(RIG), "logs": logs}, Path())
+
+
+def trial(number: int) -> Trial:
+    """One record of the study."""
+    effects, truth, records, _ = draw(number)
+    began = time.perf_counter()
+    try:
+        choice = choose_from_data(_scene(), records)
+    except Exception as error:  # noqa: BLE001 - a study counts what goes wrong
+        said = "".join(traceback.format_exception_only(error)).strip()
+        return Trial(number, effects, (), {}, time.perf_counter() - began, said)
+    seconds = time.perf_counter() - began
+    known = {r.effect: r.statistic for r in choice.reasons if r.statistic is not None}
+    statistics = _at_truth(effects, truth, records, choice.effects, known)
+    return Trial(number, effects, choice.effects, statistics, seconds)
+
+
+def _at_truth(
+    effects: Sequence[str],
+    truth: dict[str, float],
+    records: Sequence[Record],
+    chosen: Sequence[str],
+    known: dict[str, float],
+) -> dict[str, float]:
+    """Statistics of the true effects at the model that made the record; those of a right choice are these already."""
+    asked = [e for e in effects if e != "inertia"]
+    if set(chosen) == set(effects):
+        return {e: known.get(e, np.inf) for e in asked}
+    lost = [e for e in asked if e not in chosen]
+    names = {q.name for q in assemble(tuple(effects)).parameters}
+    starts = {name: value for name, value in truth.items() if name in names}
+    full = fit_model(scene_with(_scene(), effects, starts), records)
+    out = {e: np.inf for e in asked if e not in lost}
+    for effect in lost:
+        smaller = fit_smaller(full, scene_with(_scene(), [e for e in effects if e != effect], starts), records)
+        out[effect] = smaller.excess - full.excess
+    return out
+
+
+def table(trials: Sequence[Trial]) -> None:
+    """Counts of a study."""
+    judged = [t for t in trials if not t.complaint]
+    print(f"\n{describe()}")
+    print(f"records {len(trials)}, of which {len(trials) - len(judged)} ended with an error\n")
+    print("| effect | made with | strong (>= 50) | found | 25 to 50 | found | weaker | found | absent | chosen |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    sums = np.zeros(9, int)
+    for name in (*USUAL, *OTHERS, "linear_weakening"):
+        row = _row(name, judged)
+        sums += row
+        print(f"| {name} | " + " | ".join(str(v) for v in row) + " |")
+    print("| all | " + " | ".join(str(v) for v in sums) + " |\n")
+    complete = [all(e in t.chosen for e, s in t.statistics.items() if s >= STRONG) for t in judged]
+    clean = [all(e in t.true for e in t.chosen) for t in judged]
+    kept = [all(e in t.chosen for e, s in t.statistics.items() if s > KEEP) for t in judged]
+    n = len(judged)
+    print(f"all strong effects found: {sum(complete)} of {n} records")
+    print(f"an effect of more than {KEEP:g} dropped: in {n - sum(kept)} of {n} records")
+    print(f"no effect chosen that is not there: {sum(clean)} of {n} records")
+    seconds = [t.seconds for t in judged] or [0.0]
+    print(f"seconds of a choice: median {np.median(seconds):.1f}, worst {max(seconds):.1f}")
+
+
+def _row(name: str, trials: Sequence[Trial]) -> NDArray[np.int64]:
+    there = [t for t in trials if name in t.true]
+    row = [len(there)]
+    for low, high in ((STRONG, np.inf), (KEEP, STRONG), (-np.inf, KEEP)):
+        mine = [t for t in there if low <= t.statistics.get(name, np.nan) < high or high == t.statistics.get(name)]
+        row += [len(mine), sum(name in t.chosen for t in mine)]
+    absent = [t for t in trials if name not in t.true]
+    return np.array([*row, len(absent), sum(name in t.chosen for t in absent)])
+
+
+def study(first: int, last: int, file: Path | None) -> list[Trial]:
+    """Records number first to last, each printed, and appended to a file if one is given."""
+    trials = []
+    for number in range(first, last + 1):
+        done = trial(number)
+        trials.append(done)
+        missed = sorted(set(done.true) - set(done.chosen))
+        wrong = sorted(set(done.chosen) - set(done.true))
+        print(
+            f"{number:4d} {done.seconds:6.1f} s  {len(done.true)} effects; missed {missed} "
+            f"{ {e: round(done.statistics.get(e, np.nan), 1) for e in missed} }; invented {wrong} {done.complaint}",
+            flush=True,
+        )
+        if file is not None:
+            with file.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(asdict(done)) + "\n")
+    return trials
+
+
+def read(file: Path) -> list[Trial]:
+    """The trials of a file."""
+    lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    return [Trial(**(line | {"true": tuple(line["true"]), "chosen": tuple(line["chosen"])})) for line in lines]
+
+
+def main(fast: bool = False) -> list[Trial]:
+    """The whole study of RECORDS records; fast: one."""
+    trials = study(1, 1 if fast else RECORDS, None)
+    table(trials)
+    return trials
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["table"]:
+        table(read(Path(sys.argv[2])))
+    elif sys.argv[1:]:
+        study(int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]))
+    else:
+        main()

@@ -1,0 +1,252 @@
+"""One model and smaller ones inside it, fitted to the same logs: what each effect gains on the data.
+
+A smaller model starts from the motion of the larger one, and where that fails from the data alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.guess import Guess
+from identify.model import Model
+from identify.passes import Solved, solve_in_passes
+from identify.prepare import Prepared, prepare
+from identify.scene import Scene
+from identify.search import Attempt, search
+from identify.shooting import transcribe
+from identify.uncertainty import solve_equilibrated
+from identify.unknowns import Unknowns, from_scene
+from identify.vibration import tuned
+
+Array = NDArray[np.float64]
+
+FAR = 0.5  # sum of squares per sample (in noise variances) above that of the larger model: look for a better start
+HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
+KEPT_BACK = 3  # every such cycle is kept back to be predicted
+FEWEST = 4  # cycles of a log of which one can be kept back
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One model on the data: its scene, search space and prepared logs; the attempt (None where nothing could be
+    tried); excess: the sum of squares in noise variances less the number of samples (infinite without an answer)."""
+
+    scene: Scene
+    unknowns: Unknowns
+    prepared: tuple[Prepared, ...]
+    attempt: Attempt | None
+    excess: float
+
+    @property
+    def model(self) -> Model:
+        """The composed model."""
+        return self.unknowns.model
+
+    @property
+    def searched(self) -> int:
+        """Number of free parameters, with those every log has for itself."""
+        logs = len(self.attempt.logs) if self.attempt is not None else len(self.prepared)
+        return int(np.count_nonzero(self.unknowns.free)) + (logs - 1) * int(np.count_nonzero(self.unknowns.own))
+
+
+def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True) -> Fitted:
+    """Fit one scene to its records from the data alone.
+
+    Args:
+        thorough: where the data's own start fails, try many.
+    """
+    prepared, unknowns = _prepared(scene, records)
+    attempt, _ = search(prepared, unknowns, thorough=False)
+    if thorough and (attempt is None or not attempt.solved.solution.success):
+        attempt, _ = search(prepared, unknowns)
+    return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
+
+
+def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model with one effect more, from the motion of the smaller one alone."""
+    prepared, unknowns = _prepared(scene, records)
+    warm = _warm(smaller, prepared, unknowns)
+    return Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
+
+
+def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    return tuned(logs, unknowns)
+
+
+def _excess(attempt: Attempt | None) -> float:
+    if attempt is None or not attempt.solved.solution.success:
+        return np.inf
+    return 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
+
+
+def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model that lacks an effect of a larger one: from the larger one's motion, else from the data."""
+    prepared, unknowns = _prepared(scene, records)
+    hopeless = np.inf if larger.attempt is None else larger.attempt.solved.solution.cost + HOPELESS
+    warm = _warm(larger, prepared, unknowns, hopeless)
+    best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
+    samples = larger.attempt.solved.problem.samples if larger.attempt is not None else 1
+    if best.excess - larger.excess < FAR * samples:
+        return best
+    attempt, _ = search(prepared, unknowns, thorough=False)
+    cold = Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
+    complete = attempt is not None and (larger.attempt is None or attempt.logs == larger.attempt.logs)
+    return cold if complete and cold.excess < best.excess else best
+
+
+def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless: float = np.inf) -> Attempt | None:
+    """A model solved from the motion of another one; None where its states do not allow that."""
+    known, small, large = other.attempt, unknowns.model, other.model
+    if known is None or (small.clamped is None and large.clamped is not None):
+        return None
+    logs, guesses, unknowns = _taken_over(other, prepared, unknowns)
+    try:
+        solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(), hopeless=hopeless)
+    except (ValueError, FloatingPointError):
+        return None
+    return replace(known, prepared=tuple(logs), solved=solved)
+
+
+def _taken_over(
+    other: Fitted, prepared: Sequence[Prepared], unknowns: Unknowns
+) -> tuple[list[Prepared], list[Guess], Unknowns]:
+    """Logs, motion and start of a model as another one left them."""
+    known, small, large = other.attempt, unknowns.model, other.model
+    assert known is not None
+    theta = dict(zip(large.parameter_names, known.solved.theta.tolist(), strict=True))
+    start = np.array([theta.get(n, unknowns.start[i]) for i, n in enumerate(unknowns.names)])
+    start = np.clip(np.where(unknowns.free, start, unknowns.start), unknowns.lower, unknowns.upper)
+    logs = [
+        replace(prepared[i], data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
+        for i, cut in zip(known.logs, known.prepared, strict=True)
+    ]
+    guesses = [
+        _translated(g, large, small, large_p)
+        for g, large_p in zip(
+            known.solved.guesses,
+            (
+                other.unknowns.values(g.theta(known.solved.theta), log.data.base)
+                for g, log in zip(known.solved.guesses, known.prepared, strict=True)
+            ),
+            strict=True,
+        )
+    ]
+    return logs, guesses, replace(unknowns, start=start)
+
+
+def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
+    """The statistic that one more effect would gain on the data if everything were linear: one Gauss-Newton step."""
+    if smaller.attempt is None:
+        return np.inf
+    prepared, unknowns = _prepared(scene, records)
+    solved = smaller.attempt.solved
+    logs, guesses, unknowns = _taken_over(smaller, prepared, unknowns)
+    problem = transcribe([log.data for log in logs], guesses, unknowns.softened(), solved.grid)
+    point = problem.evaluate(problem.start, derivatives=True)
+    assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
+    hessian = (point.hessian + sp.triu(point.hessian, 1).T).tocsc()
+    kkt = sp.bmat([[hessian, point.jacobian.T], [point.jacobian, None]], format="csc")
+    step = solve_equilibrated(kkt, -np.concatenate([point.gradient, point.rows])[:, None])[: problem.layout.size, 0]
+    predicted = point.cost + float(point.gradient @ step) + 0.5 * float(step @ (hessian @ step))
+    return 2.0 * (solved.solution.cost - predicted)
+
+
+def _translated(guess: Guess, large: Model, small: Model, p: Array) -> Guess:
+    """The motion in the states of another model; a load cell that did not lag shows what its lag would.
+
+    Args:
+        p: parameters (n_p,) of the model the motion is from.
+    """
+    names = [s.name for s in large.states]
+    lags = [i for i, s in enumerate(small.states) if s.unit == "N" and s.name not in names]
+
+    def states(x: Array) -> Array:
+        out = np.stack(
+            [x[..., names.index(s.name)] if s.name in names else 0.0 * x[..., 0] + s.start for s in small.states],
+            axis=-1,
+        )
+        if lags:
+            flat = x.reshape(-1, x.shape[-1])
+            u = np.tile([0.0, 1.0, 1.0, 0.0], (flat.shape[0], 1))
+            shown = np.array(large.load(flat.T, np.repeat(p[:, None], flat.shape[0], axis=1), u.T)).reshape(
+                x.shape[:-1]
+            )
+            out[..., lags] = shown[..., None]
+        for name in set(names) - {s.name for s in small.states}:
+            if name == large.series_state:
+                out[..., 0] -= x[..., names.index(name)]
+        return out
+
+    own = guess.own
+    if own.size:
+        at = [large.parameter_names.index(n) if n in large.parameter_names else -1 for n in small.parameter_names]
+        own = np.where(np.array(at) >= 0, own[at], np.nan)
+    return replace(
+        guess, start=states(guess.start), slip=states(guess.slip), saturated=states(guess.saturated), own=own
+    )
+
+
+def held_out_error(fitted: Fitted) -> float:
+    """Mean square of the force residuals, in noise variances, of cycles kept back from a second solve; NaN without any.
+
+    The dynamics and the cycles around carry the motion through a kept-back cycle; its samples do not count.
+    """
+    attempt = fitted.attempt
+    if attempt is None or not np.isfinite(fitted.excess):
+        return float("nan")
+    masks = [_kept_back(log, g) for log, g in zip(attempt.prepared, attempt.solved.guesses, strict=True)]
+    if not any(np.any(mask) for mask in masks):
+        return float("nan")
+    data = [
+        replace(log.data, weight=np.where(mask, 0.0, log.data.weight))
+        for log, mask in zip(attempt.prepared, masks, strict=True)
+    ]
+    start = replace(fitted.unknowns, start=attempt.solved.theta).softened()
+    solved: Solved = solve_in_passes(data, attempt.solved.guesses, start)
+    if not solved.solution.success:
+        return float("inf")
+    total, count = 0.0, 0
+    for log, mask, force in zip(attempt.prepared, masks, solved.problem.fitted(solved.solution.z), strict=True):
+        inside = mask & np.isfinite(force) & (log.data.weight > 0)
+        total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
+        count += int(np.count_nonzero(inside))
+    return total / count if count else float("nan")
+
+
+def _kept_back(log: Prepared, guess: Guess) -> NDArray[np.bool_]:
+    """The samples of the cycles of a log that are kept back."""
+    mask = np.zeros(log.data.time.size, bool)
+    if guess.cycles < FEWEST:
+        return mask
+    for cycle in range(KEPT_BACK - 1, guess.cycles, KEPT_BACK):
+        mask |= (log.data.time > guess.arrest[cycle - 1]) & (log.data.time <= guess.arrest[cycle])
+    return mask
+
+
+def scene_with(scene: Scene, effects: Sequence[str], starts: Mapping[str, float]) -> Scene:
+    """The scene with these effects, its parameters started where something is known of them.
+
+    What the scene itself says of a parameter stands.
+
+    Raises:
+        SceneError: effects that do not go together.
+    """
+    made = scene.with_effects(tuple(effects))
+    parameters = dict(made.parameters)
+    for name, value in starts.items():
+        spec = parameters.get(name)
+        if spec is None or name in scene.parameters:
+            continue
+        if spec.fixed is not None:
+            parameters[name] = replace(spec, fixed=value)
+        else:
+            parameters[name] = replace(spec, start=float(np.clip(value, spec.lower, spec.upper)))
+    return replace(made, parameters=parameters)
