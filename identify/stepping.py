@@ -363,8 +363,10 @@ class Stepper:
         return float(self._coefficient()[0])
 
 
-def steps(model: Model, method: Method, mode: ModeName, xth: Array, constants: Array, tolerances: Array) -> Array:
-    """States (n_x, m) after m steps of any lengths: xth (n_x + 2, m) states, times in phase, lengths;
-    constants (n_p + 5, m) and tolerances (n_x + 1, m) as in `trial`."""
-    out = trial(model, method, mode)(xth, constants, tolerances)
-    return np.array(out)[: len(model.states)]
+def steps(
+    model: Model, method: Method, mode: ModeName, xth: Array, constants: Array, tolerances: Array
+) -> tuple[Array, Array]:
+    """States (n_x, m) after m steps of any lengths, and the error norm of each (m,): xth (n_x + 2, m) states, times in
+    phase, lengths; constants (n_p + 5, m) and tolerances (n_x + 1, m) as in `trial`."""
+    out, n = np.array(trial(model, method, mode)(xth, constants, tolerances)), len(model.states)
+    return out[:n], out[n]

@@ -142,6 +142,23 @@ def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
     return Achieved(apart / period, float(np.max(np.abs(ours - theirs), initial=0.0)) / largest)
 
 
+def _cubic(model: Model, phase: Phase, node: NDArray[np.int_], t: Array) -> Array:
+    """States (n_x, n) at local times t (n,) behind the nodes (n,) by Hermite's cubic through the two nodes around them:
+    an implicit step that was good over its length need not be so over a part of it."""
+    s = phase.situated
+    field = model.slip if phase.mode == "slip" else model.saturated
+
+    def at(nodes: NDArray[np.int_]) -> tuple[Array, Array]:
+        x = phase.x[nodes].T
+        return x, np.array(field(x, np.repeat(s.p[:, None], nodes.size, axis=1), s.at(phase.t[nodes], s.direction)))
+
+    (x0, rate0), (x1, rate1) = at(node), at(node + 1)
+    h = phase.t[node + 1] - phase.t[node]
+    share = (t - phase.t[node]) / h
+    bend = share * (1.0 - share) * ((1.0 - share) * (h * rate0 - x1 + x0) - share * (h * rate1 - x1 + x0))
+    return np.asarray(x0 + share * (x1 - x0) + bend)
+
+
 def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], where: slice) -> None:
     """Fill the samples of one phase; t (n,) is local to it."""
     s, n = phase.situated, t.size
@@ -156,7 +173,10 @@ def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], w
         xth = np.vstack([phase.x[node].T, phase.t[node], t - phase.t[node]])
         assert isinstance(phase, Slide)
         constants, tolerances = (np.repeat(a[:, None], n, axis=1) for a in (s.constants, phase.tolerances))
-        x = steps(model, phase.method, phase.mode, xth, constants, tolerances)
+        x, norm = steps(model, phase.method, phase.mode, xth, constants, tolerances)
+        refused = ~(norm <= 1.0)
+        if refused.any():
+            x[:, refused] = _cubic(model, phase, node[refused], t[refused])
     for i, state in enumerate(model.states):
         out[state.name][where] = x[i]
     out["force"][where] = np.array(model.load_cell(x, p, u)).ravel()
