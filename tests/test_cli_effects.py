@@ -126,7 +126,7 @@ def test_a_fit_says_which_effects_it_took_and_why(scene_file, capsys):
     assert [reason["effect"] for reason in effects["reasons"]] == effects["names"]
     assert all(reason["kept"] and reason["sentence"] for reason in effects["reasons"])
     page = Path("r/report.html").read_text(encoding="utf-8")
-    assert "Effects: which and why" in page and "contact ageing" in page and "Listed in the scene." in page
+    assert "Effects: which and why" in page and "contact ageing" in page and "Listed in the scene. The numbers" in page
 
 
 def test_a_drafted_scene_follows_the_measured_load(folder, capsys):  # noqa: F811

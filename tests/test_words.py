@@ -9,7 +9,7 @@ from identify.cli.common import Terminal
 from identify.cli.summary import say_fit
 from identify.outcome import Fit
 from identify.outlook_words import amplitude_text, said, stability_text
-from identify.report.answers import answer_table
+from identify.report.answers import answer_table, said_once
 from identify.report.page import render_page
 from identify.report.quantity_text import quantity
 from identify.report.tables import Cell
@@ -88,6 +88,13 @@ def test_rows_without_a_number_become_one():
     assert cells["kind of linear slip"][0].text == "runs away"
     some = answer_table([(Cell("a"), {"x": entry(None, ""), "y": entry(1.0, ""), "z": entry(None, "")})], "")
     assert [row.head for row in some.rows] == ["x", "y", "z"], "only neighbours are joined"
+
+
+def test_a_group_that_stands_elsewhere_is_not_said_again():
+    groups = {name: entry(1.0, "") for name in ("Pi", "v_cr", "zeta")}
+    entries = {"groups": groups, "closed_forms": {"Pi": entry(1.0, "")}}
+    assert list(said_once(entries, {"v_cr": entry(1.0, "m/s")})["groups"]) == ["zeta"]
+    assert said_once({"text": "no answer"}, {}) == {"text": "no answer"}
 
 
 def test_a_refused_fit_shows_no_green_badge():

@@ -33,6 +33,15 @@ def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Any]]], corner: str)
     return Table(corner, tuple(head for head, _ in columns), tuple(rows)) if rows else None
 
 
+def said_once(entries: Mapping[str, Any], elsewhere: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The entries of a log without the groups that stand among its closed forms, or in another table, as well."""
+    groups, forms = entries.get("groups"), entries.get("closed_forms")
+    if not isinstance(groups, Mapping):
+        return entries
+    twice = {*(forms if isinstance(forms, Mapping) else ()), *elsewhere}
+    return {**entries, "groups": {key: entry for key, entry in groups.items() if key not in twice}}
+
+
 def sentences(entries: Mapping[str, Any]) -> tuple[str, ...]:
     """What the entries say in whole sentences (key "text" of their parts, or their own)."""
     parts = [part for name, part in entries.items() if isinstance(part, Mapping) and name not in ("closed_forms",)]

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identify.outcome import Fit
-from identify.report.answers import answer_table, sentences
+from identify.report.answers import answer_table, said_once, sentences
 from identify.report.document import plain
 from identify.report.figures import Picture
 from identify.report.quantity_text import finite, quantity
@@ -52,6 +52,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         for view, log in zip(logs, result.get("logs", ()), strict=True)
     ]
     figures = inlined(drawn)
+    told_of_pair = result.get("derived") or {}
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
         title=_title(result, logs),
@@ -68,8 +69,10 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         derived=[
             table
             for table in (
-                answer_table([(Cell("value"), result.get("derived") or {})], "friction pair"),
-                answer_table([(head, log.get("derived") or {}) for head, log in heads], "each log"),
+                answer_table([(Cell("value"), told_of_pair)], "friction pair"),
+                answer_table(
+                    [(head, said_once(log.get("derived") or {}, told_of_pair)) for head, log in heads], "each log"
+                ),
             )
             if table is not None
         ],

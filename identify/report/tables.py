@@ -87,7 +87,7 @@ def effects_table(effects: Mapping[str, Any]) -> Table | None:
     if not reasons:
         return None
     columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(reason.get(key)) for reason in reasons)]
-    heads = (Cell("kept"), *(Cell(head) for head, _ in columns), Cell("why"))
+    heads = (Cell("kept"), *(Cell(head) for head, _ in columns), Cell("why", kind="words"))
     return Table("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
 
 

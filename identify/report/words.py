@@ -156,7 +156,7 @@ QUALITY: Mapping[str, str] = {
 }
 EFFECTS_CHOSEN: Mapping[str, str] = {
     "auto": "Chosen from the numbers of the scene and from the data.",
-    "listed": "Listed in the scene.",
+    "listed": "Listed in the scene. The numbers are those of the first log.",
 }
 TIMING_WORDS: Mapping[str, str] = {
     "read": "reading the logs",
