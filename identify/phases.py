@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from identify.bursts import MODES, SHORTEST, Stop
 from identify.errors import SimulationError
 from identify.methods import Method
 from identify.model import ELONGATION, SPEED, Model
@@ -23,12 +24,14 @@ from identify.plan import Plan, growth
 from identify.resting import Resting
 from identify.scales import Scales
 from identify.situated import Situated
-from identify.stepping import N_GUARDS, SHORTEST, Stepper, Stop
+from identify.stepper import Stepper
+from identify.stepping import N_GUARDS
 
 Array = NDArray[np.float64]
 
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
-PATIENCE = 3000  # trials of one phase after which the next method takes over, where there is one
+PATIENCE = 3000  # trials of one slide after which the next method takes over, where there is one
+CRAWLING = 300, 1e-3  # trials after which it does so if their mean length is less than that, in natural times
 RUNAWAY = 1e9  # times the speed at which one normal force stops the mass: no bounded friction gets there
 FREEING = 8  # doublings of the last digit of the elongation that set a mass free which only rounding holds
 LEAST = 1e-9  # friction coefficients within this of zero are rounding
@@ -105,7 +108,7 @@ class Machine:
         # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
         self._floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
         self._rtol, self._left = plan.rtol, {mode: list(methods) for mode, methods in plan.methods.items()}
-        self._at_work: dict[ModeName, Stepper] = {}
+        self._at_work: dict[Method, Stepper] = {}
         self.rests = Resting(model)
         fastest = growth(model, p, scale)
         self.longest_first = BEGINNING / fastest if fastest > 0.0 else np.inf
@@ -116,12 +119,12 @@ class Machine:
 
     def stepper(self, mode: ModeName) -> Stepper:
         """The one that is at work."""
-        if mode not in self._at_work:
-            method, scale, rtol = self._left[mode][0], self.scale, self._rtol
-            self._at_work[mode] = Stepper(
+        method = self._left[mode][0]
+        if method not in self._at_work:
+            scale, rtol = self.scale, self._rtol
+            self._at_work[method] = Stepper(
                 self.model,
                 method,
-                mode,
                 self.p,
                 rtol,
                 rtol * self._floor,
@@ -130,17 +133,26 @@ class Machine:
                 scale.farthest,
                 self.locate,
             )
-        return self._at_work[mode]
+        return self._at_work[method]
 
-    def has_more(self, mode: ModeName) -> bool:
-        """Whether there is a method that could take over."""
-        return len(self._left[mode]) > 1
+    @property
+    def through(self) -> bool:
+        """Whether one method does all sliding, so that it can go on through the switches between its modes."""
+        return len({methods[0] for methods in self._left.values()}) == 1
+
+    def held_back(self, mode: ModeName, tried: int, reached: float) -> bool:
+        """Whether so many trials that have reached so far [s] are too many, and there is a method to take over."""
+        crawls = tried > CRAWLING[0] and reached < tried * CRAWLING[1] * self.scale.time
+        return len(self._left[mode]) > 1 and (crawls or tried > PATIENCE)
 
     def give_over(self, mode: ModeName) -> bool:
-        """Let the next method take over for good; False where there is none."""
-        if not self.has_more(mode):
+        """Let the next method take over for good, wherever this one is at work; False where there is none."""
+        if len(self._left[mode]) == 1:
             return False
-        del self._left[mode][0], self._at_work[mode]
+        held_back = self._left[mode][0]
+        for methods in self._left.values():
+            if methods[0] is held_back and len(methods) > 1:
+                del methods[0]
         return True
 
 
@@ -161,54 +173,117 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
 
 def slide(
     machine: Machine, mode: ModeName, x: Array, situated: Situated, start: float, limit: float, most: int = MAX_STEPS
-) -> Slide:
-    """Slide in one mode from state x until one of its guards falls to zero, or for `limit` [s].
+) -> list[Slide]:
+    """Slide from state x, beginning in one mode, until the mass rests, another method is needed, or for `limit` [s].
 
     Args:
         most: bound of the steps.
+
+    Returns:
+        one phase per mode, in order: one at least.
 
     Raises:
         SimulationError: the integration needs more than `most` steps or meets a state that is not finite; friction
             pushes; the motion runs away.
     """
-    stepper, n = machine.stepper(mode), len(machine.model.states)
-    stepper.start(x, situated, limit, machine.first[mode])
+    stepper, first, through = machine.stepper(mode), machine.first[mode], machine.through
+    stepper.start(mode, x, situated, limit, first, through=through)
     if x[SPEED] == 0.0 and stepper.speeding < 0.0:
-        x = _freed(machine, stepper, x, situated, limit)
-    times, states, tried = [0.0], [x.tolist()], 0
-    ended_by: GuardName | None = None
+        x = _freed(machine, stepper, mode, x, situated, limit)
+    track = _Track(machine, stepper, mode, start, situated, x.tolist())
+    tried = 0
     while tried < most:
         rows = stepper.go_on()
         tried += len(rows)
-        for row in rows:
-            if row[n] > times[-1]:
-                if len(times) == 1 and row[-1] == Stop.NOT_YET:
-                    machine.first[mode] = min(row[stepper.places.h], machine.longest_first)
-                times.append(row[n])
-                states.append(row[:n])
+        track.add(rows)
         stop = rows[-1][-1]
-        if stop == Stop.NOT_YET and (tried <= PATIENCE or not machine.has_more(mode)):
+        if stop == Stop.NOT_YET and not machine.held_back(mode, tried, rows[-1][stepper.places.t]):
             continue
         if stop in (Stop.NOT_YET, Stop.STUCK):
             break
-        if stop != Stop.TIME_IS_UP:
-            ended_by = _end(machine, stepper, stop == Stop.LOCATED, rows[-1], times, states)
-        _refuse_push(stepper, start, times, states)
-        return Slide(mode, start, situated, times, states, ended_by, stepper.method, stepper.tolerances)
+        ended_by = None if stop == Stop.TIME_IS_UP else _end(machine, stepper, track, rows[-1])
+        return track.finish(ended_by)
     if machine.give_over(mode):
         return slide(machine, mode, x, situated, start, limit, most)
-    raise SimulationError(_unfinished(machine, mode, start, times[-1], abs(states[-1][SPEED]), most))
+    raise SimulationError(_unfinished(machine, mode, start, track.times[-1], abs(track.states[-1][SPEED]), most))
 
 
-def _freed(machine: Machine, stepper: Stepper, x: Array, situated: Situated, limit: float) -> Array:
+class _Track:
+    """The nodes of a slide as they come, and its phases as they end."""
+
+    def __init__(
+        self, machine: Machine, stepper: Stepper, mode: ModeName, start: float, situated: Situated, x: list[float]
+    ) -> None:
+        self.machine, self.stepper, self.mode, self.start, self.situated = machine, stepper, mode, start, situated
+        self.times, self.states, self._begun, self._since = [0.0], [x], situated, 0.0
+        self.phases: list[Slide] = []
+        self._fastest = (0.0, mode, x, 0.0)
+
+    def add(self, rows: list[list[float]]) -> None:
+        """The nodes in the rows of a burst; a phase ends where the mode changes."""
+        n, number, times, states = self.stepper.places.n, MODES.index(self.mode), self.times, self.states
+        if rows[0][n] > 0.0 and rows[0][-1] == Stop.NOT_YET and len(times) == 1 and not self.phases:
+            self.machine.first[self.mode] = min(rows[0][self.stepper.places.h], self.machine.longest_first)
+        last = times[-1]
+        for row in rows:
+            t = row[n]
+            if t > last:
+                last = t
+                times.append(t)
+                states.append(row[:n])
+            if row[-2] != number:
+                self._close("clearance" if self.mode == "slip" else "release")
+                self._begin_other()
+                number, times, states = 1 - number, self.times, self.states
+
+    def finish(self, ended_by: GuardName | None) -> list[Slide]:
+        """All phases, the last one ended so.
+
+        Raises:
+            SimulationError: friction does not brake where the mass slides fastest.
+        """
+        self._close(ended_by)
+        _, mode, x, t = self._fastest
+        coefficient = self.stepper.coefficient(mode, x, t)
+        if coefficient < -LEAST:
+            raise SimulationError(
+                f"friction pushes at {self.start + t:.6g} s (coefficient {coefficient:.3g} at {abs(x[SPEED]):.3g} m/s):"
+                " a law has left its range; let friction fall less with speed and along the track"
+            )
+        return self.phases
+
+    def _begin_other(self) -> None:
+        """The next phase starts at the last node."""
+        t, s = self.times[-1], self.situated
+        self._since, self.times, self.states = t, [t], [self.states[-1]]
+        self.mode = MODES[1 - MODES.index(self.mode)]
+        force = s.normal_force + s.force_slope * t
+        self._begun = Situated(s.p, s.drive_speed, s.direction, force, s.force_slope, s.time + t)
+
+    def _close(self, ended_by: GuardName | None) -> None:
+        times, states, since = self.times, self.states, self._since
+        speeds = [abs(state[SPEED]) for state in states]
+        fastest = max(speeds)
+        if fastest > self._fastest[0]:
+            i = speeds.index(fastest)
+            self._fastest = (fastest, self.mode, states[i], times[i])
+        if since:
+            times = [t - since for t in times]
+        method, tolerances = self.stepper.method, self.stepper.tolerances
+        begin = self.start + since
+        self.phases.append(Slide(self.mode, begin, self._begun, times, states, ended_by, method, tolerances))
+
+
+def _freed(machine: Machine, stepper: Stepper, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array:
     """The state from which a slip starts that the last digits of the forces would hold back; x where it is more."""
+    first, through = machine.first[mode], machine.through
     for moves in range(FREEING):
         near = x.copy()
         near[ELONGATION] += situated.direction * 2.0**moves * np.spacing(abs(x[ELONGATION]))
-        stepper.start(near, situated, limit, machine.first[stepper.mode])
+        stepper.start(mode, near, situated, limit, first, through=through)
         if stepper.speeding >= 0.0:
             return near
-    stepper.start(x, situated, limit, machine.first[stepper.mode])
+    stepper.start(mode, x, situated, limit, first, through=through)
     return x
 
 
@@ -225,39 +300,22 @@ def _unfinished(machine: Machine, mode: ModeName, start: float, reached: float, 
     )
 
 
-def _refuse_push(stepper: Stepper, start: float, times: list[float], states: list[list[float]]) -> None:
-    """Where the mass slides fastest friction must still brake.
-
-    Raises:
-        SimulationError: the friction coefficient is negative there.
-    """
-    speeds = [abs(state[SPEED]) for state in states]
-    i = speeds.index(max(speeds))
-    coefficient = stepper.coefficient(states[i], times[i])
-    if coefficient < -LEAST:
-        raise SimulationError(
-            f"friction pushes at {start + times[i]:.6g} s (coefficient {coefficient:.3g} at "
-            f"{abs(states[i][SPEED]):.3g} m/s): a law has left its range; let friction fall less with speed and along "
-            "the track"
-        )
-
-
-def _end(
-    machine: Machine, stepper: Stepper, located: bool, last: list[float], times: list[float], states: list[list[float]]
-) -> GuardName:
-    """The guard that ends a phase; the last node lies there, with the guard exactly zero."""
-    mode, at = stepper.mode, stepper.places
-    if located:
+def _end(machine: Machine, stepper: Stepper, track: _Track, last: list[float]) -> GuardName:
+    """The guard that ends a slide; its last node lies there, with the guard exactly zero."""
+    mode, at = track.mode, stepper.places
+    if last[-1] == Stop.LOCATED:
         ends = last[at.ends]
         guard = min(machine.exits[mode], key=lambda i: abs(ends[i] / (ends[N_GUARDS + i] or 1e-300)))
     else:
         x, t, h = last[: at.n], last[at.t], last[at.h]
-        row = stepper.trial(x, t, h)[at.n + 1 :]
+        row = stepper.trial(mode, x, t, h)[at.n + 1 :]
         fallen = [i for i in machine.exits[mode] if row[i] < 0.0 or (row[i] == 0.0 and t > 0.0)]
-        length, guard = min((_from_rest(stepper, x, h, i), i) for i in fallen) if machine.locate else (h, fallen[0])
-        times.append(t + length)
-        states.append(stepper.trial(x, t, length)[: at.n] if length > 0.0 else x)
-    after, clamped = states[-1], machine.model.clamped
+        length, guard = h, fallen[0]
+        if machine.locate:
+            length, guard = min((_from_zero(stepper, mode, x, t, h, i), i) for i in fallen)
+        track.times.append(t + length)
+        track.states.append(stepper.trial(mode, x, t, length)[: at.n] if length > 0.0 else x)
+    after, clamped = track.states[-1], machine.model.clamped
     if GUARDS[guard] == "speed":
         after[SPEED] = 0.0
     elif GUARDS[guard] == "clearance" and clamped is not None:
@@ -265,12 +323,12 @@ def _end(
     return GUARDS[guard]
 
 
-def _from_rest(stepper: Stepper, x: list[float], h: float, guard: int) -> float:
-    """The length within (0, h] of a first step at which a guard that may start at zero falls to zero."""
+def _from_zero(stepper: Stepper, mode: ModeName, x: list[float], t: float, h: float, guard: int) -> float:
+    """The length within (0, h] of a step at which a guard that may start at zero falls to zero."""
     at = stepper.places.n + 1 + guard
 
     def value(length: float) -> float:
-        return stepper.trial(x, 0.0, length)[at]
+        return stepper.trial(mode, x, t, length)[at]
 
     low = next((f * h for f in np.geomspace(0.5, 1e-12, 20).tolist() if value(f * h) > 0.0), 0.0)
     return float(brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14)) if low > 0.0 else 0.0

@@ -28,7 +28,8 @@ BY_ACCURACY: tuple[tuple[float, Method], ...] = ((1e-1, LOW), (1e-3, MIDDLE), (0
 SAFETY = 10.0  # tolerance of a step: this much finer than the accuracy of the record
 FINEST, COARSEST = 1e-14, 1e-2  # tolerances of a step
 APART = 100.0  # tolerances of two runs whose distance tells the error
-CAUTION = 10.0  # of that factor, how much is not counted on
+CAUTION = 10.0  # of that factor, how much is not counted on towards a looser run
+TIGHT_SHARE = 1.5  # of the distance to a tighter run: that has an error too
 TIGHTEST = 1e-13  # rounding takes over below
 STIFF_FROM = 300.0  # decay rates times the natural time: explicit steps would be held back by them, not by their error
 SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
@@ -45,7 +46,7 @@ class Plan:
         """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
         a tighter one where there is room for it, else a looser one."""
         if self.rtol / APART >= TIGHTEST:
-            return Plan(self.rtol / APART, self.methods), 1.0 + CAUTION / APART
+            return Plan(self.rtol / APART, self.methods), TIGHT_SHARE
         return Plan(self.rtol * APART, self.methods), CAUTION / APART
 
 
@@ -69,7 +70,8 @@ def plan(model: Model, p: Array, scale: Scales, accuracy: float, *, steady: bool
     methods: dict[ModeName, tuple[Method, ...]] = {}
     stiff = _stiff(model, p, scale)
     for mode in sliding_modes(model.clamped is not None):
-        general = (STIFF, HIGH) if stiff else (chosen, STIFF)
+        # What holds an explicit method back may hold the implicit one back more: then the first one has the last word.
+        general = (STIFF, chosen) if stiff else (chosen, STIFF, chosen)
         methods[mode] = (LINEAR, *general) if takes(model, LINEAR, mode, steady) and not stiff else general
     return Plan(float(np.clip(accuracy / SAFETY, FINEST, COARSEST)), methods)
 
@@ -99,15 +101,7 @@ def _jacobian(model: Model) -> ca.Function:
 
 def _stiff(model: Model, p: Array, scale: Scales) -> bool:
     """Whether small disturbances of sliding, slow or fast, decay much faster than the mass moves."""
-    n = len(model.states)
-    x, u = np.array([s.start for s in model.states], float), np.array([0.0, scale.normal_force, 1.0, 0.0])
-    x[ELONGATION] = scale.state[ELONGATION]
-    call = compiled(_jacobian(model))
-    call.bind([x, p, u])
-    slopes = np.empty((len(SPEEDS), n, n))
-    for i, share in enumerate(SPEEDS):
-        x[SPEED] = share * scale.state[SPEED]
-        slopes[i] = call().reshape(n, n).T
+    slopes = _slopes(model, p, scale, [s.start for s in model.states], SPEEDS)
     # No eigenvalue exceeds the largest row sum: mostly that is enough to say no.
     bound = np.abs(slopes * (scale.state / scale.state[:, None])).sum(axis=2).max()
     if not np.isfinite(bound) or bound * scale.time <= STIFF_FROM:
@@ -117,10 +111,19 @@ def _stiff(model: Model, p: Array, scale: Scales) -> bool:
 
 def growth(model: Model, p: Array, scale: Scales) -> float:
     """The fastest growth [1/s] of a slip that has just begun, its contact saturated: it grows from nothing."""
-    n = len(model.states)
-    x = np.array([s.start if s.upper is None else s.upper for s in model.states], float)
-    x[ELONGATION], x[SPEED] = scale.state[ELONGATION], 0.0
-    call = compiled(_jacobian(model))
-    call.bind([x, p, np.array([0.0, scale.normal_force, 1.0, 0.0])])
-    slopes = call().reshape(n, n).T
+    slopes = _slopes(model, p, scale, [s.start if s.upper is None else s.upper for s in model.states], (0.0,))[0]
     return max(float(np.max(np.linalg.eigvals(slopes).real)), 0.0) if np.all(np.isfinite(slopes)) else 0.0
+
+
+def _slopes(model: Model, p: Array, scale: Scales, states: list[float], speeds: tuple[float, ...]) -> Array:
+    """d(dx/dt)/dx (m, n_x, n_x) while sliding at m speeds (in typical ones) under the typical elongation."""
+    n = len(model.states)
+    x, u = np.array(states, float), np.array([0.0, scale.normal_force, 1.0, 0.0])
+    x[ELONGATION] = scale.state[ELONGATION]
+    call = compiled(_jacobian(model))
+    call.bind([x, p, u])
+    slopes = np.empty((len(speeds), n, n))
+    for i, share in enumerate(speeds):
+        x[SPEED] = share * scale.state[SPEED]
+        slopes[i] = call().reshape(n, n).T
+    return slopes

@@ -6,7 +6,7 @@ overcomes the grip, and the sign function is never smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 MAX_PHASES = 2_000_000
 STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
-STALLED = 1000  # phases within one natural time: chatter, refused by name
+STALLED = 1000  # rests and slides within one natural time: chatter, refused by name
 
 
 def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: float, x: Array) -> Iterator[Phase]:
@@ -49,17 +49,19 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
     direction = float(np.sign(x[SPEED])) or 1.0
     if x[SPEED] != 0.0:
         mode = "slip"
-    phase: Phase
+    made: Sequence[Phase]
     for number in range(MAX_PHASES):
         force, slope = normal_force.line(t)
         situated = Situated(p, drive.at(t), direction, force, slope, t)
         limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
-            phase = stick = rest(machine.rests, x, situated, t, limit)
-            direction = -1.0 if stick.pull < 0.0 else 1.0
+            stick = rest(machine.rests, x, situated, t, limit)
+            direction, made = -1.0 if stick.pull < 0.0 else 1.0, (stick,)
         else:
-            phase = slide(machine, mode, x, situated, t, limit, most=steps)
-            steps = min(MAX_STEPS, steps - len(phase.times) + STEPS_PER_PHASE)
+            made = slide(machine, mode, x, situated, t, limit, most=steps)
+            steps = min(MAX_STEPS, steps - sum(len(phase.times) for phase in made) + STEPS_PER_PHASE)
+        phase = made[-1]
+        end = phase.start + phase.duration
         if number % STALLED == STALLED - 1:
             if t - marked < machine.scale.time:
                 raise SimulationError(
@@ -67,9 +69,8 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
                     "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
                 )
             marked = t
-        if phase.duration > 0.0:
-            yield phase
-        t, x = t + phase.duration, phase.end
+        yield from (phase for phase in made if phase.duration > 0.0)
+        t, x, mode = end, phase.end, phase.mode
         if phase.ended_by is None:
             t, segment = float(ends[segment]), segment + 1
             if segment == ends.size:

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.averaging import averaged, rest_edges
 from identify.errors import SimulationError
-from identify.model import SPEED, Model
+from identify.model import Model
 from identify.phases import Phase, Slide
-from identify.stepping import steps
+from identify.samples import moments
 
 Array = NDArray[np.float64]
 
@@ -111,16 +111,7 @@ class Trajectory:
 
     def _moments(self, t: Array) -> dict[str, Array]:
         """The samples at rising times t (n,) [s], the force of the moment."""
-        names = [s.name for s in self.model.states]
-        out = {name: np.empty(t.size) for name in (*names, "force", "normal_force", "coefficient", "sliding")}
-        starts = np.array([p.start for p in self.phases])
-        cuts = np.append(np.searchsorted(t, starts[1:], side="left"), t.size)
-        first = 0
-        for phase, last in zip(self.phases, cuts.tolist(), strict=True):
-            if last > first:
-                _sample_phase(self.model, phase, t[first:last] - phase.start, out, slice(first, last))
-            first = last
-        return out
+        return moments(self.model, self.phases, t)
 
 
 def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
@@ -140,53 +131,3 @@ def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
     ours, theirs = (motion.sample(times)["force"] for motion in (trajectory, other))
     largest = float(np.max(np.abs(ours), initial=0.0)) or 1.0
     return Achieved(apart / period, float(np.max(np.abs(ours - theirs), initial=0.0)) / largest)
-
-
-def _cubic(model: Model, phase: Phase, node: NDArray[np.int_], t: Array) -> Array:
-    """States (n_x, n) at local times t (n,) behind the nodes (n,) by Hermite's cubic through the two nodes around them:
-    an implicit step that was good over its length need not be so over a part of it."""
-    s = phase.situated
-    field = model.slip if phase.mode == "slip" else model.saturated
-
-    def at(nodes: NDArray[np.int_]) -> tuple[Array, Array]:
-        x = phase.x[nodes].T
-        return x, np.array(field(x, np.repeat(s.p[:, None], nodes.size, axis=1), s.at(phase.t[nodes], s.direction)))
-
-    (x0, rate0), (x1, rate1) = at(node), at(node + 1)
-    h = phase.t[node + 1] - phase.t[node]
-    share = (t - phase.t[node]) / h
-    bend = share * (1.0 - share) * ((1.0 - share) * (h * rate0 - x1 + x0) - share * (h * rate1 - x1 + x0))
-    return np.asarray(x0 + share * (x1 - x0) + bend)
-
-
-def _sample_phase(model: Model, phase: Phase, t: Array, out: dict[str, Array], where: slice) -> None:
-    """Fill the samples of one phase; t (n,) is local to it."""
-    s, n = phase.situated, t.size
-    t = np.clip(t, 0.0, phase.duration)
-    p = np.repeat(s.p[:, None], n, axis=1)
-    u = s.at(t, s.direction)
-    if phase.mode == "stick":
-        x = np.array(model.rest(np.repeat(phase.x[0][:, None], n, axis=1), p, u, t[None, :]))
-    else:
-        node = np.clip(np.searchsorted(phase.t, t, side="right") - 1, 0, max(phase.t.size - 2, 0))
-        # The step function itself is the dense output: a shorter step from the node before.
-        xth = np.vstack([phase.x[node].T, phase.t[node], t - phase.t[node]])
-        assert isinstance(phase, Slide)
-        constants, tolerances = (np.repeat(a[:, None], n, axis=1) for a in (s.constants, phase.tolerances))
-        x, norm = steps(model, phase.method, phase.mode, xth, constants, tolerances)
-        refused = ~(norm <= 1.0)
-        if refused.any():
-            x[:, refused] = _cubic(model, phase, node[refused], t[refused])
-    for i, state in enumerate(model.states):
-        out[state.name][where] = x[i]
-    out["force"][where] = np.array(model.load_cell(x, p, u)).ravel()
-    out["normal_force"][where] = u[1]
-    if phase.mode == "stick":
-        out["coefficient"][where] = np.array(model.driving_force(x, p, u)).ravel() / u[1]
-    else:
-        field = model.slip if phase.mode == "slip" else model.saturated
-        acceleration = np.array(field(x, p, u))[SPEED]
-        mass = s.p[model.parameter_names.index("mass")]
-        load = np.array(model.load(x, p, u)).ravel()
-        out["coefficient"][where] = (load - mass * acceleration) / u[1]
-    out["sliding"][where] = float(phase.mode != "stick")

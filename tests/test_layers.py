@@ -14,8 +14,8 @@ ROOT = Path(__file__).resolve().parent.parent
 ROOMS = """
 errors quantities speeds typical signal outcome examples
 effects model scene
-compiled dop853 tableaus drive modes situated crossing resting scales methods stepping plan phases averaging
-trajectory initial
+compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts stepper plan phases
+samples averaging trajectory initial
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
 noise zigzag local_fits waveform slips segment strokes classical suspicions draft
 bracket steady ageing amplitude groups critical stability spread calculable choice comparison

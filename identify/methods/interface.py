@@ -18,7 +18,7 @@ class Method(ABC):
     name, says, source: for tables. order: of the error that is left at a fixed time. measured: the power of the step
     length with which the error measure falls, for the step control. kind: CasADi type it is written in. reach:
     longest step in natural times sqrt(m/k), where no error estimate would ask for a shorter one. trials: steps tried
-    in one call.
+    in one call. divisible: whether a part of a good step is good.
     """
 
     name: str
@@ -28,7 +28,8 @@ class Method(ABC):
     source: str
     kind: ClassVar[Any] = ca.SX
     reach: float = float("inf")
-    trials: int = 20
+    trials: int = 36
+    divisible: ClassVar[bool] = True
 
     def takes(self, rate: ca.Function) -> bool:
         """Whether it can integrate this motion, (x, constants, t) -> dx/dt."""

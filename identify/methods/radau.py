@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -47,6 +48,7 @@ class Radau(Method):
     says: str = "implicit collocation, stiffly accurate"
     source: str = "Radau IIA, Hairer and Wanner II, IV.8"
     trials: int = 8
+    divisible: ClassVar[bool] = False
 
     def step(
         self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale

@@ -1,0 +1,228 @@
+"""Several trial steps in one call: the step length follows the error, switches are located, modes follow each other.
+
+A burst stops where the mass comes to rest, where its time is up, or where something has to be decided outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache
+
+import casadi as ca
+
+from identify.methods import Method
+from identify.methods.interface import Expression
+from identify.model import SPEED, Model
+from identify.modes import GUARDS, ModeName, sliding_modes
+from identify.stepping import N_GUARDS, trial
+
+MODES: tuple[ModeName, ...] = ("slip", "saturated")  # numbered so in a burst
+SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
+GROWTH, SHRINKING, SAFETY = 5.0, 0.2, 0.9  # of the step length from one trial to the next
+WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
+LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
+NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
+BEYOND = 2.0  # times the time in which a guard would fall to zero as it falls: no step is longer
+CLOSE = 0.25  # of the guard before it: a minimum as low as this within a step is looked at
+DIPS = 3  # times in a row that a dip is sought more closely
+
+
+class Stop(IntEnum):
+    """Why a burst stopped."""
+
+    NOT_YET = 0
+    LOCATED = 1  # the last node is a switch
+    EVENT = 2  # the trial from the last node meets a guard, and is decided outside
+    TIME_IS_UP = 3
+    STUCK = 4  # no step is short enough
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Where a burst stands, as a vector: the node x (n_x,) and its time t, guards and their slopes there, and then
+
+    h: length of the next trial. error, step: root of the error and length of the last step taken (0: none).
+    low, high: lengths between which a switch is being located (high 0: none is). final: the coming trial ends at the
+    switch. watch: how often a dip may still be sought. mode: place in `MODES`. stop: `Stop`.
+    """
+
+    n: int  # of states
+
+    @property
+    def t(self) -> int:
+        """Place of the time, behind the state."""
+        return self.n
+
+    @property
+    def ends(self) -> slice:
+        """Places of the guards and their slopes."""
+        return slice(self.n + 1, self.n + 1 + 2 * N_GUARDS)
+
+    @property
+    def control(self) -> slice:
+        """Places of the rest: h, error, step, low, high, final, watch, mode, stop."""
+        return slice(self.ends.stop, self.ends.stop + 9)
+
+    @property
+    def h(self) -> int:
+        """Place of the length of the next trial."""
+        return self.control.start
+
+
+@lru_cache(maxsize=64)
+def burst(model: Model, method: Method) -> ca.Function:
+    """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
+
+    z as in `Pace`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way of a
+    step [m], whether the trials go on in the mode after a switch. The step length follows the error; where a guard
+    has fallen the trials go on from the same node, with lengths by Newton's method, until the guard is zero. A trial
+    that is refused repeats the node with another length.
+    """
+    modes = [_paced(model, method, mode) for mode in MODES[: len(sliding_modes(model.clamped is not None))]]
+    given = [ca.MX.sym(name, modes[0].numel_in(i)) for i, name in enumerate("zbct")]
+    z = ca.MX.sym("z", modes[0].numel_in(0))
+    by_mode = ca.Function.conditional("by_mode", modes, ca.Function("idle", [z, *given[1:]], [z]))
+    nodes = [given[0]]
+    for _ in range(method.trials):
+        last = nodes[-1]
+        # A stopped burst repeats its last node.
+        nodes.append(by_mode(ca.if_else(last[-1] < 0.5, last[-2], -1), last, *given[1:]))
+    return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
+
+
+def _paced(model: Model, method: Method, mode: ModeName) -> ca.Function:
+    """One trial in one mode and what follows from it: (z, bounds, constants, tolerances) -> z."""
+    kind, at = method.kind, Pace(len(model.states))
+    z, bounds = kind.sym("z", at.control.stop), kind.sym("bounds", 6)
+    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
+    x, t, ends = z[: at.n], z[at.t], z[at.ends]
+    h, high = z[at.h], z[at.h + 4]
+    locating = high > 0.0
+    exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
+    free = ca.fmin(ca.fmin(h, bounds[1]), bounds[0] - t)
+    for i in exits:
+        # Not far beyond a switch that is near: it is sought from both ends of the step.
+        value, slope = ends[i], ends[N_GUARDS + i]
+        free = ca.if_else(slope * free < -BEYOND * value, ca.if_else(value > 0.0, -BEYOND * value / slope, free), free)
+    if model.finest.numel_out(0):
+        free = ca.fmin(free, bounds[4] / ca.fmax(ca.fabs(x[SPEED]), 1e-300))
+    h = ca.if_else(locating, h, free)
+    row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
+    found, through = _locating(z[at.control], h, row[at.n + 1 :], exits, tolerances[0], bounds[5])
+    walked = _walking(z[at.control], t, h, ends, row[at.n :], exits, bounds, method)
+    moved, *control = (ca.if_else(locating, f, w) for f, w in zip(found, walked, strict=True))
+    through = ca.logic_and(locating, through)
+    there, after_ends = row[: at.n], row[at.n + 1 :]
+    if model.clamped is not None:
+        lower = model.states[model.clamped].lower or 0.0
+        there = ca.vertcat(
+            there[: model.clamped],
+            ca.if_else(through, lower, there[model.clamped]),
+            there[model.clamped + 1 :],
+        )
+        # In the other mode another guard counts: positive until the next node tells.
+        speed = GUARDS.index("speed")
+        unknown = kind(ca.DM([0.0 if i % N_GUARDS == speed else 1.0 for i in range(2 * N_GUARDS)]))
+        blank = kind(ca.DM([1.0] * N_GUARDS + [0.0] * N_GUARDS))
+        after_ends = ca.if_else(through, after_ends + unknown * (blank - after_ends), after_ends)
+    mode_after = ca.if_else(through, 1 - MODES.index(mode), MODES.index(mode))
+    after = ca.vertcat(ca.if_else(moved, there, x), t + ca.if_else(moved, h, 0), ca.if_else(moved, after_ends, ends))
+    new = ca.vertcat(after, *control[:-1], mode_after, control[-1])
+    return ca.Function(f"paced_{mode}", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
+
+
+def _walking(
+    control: Expression,
+    t: Expression,
+    h: Expression,
+    before: Expression,
+    trial_end: Expression,
+    exits: list[int],
+    bounds: Expression,
+    method: Method,
+) -> tuple[Expression, ...]:
+    """Whether a trial of length h towards the next node is taken, and the control after it."""
+    ends, error, step, watch = trial_end[1:], control[1], control[2], control[6]
+    norm = ca.if_else(trial_end[0] <= WRONG, ca.fmax(trial_end[0], 1e-10), WRONG)
+    good, fallen, risen, guess, dip = norm <= 1.0, 0.0, 0.0, h, h
+    # The step after it: as the error says, and as its trend says where it grows (Gustafsson's predictive control).
+    root = _root(norm, method.measured)
+    slower = root / SAFETY
+    trend = slower * step / h * root / ca.fmax(error, 1e-10)
+    slower = ca.if_else(ca.logic_and(good, step > 0.0), ca.fmax(slower, trend), slower)
+    following = h * ca.fmax(SHRINKING, ca.fmin(GROWTH, 1.0 / slower))
+    for i in exits:
+        down = ca.logic_or(ends[i] < 0.0, ca.logic_and(ends[i] <= 0.0, t > 0.0))
+        fallen = ca.logic_or(fallen, down)
+        risen = ca.logic_or(risen, ca.logic_and(down, before[i] <= 0.0))
+        guess = ca.fmin(guess, ca.if_else(down, _first_guess(h, before, ends, i), h))
+        dip = ca.fmin(dip, _dip(h, before, ends, i))
+    met, dips = ca.logic_and(good, fallen), ca.logic_and(ca.logic_and(good, watch > 0.5), dip < h)
+    taken = ca.logic_and(good, ca.logic_not(ca.logic_or(fallen, dips)))
+    # Guards that were not positive at the start, and switches that are not to be located, are decided outside.
+    outside = ca.logic_and(met, ca.logic_or(risen, bounds[3] < 0.5))
+    over = ca.logic_and(taken, t + h >= bounds[0] * (1.0 - 1e-15))
+    stuck = ca.logic_and(norm > 1.0, following < bounds[2])
+    next_h = ca.if_else(met, ca.if_else(outside, h, guess), ca.if_else(dips, dip, following))
+    next_watch = ca.if_else(dips, watch - 1, ca.if_else(dip < h, watch, DIPS))
+    stop = Stop.EVENT * outside + Stop.TIME_IS_UP * over + Stop.STUCK * stuck
+    last = ca.if_else(taken, root, error), ca.if_else(taken, h, step)
+    return taken, next_h, *last, 0, ca.if_else(met, h, 0), 0, next_watch, stop
+
+
+def _root(value: Expression, degree: int) -> Expression:
+    """value^(1/degree), by square roots where they do."""
+    if degree == 1:
+        return value
+    return ca.sqrt(_root(value, degree // 2)) if degree % 2 == 0 else value ** (1.0 / degree)
+
+
+def _first_guess(h: Expression, before: Expression, ends: Expression, i: int) -> Expression:
+    """Where within a step of length h guard i, which falls to zero in it, is zero: Hermite's cubic for time as a
+    function of the guard where it falls at both ends, else the chord."""
+    v0, s0, v1, s1 = before[i], before[N_GUARDS + i], ends[i], ends[N_GUARDS + i]
+    share, falls = v0 / (v0 - v1), ca.logic_and(s0 < 0.0, s1 < 0.0)
+    a, b = (v1 - v0) / (ca.if_else(falls, s0, 1.0) * h), (v1 - v0) / (ca.if_else(falls, s1, 1.0) * h)
+    cubic = share * share * (3.0 - 2.0 * share) + share * (1.0 - share) * ((1.0 - share) * a - share * b)
+    inside = ca.logic_and(falls, ca.logic_and(cubic > 0.0, cubic < 1.0))
+    return h * ca.if_else(inside, cubic, share)
+
+
+def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Expression:
+    """Where within a step of length h guard i has a minimum that comes close to zero; h if it has none."""
+    v0, s0, s1 = before[i], before[N_GUARDS + i], ends[N_GUARDS + i]
+    turning = ca.logic_and(v0 > 0.0, ca.logic_and(s0 < 0.0, s1 > 0.0))
+    length = h * s0 / ca.if_else(turning, s0 - s1, -1.0)
+    near = v0 + 0.5 * s0 * length < CLOSE * ca.fmin(v0, ends[i])
+    return ca.if_else(ca.logic_and(turning, near), length, h)
+
+
+def _locating(
+    control: Expression, h: Expression, ends: Expression, exits: list[int], rtol: Expression, through: Expression
+) -> tuple[tuple[Expression, ...], Expression]:
+    """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket;
+    and whether it is a switch to the other mode of sliding, through which the trials go on."""
+    newton, hit, fallen, to_rest, to_other = ca.inf, 0.0, 0.0, ca.inf, ca.inf
+    for i in exits:
+        value, slope = ends[i], ends[N_GUARDS + i]
+        away = ca.fabs(value) / ca.fmax(ca.fabs(slope), 1e-300)
+        newton = ca.fmin(newton, ca.if_else(slope < 0.0, h - value / ca.if_else(slope < 0.0, slope, 1.0), ca.inf))
+        hit, fallen = ca.logic_or(hit, value == 0.0), ca.logic_or(fallen, value <= 0.0)
+        if GUARDS[i] == "speed":
+            to_rest = away
+        else:
+            to_other = away
+    low, high = ca.if_else(fallen, control[3], h), ca.if_else(fallen, h, control[4])
+    inside = ca.logic_and(newton > low, newton < high)
+    following = ca.if_else(inside, newton, 0.5 * (low + high))
+    move = ca.fabs(newton - h)
+    done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= LAST * h, high - low <= LAST * high))
+    near = ca.logic_and(inside, move <= NEAR * ca.sqrt(rtol) * control[4])
+    passes = ca.logic_and(ca.logic_and(done, through > 0.5), to_other < to_rest)
+    # Beyond a switch the steps go on as long as they were; what the error did before says nothing there.
+    next_h = ca.if_else(passes, ca.fmax(control[2], h), following)
+    kept = ca.if_else(passes, 0, 1)
+    stop = Stop.LOCATED * ca.logic_and(done, ca.logic_not(passes))
+    same = (kept * control[1], kept * control[2], kept * low, kept * high, kept * near)
+    return (done, next_h, *same, ca.if_else(passes, DIPS, 0), stop), passes
