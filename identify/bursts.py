@@ -190,12 +190,15 @@ def _first_guess(h: Expression, before: Expression, ends: Expression, i: int) ->
 
 
 def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Expression:
-    """Where within a step of length h guard i has a minimum that comes close to zero; h if it has none."""
-    v0, s0, s1 = before[i], before[N_GUARDS + i], ends[N_GUARDS + i]
+    """Where within a step of length h guard i has a minimum that comes close to zero, by Hermite's cubic; h if none."""
+    v0, s0, v1, s1 = before[i], h * before[N_GUARDS + i], ends[i], h * ends[N_GUARDS + i]
     turning = ca.logic_and(v0 > 0.0, ca.logic_and(s0 < 0.0, s1 > 0.0))
-    length = h * s0 / ca.if_else(turning, s0 - s1, -1.0)
-    near = v0 + 0.5 * s0 * length < CLOSE * ca.fmin(v0, ends[i])
-    return ca.if_else(ca.logic_and(turning, near), length, h)
+    a, b = 3.0 * (s0 + s1 - 2.0 * (v1 - v0)), 3.0 * (v1 - v0) - 2.0 * s0 - s1
+    root = b + ca.sqrt(ca.fmax(b * b - a * s0, 0.0))
+    share = ca.if_else(ca.logic_and(turning, root > 0.0), -s0 / ca.if_else(root > 0.0, root, 1.0), 1.0)
+    lowest = v0 + share * (s0 + share * (b + share * a / 3.0))
+    near = ca.logic_and(lowest < CLOSE * ca.fmin(v0, v1), ca.logic_and(share > 0.0, share < 1.0))
+    return ca.if_else(ca.logic_and(turning, near), share * h, h)
 
 
 def _locating(
