@@ -19,7 +19,7 @@ from identify.stepping import N_GUARDS, trial
 
 MODES: tuple[ModeName, ...] = ("slip", "saturated")  # numbered so in a burst
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
-GROWTH, SHRINKING, SAFETY = 5.0, 0.2, 0.9  # of the step length from one trial to the next
+GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
 WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
 LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
 NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
@@ -40,11 +40,11 @@ class Stop(IntEnum):
 
 @dataclass(frozen=True)
 class Pace:
-    """Where a burst stands, as a vector: the node x (n_x,) and its time t, guards and their slopes there, and then
+    """Where a burst stands, as a vector: the node x (n_x,), its time t, the mode (place in `MODES`), `Stop`, and then
 
     h: length of the next trial. error, step: root of the error and length of the last step taken (0: none).
     low, high: lengths between which a switch is being located (high 0: none is). final: the coming trial ends at the
-    switch. watch: how often a dip may still be sought. mode: place in `MODES`. stop: `Stop`.
+    switch. watch: how often a dip may still be sought. Last, guards and their slopes at the node.
     """
 
     n: int  # of states
@@ -55,19 +55,39 @@ class Pace:
         return self.n
 
     @property
-    def ends(self) -> slice:
-        """Places of the guards and their slopes."""
-        return slice(self.n + 1, self.n + 1 + 2 * N_GUARDS)
+    def mode(self) -> int:
+        """Place of the mode."""
+        return self.n + 1
+
+    @property
+    def stop(self) -> int:
+        """Place of why it stopped."""
+        return self.n + 2
 
     @property
     def control(self) -> slice:
-        """Places of the rest: h, error, step, low, high, final, watch, mode, stop."""
-        return slice(self.ends.stop, self.ends.stop + 9)
+        """Places of h, error, step, low, high, final, watch."""
+        return slice(self.n + 3, self.n + 10)
 
     @property
     def h(self) -> int:
         """Place of the length of the next trial."""
-        return self.control.start
+        return self.n + 3
+
+    @property
+    def high(self) -> int:
+        """Place of the upper end of what is being located."""
+        return self.n + 7
+
+    @property
+    def ends(self) -> slice:
+        """Places of the guards and their slopes."""
+        return slice(self.n + 10, self.n + 10 + 2 * N_GUARDS)
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        return self.n + 10 + 2 * N_GUARDS
 
 
 @lru_cache(maxsize=64)
@@ -79,57 +99,71 @@ def burst(model: Model, method: Method) -> ca.Function:
     has fallen the trials go on from the same node, with lengths by Newton's method, until the guard is zero. A trial
     that is refused repeats the node with another length.
     """
-    modes = [_paced(model, method, mode) for mode in MODES[: len(sliding_modes(model.clamped is not None))]]
-    given = [ca.MX.sym(name, modes[0].numel_in(i)) for i, name in enumerate("zbct")]
-    z = ca.MX.sym("z", modes[0].numel_in(0))
-    by_mode = ca.Function.conditional("by_mode", modes, ca.Function("idle", [z, *given[1:]], [z]))
+    at, modes = Pace(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
+    paced = [_paced(model, method, mode, locating) for mode in modes for locating in (False, True)]
+    given = [ca.MX.sym(name, paced[0].numel_in(i)) for i, name in enumerate("zbct")]
+    z = ca.MX.sym("z", at.size)
+    by_mode = ca.Function.conditional("by_mode", paced, ca.Function("idle", [z, *given[1:]], [z]))
     nodes = [given[0]]
     for _ in range(method.trials):
         last = nodes[-1]
         # A stopped burst repeats its last node.
-        nodes.append(by_mode(ca.if_else(last[-1] < 0.5, last[-2], -1), last, *given[1:]))
+        which = ca.if_else(last[at.stop] < 0.5, 2 * last[at.mode] + (last[at.high] > 0.0), -1)
+        nodes.append(by_mode(which, last, *given[1:]))
     return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
 
 
-def _paced(model: Model, method: Method, mode: ModeName) -> ca.Function:
-    """One trial in one mode and what follows from it: (z, bounds, constants, tolerances) -> z."""
+def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Function:
+    """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     kind, at = method.kind, Pace(len(model.states))
-    z, bounds = kind.sym("z", at.control.stop), kind.sym("bounds", 6)
+    z, bounds = kind.sym("z", at.size), kind.sym("bounds", 6)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
-    x, t, ends = z[: at.n], z[at.t], z[at.ends]
-    h, high = z[at.h], z[at.h + 4]
-    locating = high > 0.0
+    x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
     exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
-    free = ca.fmin(ca.fmin(h, bounds[1]), bounds[0] - t)
+    h = z[at.h] if locating else _length(model, at, z, exits, bounds)
+    row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
+    there, there_ends = row[: at.n], row[at.n + 1 :]
+    mode_after: Expression = MODES.index(mode)
+    if locating:
+        (moved, *control_after, stop), through = _locating(control, h, there_ends, exits, tolerances[0], bounds[5])
+        if model.clamped is not None:
+            there, there_ends = _through(model, there, there_ends, through)
+            mode_after = ca.if_else(through, 1 - mode_after, mode_after)
+    else:
+        moved, *control_after, stop = _walking(control, t, h, ends, row[at.n :], exits, bounds, method)
+    new = ca.vertcat(
+        ca.if_else(moved, there, x),
+        t + ca.if_else(moved, h, 0),
+        mode_after,
+        stop,
+        *control_after,
+        ca.if_else(moved, there_ends, ends),
+    )
+    return ca.Function("paced", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
+
+
+def _length(model: Model, at: Pace, z: Expression, exits: list[int], bounds: Expression) -> Expression:
+    """Length of the next step: what the error suggests, within its bounds."""
+    ends, h = z[at.ends], ca.fmin(ca.fmin(z[at.h], bounds[1]), bounds[0] - z[at.t])
     for i in exits:
         # Not far beyond a switch that is near: it is sought from both ends of the step.
         value, slope = ends[i], ends[N_GUARDS + i]
-        free = ca.if_else(slope * free < -BEYOND * value, ca.if_else(value > 0.0, -BEYOND * value / slope, free), free)
+        near = ca.logic_and(value > 0.0, slope * h < -BEYOND * value)
+        h = ca.if_else(near, -BEYOND * value / slope, h)
     if model.finest.numel_out(0):
-        free = ca.fmin(free, bounds[4] / ca.fmax(ca.fabs(x[SPEED]), 1e-300))
-    h = ca.if_else(locating, h, free)
-    row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
-    found, through = _locating(z[at.control], h, row[at.n + 1 :], exits, tolerances[0], bounds[5])
-    walked = _walking(z[at.control], t, h, ends, row[at.n :], exits, bounds, method)
-    moved, *control = (ca.if_else(locating, f, w) for f, w in zip(found, walked, strict=True))
-    through = ca.logic_and(locating, through)
-    there, after_ends = row[: at.n], row[at.n + 1 :]
-    if model.clamped is not None:
-        lower = model.states[model.clamped].lower or 0.0
-        there = ca.vertcat(
-            there[: model.clamped],
-            ca.if_else(through, lower, there[model.clamped]),
-            there[model.clamped + 1 :],
-        )
-        # In the other mode another guard counts: positive until the next node tells.
-        speed = GUARDS.index("speed")
-        unknown = kind(ca.DM([0.0 if i % N_GUARDS == speed else 1.0 for i in range(2 * N_GUARDS)]))
-        blank = kind(ca.DM([1.0] * N_GUARDS + [0.0] * N_GUARDS))
-        after_ends = ca.if_else(through, after_ends + unknown * (blank - after_ends), after_ends)
-    mode_after = ca.if_else(through, 1 - MODES.index(mode), MODES.index(mode))
-    after = ca.vertcat(ca.if_else(moved, there, x), t + ca.if_else(moved, h, 0), ca.if_else(moved, after_ends, ends))
-    new = ca.vertcat(after, *control[:-1], mode_after, control[-1])
-    return ca.Function(f"paced_{mode}", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
+        h = ca.fmin(h, bounds[4] / ca.fmax(ca.fabs(z[SPEED]), 1e-300))
+    return h
+
+
+def _through(model: Model, x: Expression, ends: Expression, through: Expression) -> tuple[Expression, Expression]:
+    """State and guards at a switch to the other mode of sliding: the bounded state exactly at its bound, and the guard
+    that counts there positive until the next node tells."""
+    assert model.clamped is not None
+    lower, speed = model.states[model.clamped].lower or 0.0, GUARDS.index("speed")
+    bound = ca.if_else(through, lower, x[model.clamped])
+    after = [ca.if_else(through, float(i < N_GUARDS), ends[i]) for i in range(2 * N_GUARDS)]
+    after[speed], after[N_GUARDS + speed] = ends[speed], ends[N_GUARDS + speed]
+    return ca.vertcat(x[: model.clamped], bound, x[model.clamped + 1 :]), ca.vertcat(*after)
 
 
 def _walking(

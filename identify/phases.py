@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from identify import resting
 from identify.bursts import MODES, SHORTEST, Stop
 from identify.errors import SimulationError
 from identify.methods import Method
@@ -24,7 +25,7 @@ from identify.plan import Plan, growth
 from identify.resting import Resting
 from identify.scales import Scales
 from identify.situated import Situated
-from identify.stepper import Stepper
+from identify.stepper import Stepper, borrowed, give_back
 from identify.stepping import N_GUARDS
 
 Array = NDArray[np.float64]
@@ -52,7 +53,7 @@ class Phase:
     start: float
     situated: Situated
     times: Sequence[float] | Array
-    states: Sequence[Sequence[float]] | Array
+    states: Sequence[Sequence[float]] | Sequence[Array] | Array
     ended_by: GuardName | None
 
     @cached_property
@@ -104,12 +105,14 @@ class Machine:
 
     def __init__(self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True) -> None:
         self.model, self.locate, self.scale, self.p = model, locate, scale, p
-        self._floor = FLOOR * self.scale.state
+        floor = FLOOR * self.scale.state
         # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
-        self._floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
-        self._rtol, self._left = plan.rtol, {mode: list(methods) for mode, methods in plan.methods.items()}
+        floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
+        self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
+        self._left = {mode: list(methods) for mode, methods in plan.methods.items()}
         self._at_work: dict[Method, Stepper] = {}
-        self.rests = Resting(model)
+        self.rests = resting.borrowed(model)
+        self.through = self._one_method()
         fastest = growth(model, p, scale)
         self.longest_first = BEGINNING / fastest if fastest > 0.0 else np.inf
         self.first = dict.fromkeys(self._left, min(FIRST * self.scale.time, self.longest_first))
@@ -121,24 +124,18 @@ class Machine:
         """The one that is at work."""
         method = self._left[mode][0]
         if method not in self._at_work:
-            scale, rtol = self.scale, self._rtol
-            self._at_work[method] = Stepper(
-                self.model,
-                method,
-                self.p,
-                rtol,
-                rtol * self._floor,
-                SHORTEST * scale.time,
-                min(method.reach * scale.time, scale.longest),
-                scale.farthest,
-                self.locate,
-            )
+            self._at_work[method] = stepper = borrowed(self.model, method)
+            scale = self.scale
+            longest = min(method.reach * scale.time, scale.longest)
+            bounds = (longest, SHORTEST * scale.time, scale.farthest, self.locate)
+            stepper.tune(self.p, self.tolerances, bounds)
         return self._at_work[method]
 
-    @property
-    def through(self) -> bool:
-        """Whether one method does all sliding, so that it can go on through the switches between its modes."""
-        return len({methods[0] for methods in self._left.values()}) == 1
+    def close(self) -> None:
+        """Give back what others can use: the run is over."""
+        resting.give_back(self.rests)
+        while self._at_work:
+            give_back(self._at_work.popitem()[1])
 
     def held_back(self, mode: ModeName, tried: int, reached: float) -> bool:
         """Whether so many trials that have reached so far [s] are too many, and there is a method to take over."""
@@ -153,7 +150,12 @@ class Machine:
         for methods in self._left.values():
             if methods[0] is held_back and len(methods) > 1:
                 del methods[0]
+        self.through = self._one_method()
         return True
+
+    def _one_method(self) -> bool:
+        """Whether one method does all sliding, so that it can go on through the switches between its modes."""
+        return len({methods[0] for methods in self._left.values()}) == 1
 
 
 def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> Stick:
@@ -167,7 +169,7 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
     x[SPEED] = 0.0
     onset, after, pull = rests.until(x, situated, limit)
     end = limit if onset is None else onset
-    times, states = ([0.0, end], np.stack([x, after])) if end > 0.0 else ([0.0], x[None, :])
+    times, states = ([0.0, end], [x, after]) if end > 0.0 else ([0.0], [x])
     return Stick("stick", start, situated, times, states, None if onset is None else "speed", pull)
 
 
@@ -196,7 +198,7 @@ def slide(
         rows = stepper.go_on()
         tried += len(rows)
         track.add(rows)
-        stop = rows[-1][-1]
+        stop = rows[-1][stepper.places.stop]
         if stop == Stop.NOT_YET and not machine.held_back(mode, tried, rows[-1][stepper.places.t]):
             continue
         if stop in (Stop.NOT_YET, Stop.STUCK):
@@ -222,8 +224,9 @@ class _Track:
     def add(self, rows: list[list[float]]) -> None:
         """The nodes in the rows of a burst; a phase ends where the mode changes."""
         n, number, times, states = self.stepper.places.n, MODES.index(self.mode), self.times, self.states
-        if rows[0][n] > 0.0 and rows[0][-1] == Stop.NOT_YET and len(times) == 1 and not self.phases:
-            self.machine.first[self.mode] = min(rows[0][self.stepper.places.h], self.machine.longest_first)
+        mode, stop, h = n + 1, n + 2, n + 3
+        if rows[0][n] > 0.0 and rows[0][stop] == Stop.NOT_YET and len(times) == 1 and not self.phases:
+            self.machine.first[self.mode] = min(rows[0][h], self.machine.longest_first)
         last = times[-1]
         for row in rows:
             t = row[n]
@@ -231,7 +234,7 @@ class _Track:
                 last = t
                 times.append(t)
                 states.append(row[:n])
-            if row[-2] != number:
+            if row[mode] != number:
                 self._close("clearance" if self.mode == "slip" else "release")
                 self._begin_other()
                 number, times, states = 1 - number, self.times, self.states
@@ -269,7 +272,7 @@ class _Track:
             self._fastest = (fastest, self.mode, states[i], times[i])
         if since:
             times = [t - since for t in times]
-        method, tolerances = self.stepper.method, self.stepper.tolerances
+        method, tolerances = self.stepper.method, self.machine.tolerances
         begin = self.start + since
         self.phases.append(Slide(self.mode, begin, self._begun, times, states, ended_by, method, tolerances))
 
@@ -303,8 +306,8 @@ def _unfinished(machine: Machine, mode: ModeName, start: float, reached: float, 
 def _end(machine: Machine, stepper: Stepper, track: _Track, last: list[float]) -> GuardName:
     """The guard that ends a slide; its last node lies there, with the guard exactly zero."""
     mode, at = track.mode, stepper.places
-    if last[-1] == Stop.LOCATED:
-        ends = last[at.ends]
+    if last[at.stop] == Stop.LOCATED:
+        ends = stepper.ends
         guard = min(machine.exits[mode], key=lambda i: abs(ends[i] / (ends[N_GUARDS + i] or 1e-300)))
     else:
         x, t, h = last[: at.n], last[at.t], last[at.h]

@@ -15,7 +15,7 @@ from identify.errors import SimulationError
 from identify.methods import HIGH, LINEAR, LOW, MIDDLE, STIFF, Method
 from identify.model import ELONGATION, SPEED, Model
 from identify.modes import ModeName, sliding_modes
-from identify.scales import Scales
+from identify.scales import Scales, scales
 from identify.stepping import takes
 
 Array = NDArray[np.float64]
@@ -101,6 +101,23 @@ def _jacobian(model: Model) -> ca.Function:
 
 def _stiff(model: Model, p: Array, scale: Scales) -> bool:
     """Whether small disturbances of sliding, slow or fast, decay much faster than the mass moves."""
+    return _pace(model, p.tobytes(), scale.normal_force)[0]
+
+
+def growth(model: Model, p: Array, scale: Scales) -> float:
+    """The fastest growth [1/s] of a slip that has just begun, its contact saturated: it grows from nothing."""
+    return _pace(model, p.tobytes(), scale.normal_force)[1]
+
+
+@lru_cache(maxsize=256)
+def _pace(model: Model, parameters: bytes, normal_force: float) -> tuple[bool, float]:
+    """Whether the motion is stiff, and its growth: kept, as many runs share their parameters."""
+    p = np.frombuffer(parameters)
+    scale = scales(model, p, normal_force)
+    return _decays(model, p, scale), _grows(model, p, scale)
+
+
+def _decays(model: Model, p: Array, scale: Scales) -> bool:
     slopes = _slopes(model, p, scale, [s.start for s in model.states], SPEEDS)
     # No eigenvalue exceeds the largest row sum: mostly that is enough to say no.
     bound = np.abs(slopes * (scale.state / scale.state[:, None])).sum(axis=2).max()
@@ -109,8 +126,7 @@ def _stiff(model: Model, p: Array, scale: Scales) -> bool:
     return float(-np.min(np.linalg.eigvals(slopes).real)) * scale.time > STIFF_FROM
 
 
-def growth(model: Model, p: Array, scale: Scales) -> float:
-    """The fastest growth [1/s] of a slip that has just begun, its contact saturated: it grows from nothing."""
+def _grows(model: Model, p: Array, scale: Scales) -> float:
     slopes = _slopes(model, p, scale, [s.start if s.upper is None else s.upper for s in model.states], (0.0,))[0]
     return max(float(np.max(np.linalg.eigvals(slopes).real)), 0.0) if np.all(np.isfinite(slopes)) else 0.0
 
@@ -121,7 +137,7 @@ def _slopes(model: Model, p: Array, scale: Scales, states: list[float], speeds: 
     x, u = np.array(states, float), np.array([0.0, scale.normal_force, 1.0, 0.0])
     x[ELONGATION] = scale.state[ELONGATION]
     call = compiled(_jacobian(model))
-    call.bind([x, p, u])
+    call.bind([x, np.array(p), u])
     slopes = np.empty((len(speeds), n, n))
     for i, share in enumerate(speeds):
         x[SPEED] = share * scale.state[SPEED]

@@ -49,7 +49,7 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function]:
 
 
 class Resting:
-    """Rests of one model; holds buffers, so one per thread."""
+    """Rests of one model; holds buffers, so one at a time uses it: see `borrowed`."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -119,6 +119,20 @@ class Resting:
             self._times[: part.size] = part
             out[first : first + part.size] = self._spare()[: part.size]
         return out
+
+
+_IDLE: dict[Model, list[Resting]] = {}
+
+
+def borrowed(model: Model) -> Resting:
+    """Rests nobody uses: some that were given back, or new ones."""
+    idle = _IDLE.get(model)
+    return idle.pop() if idle else Resting(model)
+
+
+def give_back(rests: Resting) -> None:
+    """Let others use them."""
+    _IDLE.setdefault(rests.model, []).append(rests)
 
 
 def swing(model: Model, p: Array) -> tuple[float, float]:

@@ -130,7 +130,11 @@ def run(
         steps = only(model, method, steps.rtol)
 
     def motion(steps: Plan) -> tuple[Phase, ...]:
-        return tuple(phases(Machine(model, p, scale, steps, locate=locate), programme, load, duration, x))
+        machine = Machine(model, p, scale, steps, locate=locate)
+        try:
+            return tuple(phases(machine, programme, load, duration, x))
+        finally:
+            machine.close()
 
     other, share = steps.other()
 
