@@ -69,7 +69,7 @@ def _sticks() -> list[HardCase]:
         ),
         _integrated("onset exactly at a step of the drive to threefold", NO_DAMPER, ((0.0, 1e-3), (late, 3e-3)), 1.0),
         _integrated("onset exactly at the stop of the drive", NO_DAMPER, ((0.0, 1e-3), (late * (1 + 1e-9), 0.0)), 1.0),
-        _integrated("slips within one sample (20 per second)", {}, 1e-3, 40.0),
+        _integrated("slips within one sample (20 per second)", {}, 1e-3, 20.0),
         HardCase(
             "onset in a crossing of microseconds: drive shaken at 10 kHz",
             Scene(shaken, 1e-3, 0.43, effects=("inertia", "excitation")),

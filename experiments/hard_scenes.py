@@ -80,15 +80,16 @@ class HardCase:
     tolerance: float = 1e-8
     refusal: str = ""
 
-    def error(self, spoil: float = 0.0) -> float:
-        """Largest error of switch times over the mean period (or the duration) and of forces over the largest;
-        infinite where switches are missing or too many."""
+    def errors(self, *spoils: float) -> list[float]:
+        """Largest error of switch times over the mean period (or the duration) and of forces over the largest, with a
+        spring too stiff by these shares; infinite where switches are missing or too many."""
         assert self.truth is not None
-        return difference(self.scene.run(spoil), self.truth(self.scene), self.scene.duration)
+        answer = self.truth(self.scene)
+        return [difference(self.scene.run(spoil), answer, self.scene.duration) for spoil in spoils]
 
 
 def difference(ours: Trajectory, answer: Answer, duration: float) -> float:
-    """See HardCase.error."""
+    """See HardCase.errors."""
     worst, period = 0.0, duration / max(answer.onsets.size, 1)
     for found, known in ((ours.onsets, answer.onsets), (ours.arrests, answer.arrests)):
         if found.size < known.size or (answer.complete and found.size != known.size):

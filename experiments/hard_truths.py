@@ -37,8 +37,8 @@ def by_integration(method: str = "DOP853", rtol: float = oracle.RTOL) -> Callabl
         values["a"] = values["a"] or 1.0
         run = oracle.simulate(values, scene.drive, scene.force, scene.duration, state, rtol=rtol, method=method)
         times = _times(scene)
-        # Where a slip turns round without a rest, it counts an onset; the package does not.
-        return Answer(np.setdiff1d(run.onsets, run.arrests), run.arrests, times, run.force(times))
+        # Where a slip begins or turns round without a rest before it, it counts an onset; the package does not.
+        return Answer(np.setdiff1d(run.onsets, [0.0, *run.arrests]), run.arrests, times, run.force(times))
 
     return truth
 
@@ -120,7 +120,7 @@ def _cycles(
         rests.append((arrests[-1], x))
         onsets.append(arrests[-1] + (x_on - x) / v0)
     onsets = [t for t in onsets if t < scene.duration]
-    times, force = _times(scene)[::8], []
+    times, force = _times(scene)[:: SAMPLES // 25], []
     for t in times:
         began = [t0 for t0 in onsets if t0 <= t]
         rest = [r for r in rests if r[0] <= t][-1]
