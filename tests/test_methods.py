@@ -218,3 +218,29 @@ def test_the_command_line_takes_an_accuracy_and_reports_the_error(tmp_path, caps
     assert main([*command, "--noise", "5 mN", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["accuracy"]["asked"] == pytest.approx(1e-4)
     assert main([*command, "--accuracy", "2"]) == 2
+
+
+def test_orders_hold_through_switches_and_are_lost_where_these_are_not_located() -> None:
+    from experiments.run_work_precision import orders
+
+    for found in orders():
+        assert found.located == pytest.approx(found.method.order, abs=0.2), found.method.name
+        assert found.not_located < 2.0, found.method.name
+
+
+def test_a_record_sampled_in_one_go_is_what_its_parts_are() -> None:
+    motion = run(MODEL, PAIR, 1e-3, 1.0, 1.0)
+    times = np.linspace(0.0, 1.0, 700)
+    whole = motion.sample(times)
+    for name, values in whole.items():
+        single = [float(motion.sample([t])[name][0]) for t in times[::23]]
+        np.testing.assert_allclose(values[::23], single, rtol=1e-12, atol=1e-15, err_msg=name)
+
+
+def test_runs_that_take_turns_do_not_meet_in_their_buffers() -> None:
+    alone = run(MODEL, PAIR, 1e-3, 1.0, 1.0)
+    fast = PAIR | {"mass": 0.05}
+    both = [run(MODEL, values, 1e-3, 1.0, 1.0) for values in (fast, PAIR)]
+    np.testing.assert_array_equal(both[1].onsets, alone.onsets)
+    assert both[0].achieved is not None  # a second run in between
+    np.testing.assert_array_equal(run(MODEL, PAIR, 1e-3, 1.0, 1.0).onsets, alone.onsets)

@@ -28,7 +28,7 @@ class Method(ABC):
     source: str
     kind: ClassVar[Any] = ca.SX
     reach: float = float("inf")
-    trials: int = 36
+    trials: int = 30
     divisible: ClassVar[bool] = True
 
     def takes(self, rate: ca.Function) -> bool:
