@@ -25,18 +25,21 @@ class Drive:
         """A constant speed [m/s], or a programme of (start [s], speed [m/s]) pairs.
 
         Raises:
-            SimulationError: a programme that does not begin at 0 s or whose starts do not rise.
+            SimulationError: a programme that does not begin at 0 s, whose starts do not rise, or that is not finite.
         """
         if isinstance(speed, Drive):
             return speed
         if not isinstance(speed, tuple):
-            return Drive((0.0,), (float(speed),))
+            speed = ((0.0, float(speed)),)
         starts = tuple(float(pair[0]) for pair in speed)
         if not starts or starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts)):
             raise SimulationError(
                 f"the drive programme starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
             )
-        return Drive(starts, tuple(float(pair[1]) for pair in speed))
+        speeds = tuple(float(pair[1]) for pair in speed)
+        if not np.all(np.isfinite([*starts, *speeds])):
+            raise SimulationError(f"the drive runs at {speeds} m/s from {starts} s; expected finite numbers")
+        return Drive(starts, speeds)
 
     @property
     def constant(self) -> bool:
@@ -68,11 +71,16 @@ class NormalForce:
             return force
         times, values = ((0.0,), (force,)) if not isinstance(force, tuple) else force
         t, f = np.atleast_1d(np.asarray(times, float)), np.atleast_1d(np.asarray(values, float))
-        if t.shape != f.shape or np.any(np.diff(t) <= 0):
+        if t.shape != f.shape or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
             raise SimulationError(f"normal force has {f.size} values at {t.size} times; give one value per rising time")
-        if not np.all(np.isfinite(f)) or np.any(f <= 0):
+        if not np.all(np.isfinite(f)):
             raise SimulationError(
-                f"the normal force falls to {np.min(f):.3g} N: lift-off is not simulated; give a positive normal force"
+                f"the normal force holds the value {f[~np.isfinite(f)][0]}; expected finite forces [N]"
+            )
+        if np.any(f <= 0):
+            raise SimulationError(
+                f"the normal force falls to {np.min(f):.3g} N at {t[np.argmin(f)]:.6g} s: lift-off is not simulated; "
+                "give a positive normal force"
             )
         return NormalForce(tuple(t.tolist()), tuple(f.tolist()))
 

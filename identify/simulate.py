@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identify.admission import admit
 from identify.drive import Drive, NormalForce, breaks
 from identify.errors import SimulationError
 from identify.initial import initial_states
@@ -112,8 +113,7 @@ def run(
     Raises:
         SimulationError: what the model refuses, by name.
     """
-    if not duration > 0.0:
-        raise SimulationError(f"the duration is {duration} s; expected a positive time")
+    admit(model, values, duration, start or {})
     if not 0.0 < accuracy < 1.0:
         raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
     p = np.array([values[name] for name in model.parameter_names])
