@@ -50,7 +50,7 @@ def append(path: Path, verdicts: list[Verdict]) -> None:
 
 def load(path: Path) -> list[Verdict]:
     """The verdicts of all parts."""
-    kinds = {"outcome": str, "error": float, "energy": float, "seconds": float}
+    kinds = {"outcome": str, "error": float, "energy": float, "seconds": float, "outside": float}
     with path.open(encoding="utf-8") as file:
         return [Verdict(**{k: kinds.get(k, int)(v) for k, v in row.items()}) for row in csv.DictReader(file)]
 
