@@ -109,8 +109,8 @@ def difference(one: Trajectory, other: Trajectory) -> float:
         return float("inf")
     apart = max((float(np.max(np.abs(a - b))) for a, b in switches if a.size), default=0.0)
     late = apart / common * max(switches[0][0].size, 1)
-    # A slip that comes late is wrong at the same time, a rest that begins late at the same share of it: neither is worse
-    # than what the switches say.
+    # A slip that comes late is wrong at the same time, a rest that begins late at the same share of it: neither is more
+    # than the switches have said.
     forces = _at_times(one, other, common, apart)
     return max(late, min(forces, _phase_by_phase(one, other)) if _alike(one, other) else forces)
 
