@@ -25,8 +25,8 @@ MOST_SAMPLES = 400_000  # of one log in the fold: enough for any mean
 @dataclass(frozen=True)
 class Features:
     """One settled cycle of one log. times (b,) [s] from the middle of the fall, waveform (b,) [N] at the mean
-    normal force, sd (b,); time of its middle cycle [s]; period [s] and its sd (period_sd infinite where a log shows one fall only);
-    arrest: valley force [N]; drop [N]; cycles folded."""
+    normal force, sd (b,); period [s] and its sd (period_sd infinite where a log shows one fall only); arrest:
+    valley force [N]; drop [N]; cycles folded; time of its middle cycle [s]."""
 
     log: int
     drive_speed: float

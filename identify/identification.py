@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import LogError, Record, read_log
+from identify.choice import Choice
+from identify.discretisation import discretisation_error
 from identify.errors import FitError
 from identify.hints import hints
 from identify.model import RIG_PARAMETERS
@@ -20,15 +22,18 @@ from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import Findings, document
 from identify.scene import Scene
 from identify.search import UNEQUAL, Attempt, Clock, Sources, resolve, search
+from identify.selection import choose_from_data
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns, from_scene, user_start
-from identify.vibration import tuned
+from identify.vibration import rhythmic, tuned
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
 BETTER_TRIES = 3  # how often a profile may hand back a better optimum
 DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
+DISCRETISED = 0.1  # of a standard error: what the steps may cost at most
+REFINEMENTS = 2  # how often the steps are halved for that
 AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
@@ -56,10 +61,17 @@ def fit(
     """
     clock, began = Clock(), time.perf_counter()
     told: Progress = progress or (lambda _stage, _share: None)
+    choice: Choice | None = None
+    if scene.effects == "auto":
+        records = _records(scene, records)
+        since = time.perf_counter()
+        choice = choose_from_data(scene, records, told)
+        scene = scene.with_effects(choice.effects)
+        clock.add("choose", since)
     prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed)
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings.unknowns, findings.attempt)
-    return Fit(document(scene, prepared, findings, clock, began, seed), curves)
+    return Fit(document(scene, prepared, findings, clock, began, seed, choice), curves)
 
 
 def find(
@@ -73,17 +85,13 @@ def find(
 ) -> tuple[list[Prepared], Findings]:
     """The identification without report and outlook; arguments and errors as `fit`."""
     began = time.perf_counter()
-    if not scene.logs:
-        raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
     if scene.model.balance is not None:
         raise FitError(
             "the effect inertia is off: a fit follows slips, which have no duration without a mass; "
             "add inertia to effects and give the mass under [rig]"
         )
     progress("reading the logs", 0.0)
-    read = [_read(scene, i) for i in range(len(scene.logs))] if records is None else list(records)
-    if len(read) != len(scene.logs):
-        raise FitError(f"{len(read)} records were given for {len(scene.logs)} logs of the scene; give one each")
+    read = _records(scene, records)
     since = clock.add("read", began)
     progress("detecting cycles", 0.05)
     unknowns = from_scene(scene)
@@ -97,6 +105,16 @@ def find(
     findings = _findings(scene, prepared, unknowns, attempt, left_out, progress)
     clock.add("intervals", since)
     return prepared, findings
+
+
+def _records(scene: Scene, records: Sequence[Record] | None) -> list[Record]:
+    """The records of a scene's logs: those given, else read."""
+    if not scene.logs:
+        raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
+    read = [_read(scene, i) for i in range(len(scene.logs))] if records is None else list(records)
+    if len(read) != len(scene.logs):
+        raise FitError(f"{len(read)} records were given for {len(scene.logs)} logs of the scene; give one each")
+    return read
 
 
 def _read(scene: Scene, index: int) -> Record:
@@ -130,7 +148,7 @@ def _findings(
     if not np.all(np.isfinite(attempt.solved.theta)):
         status, message = _status(attempt, {})
         return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
-    known = _information(attempt, unknowns)
+    attempt, known, discretised = _fine_enough(attempt, unknowns)
     if not np.all(np.isfinite(known.total)):
         return Findings(
             Status.SOLVER_FAILED,
@@ -164,15 +182,35 @@ def _findings(
         attempt = resolve(attempt, replace(unknowns, start=walked.better))
         known = _information(attempt, unknowns)
     status, message = _status(attempt, bounds)
-    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles)
+    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles, discretised)
 
 
 def _doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bool:
     """Whether some parameter is so uncertain that the curvature at one point says little about its interval."""
+    beside = rhythmic(unknowns)
     wide = np.sqrt(np.diag(covariance)) > DOUBTFUL
-    return bool(np.any(wide & unknowns.logarithmic[unknowns.free])) or any(
-        e.verdict == "not identifiable" for e in found
+    asked = {name for name, aside in zip(unknowns.names, beside, strict=True) if not aside}
+    return bool(np.any(wide & (unknowns.logarithmic & ~beside)[unknowns.free])) or any(
+        e.verdict == "not identifiable" and e.name in asked for e in found
     )
+
+
+def _fine_enough(attempt: Attempt, unknowns: Unknowns) -> tuple[Attempt, Information, dict[str, float]]:
+    """The answer with steps so fine that their error is a small part of each standard error, and that part by name."""
+    known = _information(attempt, unknowns)
+    shares: dict[str, float] = {}
+    for _ in range(1 + REFINEMENTS):
+        if attempt.gate.status is not Status.CONVERGED or not np.all(np.isfinite(known.total)):
+            break
+        error = discretisation_error(attempt.solved) / np.sqrt(np.diag(known.covariance()))
+        free = np.flatnonzero(unknowns.free).tolist()
+        shares = {unknowns.names[i]: float(np.nan_to_num(e)) for i, e in zip(free, error, strict=True)}
+        if not shares or max(abs(e) for e in shares.values()) <= DISCRETISED:
+            break
+        finer = 2 * attempt.solved.grid.steps
+        attempt = resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=finer)
+        known = _information(attempt, unknowns)
+    return attempt, known, shares
 
 
 def _information(attempt: Attempt, unknowns: Unknowns) -> Information:

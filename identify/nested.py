@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from data_io import Record
@@ -20,7 +19,7 @@ from identify.prepare import Prepared, prepare
 from identify.scene import Scene
 from identify.search import Attempt, search
 from identify.shooting import transcribe
-from identify.uncertainty import solve_equilibrated
+from identify.solve import solve
 from identify.unknowns import Unknowns, from_scene
 from identify.vibration import tuned
 
@@ -28,6 +27,8 @@ Array = NDArray[np.float64]
 
 FAR = 0.5  # sum of squares per sample (in noise variances) above that of the larger model: look for a better start
 HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
+GLANCE = 8  # iterations that show whether an effect is worth a fit
+CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
 KEPT_BACK = 3  # every such cycle is kept back to be predicted
 FEWEST = 4  # cycles of a log of which one can be kept back
 
@@ -143,20 +144,15 @@ def _taken_over(
 
 
 def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
-    """The statistic that one more effect would gain on the data if everything were linear: one Gauss-Newton step."""
+    """About the statistic that one more effect would gain on the data: a few iterations, on the solution's grid."""
     if smaller.attempt is None:
         return np.inf
     prepared, unknowns = _prepared(scene, records)
     solved = smaller.attempt.solved
     logs, guesses, unknowns = _taken_over(smaller, prepared, unknowns)
     problem = transcribe([log.data for log in logs], guesses, unknowns.softened(), solved.grid)
-    point = problem.evaluate(problem.start, derivatives=True)
-    assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
-    hessian = (point.hessian + sp.triu(point.hessian, 1).T).tocsc()
-    kkt = sp.bmat([[hessian, point.jacobian.T], [point.jacobian, None]], format="csc")
-    step = solve_equilibrated(kkt, -np.concatenate([point.gradient, point.rows])[:, None])[: problem.layout.size, 0]
-    predicted = point.cost + float(point.gradient @ step) + 0.5 * float(step @ (hessian @ step))
-    return 2.0 * (solved.solution.cost - predicted)
+    tried = solve(problem, tolerance=1e-3, barrier=1e-6, iterations=GLANCE)
+    return 2.0 * (solved.solution.cost - tried.cost) if tried.infeasibility < CLOSED else np.inf
 
 
 def _translated(guess: Guess, large: Model, small: Model, p: Array) -> Guess:

@@ -55,11 +55,12 @@ def solve_in_passes(
     *,
     on_pass: Callable[[int], None] | None = None,
     hopeless: float = np.inf,
+    steps: int = 0,
 ) -> Solved:
     """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES).
 
     Args:
-        hopeless: a pass that ends with a larger cost is the last one.
+        hopeless: a pass that ends with a larger cost is the last one. steps: per interval of the fine passes, at least.
     """
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
     iterations, forming = 0, 0.0
@@ -92,7 +93,8 @@ def solve_in_passes(
             return solved
         if not np.all([_ordered(guess) for guess in guesses]):
             return solved
-        grid, tolerance, barrier = fine_grid(logs, guesses, unknowns), 1e-8, 1e-6
+        fitting = fine_grid(logs, guesses, unknowns)
+        grid, tolerance, barrier = replace(fitting, steps=max(fitting.steps, steps)), 1e-8, 1e-6
     assert solved is not None
     return solved
 

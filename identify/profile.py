@@ -21,6 +21,7 @@ from identify.shooting import transcribe
 from identify.solve import solve
 from identify.uncertainty import LEVEL, WEAK
 from identify.unknowns import Unknowns
+from identify.vibration import rhythmic
 
 Array = NDArray[np.float64]
 
@@ -115,14 +116,18 @@ def profile(
     covariance: Array,
     progress: Callable[[str, float | None], None],
 ) -> Profiles:
-    """Profile every free parameter of a solution.
+    """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
 
     Args:
         covariance: (f, f) of the free theta, for the first steps.
     """
     line = _Line(logs, solved, unknowns)
     walks: dict[tuple[int, float], _Walk] = {}
-    for first, index in zip(np.sqrt(np.diag(covariance)).tolist(), np.flatnonzero(unknowns.free).tolist(), strict=True):
+    beside = rhythmic(unknowns)
+    free = np.flatnonzero(unknowns.free).tolist()
+    for first, index in zip(np.sqrt(np.diag(covariance)).tolist(), free, strict=True):
+        if beside[index]:
+            continue
         progress(f"profile of {unknowns.names[index]}", None)
         for sign in (-1.0, 1.0):
             walks[index, sign] = _walk(line, index, sign, first, line.best)
@@ -133,7 +138,6 @@ def profile(
     lowest = min(line.seen, key=lambda point: point.cost)
     if 2 * (lowest.cost - line.best.cost) < -BETTER:
         return Profiles({}, lowest.theta)
-    free = np.flatnonzero(unknowns.free).tolist()
     inside = np.array([point.theta for point in line.seen if line.loss_root(point) ** 2 < CRITICAL])
     return Profiles(
         {
@@ -142,6 +146,7 @@ def profile(
                 _stretched(walks[i, 1.0].side, inside[:, i].max(), max),
             )
             for i in free
+            if not beside[i]
         },
         None,
     )

@@ -6,7 +6,7 @@ import importlib.metadata
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
     closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
-    of theta where the covariance alone could not be trusted."""
+    of theta where the covariance alone could not be trusted, discretisation error by name in standard errors."""
 
     status: Status
     message: str
@@ -48,6 +48,7 @@ class Findings:
     estimates: list[Estimate]
     left_out: Mapping[int, str]
     profiles: Mapping[str, Interval]
+    discretisation: Mapping[str, float] = field(default_factory=dict)
 
 
 def document(
@@ -183,6 +184,8 @@ def _fit(found: Findings) -> dict[str, Any] | None:
         "passes": solved.passes,
         "unknowns": solved.problem.layout.size,
         "rms_N": math.sqrt(squares / max(count, 1)),
+        "steps": solved.grid.steps,
+        "discretisation": dict(found.discretisation),  # in standard errors
     }
 
 

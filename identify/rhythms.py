@@ -70,7 +70,7 @@ class _Sticks:
         basis = np.stack([self.flat(np.sin(omega * self.t)), self.flat(np.cos(omega * self.t))])
         normal = (basis * self.w) @ basis.T
         right = (basis * self.w) @ self.r
-        c = np.linalg.lstsq(normal, right, rcond=1e-9)[0]
+        c = np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], float)
         return float(right @ c), c
 
     def without(self, frequency: float) -> _Sticks:

@@ -23,17 +23,20 @@ SOFTER = 0.005  # share of the rig's stiffness that a stick slope must lack at l
 SPAN = 0.03  # by which the normal force must vary (as a share) to tell how friction depends on it
 LOAD_VARIES = 2e-3  # half range of the normal force over its mean from which its course counts
 SLIP_SAMPLES = 6.0  # per slip: fewer cannot tell a lag or a direct effect
+DRIFT = (("occlusion_level", 0.0),)
 LATE = 3  # settled cycles of a log that can tell a drift
 BANDS = {"breathing": (0.05, 0.5), "pulse": (0.5, 3.0), "tremor": (4.0, 20.0)}  # of a live finger [Hz]
 
 
 @dataclass(frozen=True)
 class Screen:
-    """One effect: whether the fits should try it, a sentence, and where its parameters start (SI)."""
+    """One effect: whether the fits should try it, a sentence, whether the look alone is telling (else it is tried on
+    top of the others), and where its parameters start (SI)."""
 
     effect: str
     asked: bool
     sentence: str
+    sure: bool = True
     starts: tuple[tuple[str, float], ...] = ()
 
 
@@ -69,7 +72,7 @@ def _direct(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
     samples = _resolved(prepared)
     if samples < SLIP_SAMPLES:
         return Screen("direct_effect", False, f"slips hold {samples:.2g} samples, too few to tell how they start")
-    return Screen("direct_effect", True, f"slips hold {samples:.3g} samples")
+    return Screen("direct_effect", True, f"slips hold {samples:.3g} samples", False)
 
 
 def _loads(prepared: Sequence[Prepared]) -> Array:
@@ -89,6 +92,7 @@ def _load_dependence(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> 
         "load_dependence",
         True,
         f"the normal force varies by ± {100 * max(spread, within):.2g} %",
+        True,
         (("reference_force", middle), ("load_exponent", 0.0)),
     )
 
@@ -117,8 +121,10 @@ def _occlusion(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen
         if abs(slope) / error > best:
             share = abs(slope) * np.ptp(t) / abs(float(np.mean(level)))
             best, told = abs(slope) / error, f"the level drifts by {100 * share:.2g} % along {log.name}"
+    if not told:
+        return Screen("occlusion", False, "the logs are too short to tell a drift")
     if best < SURE:
-        return Screen("occlusion", False, "the friction level does not drift along the logs")
+        return Screen("occlusion", True, "the friction level hardly drifts along the logs", False, DRIFT)
     return Screen("occlusion", True, told)
 
 
@@ -142,7 +148,7 @@ def _skin(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
     rig = float(np.mean([log.rig.stiffness for log in prepared]))
     skin = rig * ratio / (1.0 - ratio)
     said = f"the sticks rise with {100 * ratio:.3g} % of k v_0: something of {skin:.3g} N/m gives in series"
-    return Screen("skin_compliance", True, said, (("skin_stiffness", skin),))
+    return Screen("skin_compliance", True, said, True, (("skin_stiffness", skin),))
 
 
 def _lag(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
@@ -150,7 +156,7 @@ def _lag(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
     if samples < SLIP_SAMPLES:
         return Screen("sensor_lag", False, f"slips hold {samples:.2g} samples, too few to tell a lag")
     natural = float(np.mean([log.rig.half_period for log in prepared])) / np.pi
-    return Screen("sensor_lag", True, f"slips hold {samples:.3g} samples", (("lag_time", 0.15 * natural),))
+    return Screen("sensor_lag", True, f"slips hold {samples:.3g} samples", False, (("lag_time", 0.1 * natural),))
 
 
 def _of_a_finger(line: Rhythm) -> bool:

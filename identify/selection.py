@@ -29,7 +29,7 @@ ENOUGH = 25.0  # an effect that gains more than this is never dropped
 PLAIN = 200.0  # a statistic so large that smaller company cannot make it small
 PROMISING = 5.0  # statistic that one linear step must promise
 TELLING = (2.0, 1000.0)  # statistics between which kept-back cycles are asked as well
-VAGUE = ("direct_effect", "sensor_lag")  # no look at the cycles tells of them: tried one by one on top of the others
+MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
 LAST = ("contact_ageing",)  # what the start needs is asked once the others are settled
 RIVALS = {"velocity_weakening": ("linear_weakening",)}
 UNASKED = {
@@ -69,7 +69,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     looks = screen([prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)])
     starts = {name: value for look in looks if look.asked for name, value in look.starts}
     asked = [look.effect for look in looks if look.asked]
-    vague = [e for e in asked if e in VAGUE]
+    vague = [look.effect for look in looks if look.asked and not look.sure]
 
     def scene_of(effects: Sequence[str]) -> Scene:
         return scene_with(scene, [e.name for e in ALL if e.name in (*ALWAYS, *effects)], starts)
@@ -77,6 +77,12 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     told("fitting all that may matter", 0.1)
     kept = [e for e in asked if e not in vague]
     best = fit_model(scene_of(kept), records)
+    if not _fits(best):
+        # An ageing that is not there has its best values nowhere, and takes the others with it.
+        settled = [e for e in kept if e not in LAST]
+        plain_friction = fit_model(scene_of(settled), records, thorough=False)
+        if plain_friction.excess < best.excess:
+            kept, best = settled, plain_friction
     gains: dict[str, Gain] = {}
     while vague:
         told(f"with {', '.join(vague)}", 0.2)
@@ -95,14 +101,20 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
         told(f"without {', '.join(losers)}", 0.2 + 0.6 * (1 - len(kept) / max(len(asked), 1)))
         return fit_smaller(larger, scene_of([e for e in kept if e not in losers]), records)
 
+    asked_last = False
+    known: dict[str, Fitted] = {}  # those of the same larger model
     plain: dict[str, float] = {}  # statistics so far: what was plain once is not asked again
     while True:
-        doubtful = [e for e in kept if plain.get(e, 0.0) < PLAIN and e not in LAST]
-        smaller = {e: without(best, kept, [e]) for e in doubtful}
+        doubtful = [e for e in kept if plain.get(e, 0.0) < PLAIN and (e not in LAST or asked_last)]
+        smaller = {e: known.get(e) or without(best, kept, [e]) for e in doubtful}
+        known = smaller
         plain |= {e: _statistic(best, f) for e, f in smaller.items()}
         losers = [e for e in doubtful if plain[e] < _penalty(best, smaller[e])]
-        if not losers:
+        if not losers and asked_last:
             break
+        if not losers:
+            asked_last = True
+            continue
         together = without(best, kept, losers) if len(losers) > 1 else smaller[losers[0]]
         if _statistic(best, together) >= sum(_penalty(best, smaller[e]) for e in losers):
             losers = [min(losers, key=lambda e: plain[e] - _penalty(best, smaller[e]))]
@@ -110,7 +122,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
         doubt = any(plain[e] > TELLING[0] for e in losers)
         held = _growth(best, together) if doubt else float("nan")
         gains |= {e: Gain(plain[e], _penalty(best, smaller[e]), held) for e in losers}
-        kept, best = [e for e in kept if e not in losers], together
+        kept, best, known = [e for e in kept if e not in losers], together, {}
     for effect in kept:
         last = smaller.get(effect) if effect in smaller else None
         if last is None and plain.get(effect, 0.0) < PLAIN:
@@ -123,6 +135,13 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     kept, best, notes = _law(best, kept, scene_of, records)
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *kept))
     return Choice(effects, tuple(_reasons(best, looks, kept, gains, notes)))
+
+
+def _fits(fitted: Fitted) -> bool:
+    """Whether the misfit is about noise."""
+    if fitted.attempt is None:
+        return False
+    return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.attempt.solved.problem.samples))
 
 
 def _statistic(larger: Fitted, smaller: Fitted) -> float:
@@ -196,7 +215,7 @@ def _reasons(
         elif name in by_name:
             out.append(Reason(name, stays, by_name[name].sentence, cost=cost))
         else:
-            out.append(Reason(name, stays, UNASKED[name], cost=cost))
+            out.append(Reason(name, stays, UNASKED.get(name, "a law that nothing calls for"), cost=cost))
     return out
 
 

@@ -35,6 +35,14 @@ def quieted(unknowns: Unknowns) -> Unknowns:
     return replace(unknowns, start=start, free=free)
 
 
+def rhythmic(unknowns: Unknowns) -> NDArray[np.bool_]:
+    """Which parameters belong to harmonics (n_p,)."""
+    out = np.zeros(len(unknowns.names), bool)
+    for wave in _waves(unknowns):
+        out[[wave.amplitude, wave.frequency, wave.phase]] = True
+    return out
+
+
 def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepared], Unknowns]:
     """Start values for what is explicit in time: rhythms found in the sticks, else as good as absent.
 

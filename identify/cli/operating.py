@@ -19,6 +19,7 @@ from identify.outlook import OperatingPoint, outlook, outlooks
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest
+from identify.selection_numbers import choose_from_numbers
 
 if TYPE_CHECKING:
     from identify.model import Model
@@ -105,9 +106,11 @@ def operating_points(arguments: Namespace) -> list[Point]:
 
 
 def _settled(scene: Scene, document: Mapping[str, Any] | None) -> Scene:
-    """The scene with the effects that were chosen for a result, where it left them open."""
+    """The scene with the effects that were chosen for a result, else by its numbers, where it left them open."""
     chosen = (document or {}).get("effects") or {}
-    return scene.with_effects(chosen["names"]) if scene.effects == "auto" and chosen.get("names") else scene
+    if scene.effects != "auto":
+        return scene
+    return scene.with_effects(chosen["names"] if chosen.get("names") else choose_from_numbers(scene).effects)
 
 
 def without(names: Sequence[str], scene: Scene) -> Scene:

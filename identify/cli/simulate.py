@@ -48,10 +48,16 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     import numpy as np
 
     from data_io import Record, write_csv, write_hdf5
+    from identify.choice import document_of
     from identify.scene import Scene
+    from identify.selection_numbers import choose_from_numbers
     from identify.simulate import simulate
 
     scene = Scene.from_toml(arguments.scene, arguments.set)
+    choice = choose_from_numbers(scene) if scene.effects == "auto" else None
+    if choice is not None:
+        scene = scene.with_effects(choice.effects)
+        terminal.say(f"effects by the numbers of the scene: {', '.join(choice.effects)}")
     motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None)
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     samples = motion.sample(time)
@@ -71,6 +77,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         found = {name: error if np.isfinite(error) else None for name, error in asdict(motion.achieved).items()}
         terminal.say(f"asked for {motion.accuracy:.2g}; {_words(found)}; {', '.join(motion.methods) or 'no slip'}")
         document["accuracy"] = {"asked": motion.accuracy, **found, "methods": list(motion.methods)}
+    if choice is not None:
+        document["effects"] = document_of(choice, auto=True)
     return Answer(document=document)
 
 
