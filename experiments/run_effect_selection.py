@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from data_io import Record  # noqa: E402
-from experiments.machine import describe  # noqa: E402
-from identify.effects import ALL, NAMES  # noqa: E402
-from identify.errors import SimulationError  # noqa: E402
-from identify.model import assemble  # noqa: E402
-from identify.nested import fit_model, fit_smaller, scene_with  # noqa: E402
-from identify.scene import Scene  # noqa: E402
-from identify.selection import choose_from_data  # noqa: E402
-from identify.simulate import run  # noqa: E402
+from data_io import Record
+from experiments.machine import describe
+from identify.effects import ALL, NAMES
+from identify.errors import SimulationError
+from identify.model import assemble
+from identify.nested import fit_model, fit_smaller, scene_with
+from identify.scene import Scene
+from identify.selection import choose_from_data
+from identify.simulate import run
 
 RECORDS, SEED = 100, 20261121
 QUICK = 8  # a record that is soon done, for the fast form

@@ -74,7 +74,6 @@ def test_wrong_scenes_end_in_one_sentence(scene_file, capsys):
         (["inertia", "power_law"], "", "[parameters]\nlowest_speed = '5 mm/s'", "power_law was measured from 0.005"),
         (["inertia"], "extrapolate = ['power_law']", "", "not among the effects"),
         (MAIN, "", "[parameters]\nlag_time = { start = 1 }", "belongs to the effect sensor_lag"),
-        ("auto", "", "", "list them by name"),
     ):
         path = scene_file(list(effects) if effects != "auto" else effects, more, top)
         assert words in refused(capsys, "simulate", "--scene", path, *SIMULATE)
@@ -100,7 +99,17 @@ def test_calculators_refuse_what_never_repeats_and_leave_it_out_where_asked(scen
     document = json.loads(out)["points"][0]
     assert code == 0 and document["closed_forms"]["ignores"] == ["skin_compliance"]
     assert "not among the effects" in refused(capsys, "amplitude", "--scene", path, "--without", "occlusion")
-    assert "list them by name" in refused(capsys, "amplitude", "--scene", scene_file("auto"))
+
+
+def test_effects_left_open_are_chosen_by_the_numbers(scene_file, capsys):
+    path = scene_file("auto", "[parameters]\nskin_stiffness = { start = '4 kN/m' }\nlag_time = { start = '1 us' }")
+    code, out, _ = stickslip(capsys, "simulate", "--scene", path, *SIMULATE, "--json")
+    effects = json.loads(out)["effects"]
+    assert code == 0 and effects["chosen"] == "auto"
+    assert "skin_compliance" in effects["names"] and "sensor_lag" not in effects["names"]
+    reasons = {reason["effect"]: reason for reason in effects["reasons"]}
+    assert reasons["skin_compliance"]["error"] > 0.01 > reasons["sensor_lag"]["error"]
+    assert stickslip(capsys, "amplitude", "--scene", path)[0] == 0
 
 
 def test_parameters_of_any_effect_set_the_operating_point(scene_file, capsys):

@@ -37,7 +37,9 @@ def case():
 
 def _scene(logs, rig=RIG, **more):
     entries = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in logs]
-    return Scene.from_document({"effects": [*MAIN, "varying_normal_force"], "rig": dict(rig), "logs": entries} | more, Path())
+    return Scene.from_document(
+        {"effects": [*MAIN, "varying_normal_force"], "rig": dict(rig), "logs": entries} | more, Path()
+    )
 
 
 def _records(case, logs):
