@@ -1,0 +1,150 @@
+"""Finished fits as a comparison takes them: read from fit and batch folders, each with its labels or its reason."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+INDEX = "index.csv"
+RESULT = "result.json"
+PAGE = "report.html"
+# Columns of a batch's index that say how a fit went; every other column is a label.
+NOT_LABELS = frozenset(
+    "group status message result path drive_speed seconds logs sha256 key started finished attempts worker".split()
+)
+MANY = 4  # folders below a batch folder in which results are sought
+CONVERGED = "converged"
+UNREADABLE = "unreadable"
+
+
+@dataclass(frozen=True)
+class FitEntry:
+    """One fit of a comparison.
+
+    name: its group in the batch, else its folder; folder: where its files are; status, message: as in result.json,
+    or "unreadable" with the reason; labels: those that all its logs share; mixed: labels that differ between its
+    logs; document: result.json, empty where there is none.
+    """
+
+    name: str
+    folder: Path
+    status: str
+    message: str
+    labels: Mapping[str, str] = field(default_factory=dict)
+    mixed: tuple[str, ...] = ()
+    document: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def converged(self) -> bool:
+        """Whether there is a result to compare."""
+        return self.status == CONVERGED
+
+    @property
+    def logs(self) -> Sequence[Mapping[str, Any]]:
+        """The logs of the document that are told in full."""
+        found = self.document.get("logs")
+        return [log for log in found if isinstance(log, Mapping)] if isinstance(found, list) else []
+
+    @property
+    def taken(self) -> Sequence[Mapping[str, Any]]:
+        """The logs that took part in the fit."""
+        return [log for log in self.logs if not log.get("reason_left_out")]
+
+
+def read_fits(folders: Iterable[str | Path]) -> tuple[FitEntry, ...]:
+    """The fits of fit folders (with a result.json) and of batch folders (with an index.csv, or with such below).
+
+    A fit that cannot be read is an entry with the reason; a folder named twice counts once. Sorted by name.
+    """
+    found: dict[str, FitEntry] = {}
+    for folder in map(Path, folders):
+        for entry in _folder(folder):
+            found.setdefault(os.path.realpath(entry.folder) if entry.document else f"{folder}:{entry.name}", entry)
+    return tuple(sorted(found.values(), key=lambda entry: natural(entry.name)))
+
+
+def natural(text: str) -> tuple[tuple[int, float, str], ...]:
+    """A key that sorts "V2" before "V10"."""
+    parts = re.split(r"(\d{1,15})", text)
+    return tuple(
+        (1, float(part), "") if part.isascii() and part.isdigit() else (0, 0.0, part.lower()) for part in parts
+    )
+
+
+def _folder(folder: Path) -> list[FitEntry]:
+    if (folder / RESULT).is_file():
+        return [_read(folder, folder.name or str(folder), {})]
+    if (folder / INDEX).is_file():
+        rows = _index(folder / INDEX)
+        listed = [_row(folder, row) for row in rows]
+        if listed:
+            return listed
+    depth = len(folder.parts)
+    results = sorted(p for p in folder.rglob(RESULT) if len(p.parts) - depth <= MANY)
+    inner = [p for p in results if not any(q != p and q.parent in p.parents for q in results)]
+    return [_read(path.parent, path.parent.relative_to(folder).as_posix(), {}) for path in inner]
+
+
+def _index(path: Path) -> list[dict[str, str]]:
+    """Rows of a batch's index; an index that cannot be read has none."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as handle:
+            return [
+                {str(k): _unguarded(v or "") for k, v in row.items() if k is not None and not isinstance(v, list)}
+                for row in csv.DictReader(handle)
+            ]
+    except (OSError, ValueError, csv.Error):
+        return []
+
+
+def _unguarded(text: str) -> str:
+    """Text as it was before a spreadsheet was kept from taking it for a formula."""
+    return text[1:] if len(text) > 1 and text[0] == "'" and text[1] in "=+-@\t\r" else text
+
+
+def _row(folder: Path, row: Mapping[str, str]) -> FitEntry:
+    """One row of an index: its result where there is one, else the reason why there is none."""
+    name = row.get("group") or "?"
+    labels = {key: value for key, value in row.items() if key not in NOT_LABELS and "." not in key and value}
+    told = row.get("result") or ""
+    path = folder / (told or f"{name}/{RESULT}")
+    if path.is_dir():
+        path = path / RESULT
+    if path.is_file() and (told or row.get("status") in ("", CONVERGED)):
+        return _read(path.parent, name, labels)
+    return FitEntry(name, path.parent, row.get("status") or UNREADABLE, row.get("message") or "no result", labels)
+
+
+def _read(folder: Path, name: str, labels: Mapping[str, str]) -> FitEntry:
+    try:
+        document = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        return FitEntry(name, folder, UNREADABLE, f"{RESULT} cannot be read: {type(error).__name__}", labels)
+    if not isinstance(document, Mapping) or not isinstance(document.get("parameters"), Mapping):
+        return FitEntry(name, folder, UNREADABLE, f"{RESULT} is no result of a fit", labels)
+    said, mixed = _labels(document)
+    return FitEntry(
+        name=name,
+        folder=folder,
+        status=str(document.get("status") or UNREADABLE),
+        message=str(document.get("message") or ""),
+        labels=dict(labels) | said,
+        mixed=tuple(label for label in mixed if label not in labels),
+        document=document,
+    )
+
+
+def _labels(document: Mapping[str, Any]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Labels that all logs which took part share, and the names of those that differ."""
+    logs = [log for log in document.get("logs") or () if isinstance(log, Mapping)]
+    told = [log.get("labels") for log in logs if not log.get("reason_left_out")] or [log.get("labels") for log in logs]
+    tables = [{str(k): str(v) for k, v in table.items()} for table in told if isinstance(table, Mapping)]
+    names = list(dict.fromkeys(name for table in tables for name in table))
+    same = {name: tables[0][name] for name in names if len({table.get(name) for table in tables}) == 1}
+    return same, tuple(name for name in names if name not in same)
