@@ -7,13 +7,15 @@ All of it needs a V_max << 1; the answer for a scene comes from the nonlinear mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.bracket import rising_root
+from identify.slip_slopes import end_slopes, peak_slopes
+from identify.twofold import one_plus_two_products
 
 Array = NDArray[np.float64]
 TURN = 8 * np.arctan(np.longdouble(1))  # 2 pi
@@ -40,6 +42,21 @@ class Slip:
     time_of_peak_speed: Array
     peak_speed: Array
 
+    @property
+    def distance(self) -> Array:
+        """Slip distance in units of v_0/omega_n: the mass covers in slip what the drive covers in a period."""
+        return self.period
+
+    @property
+    def frequency(self) -> Array:
+        """Cycles per unit of dimensionless time."""
+        return 1 / self.period
+
+    @property
+    def share_in_slip(self) -> Array:
+        """Share of a period spent in slip."""
+        return self.duration / self.period
+
 
 def _pair(alpha: ArrayLike, overshoot: ArrayLike) -> tuple[Array, Array]:
     first, second = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(overshoot, float))
@@ -54,15 +71,22 @@ def _maximum(alpha: Array, overshoot: Array) -> tuple[Array, Array, Array, Array
     """(tau_max, s = alpha + A, Q = s^2 + w_d^2, signed w_d^2); tau_max is NaN where there is no maximum."""
     square = (1 - alpha) * (1 + alpha)
     root = np.sqrt(np.abs(1 - alpha)) * np.sqrt(np.abs(1 + alpha))
-    s = alpha + overshoot
-    # Aperiodic: the distance d to the eigenvector of no maximum, formed without cancellation for alpha > 1.
-    distance = np.where(alpha > 0, overshoot + 1 / (np.abs(alpha) + root), overshoot - (np.abs(alpha) + root))
+    s, energy = alpha + overshoot, one_plus_two_products(alpha, overshoot)
+    # Aperiodic: the distance s - kap to the eigenvector of no maximum, formed without its cancellation.
+    distance = np.where((s > 0) & (energy > 0), energy / (s + root), np.nan)
     ratio = 2 * root / distance
     aperiodic = np.where(ratio > 0, np.log1p(ratio) / ratio, 1.0) / distance
     periodic = np.arctan2(root, s) / np.where(root > 0, root, 1.0)
-    tau = np.where(np.abs(alpha) < 1, periodic, np.where(distance > 0, aperiodic, np.nan))
-    energy = np.where(np.abs(alpha) < 1, s * s + square, distance * (distance + 2 * root))
-    return tau, s, energy, square
+    tau = np.where(np.abs(alpha) < 1, periodic, aperiodic)
+    return tau, s, np.where(np.abs(alpha) < 1, s * s + square, energy), square
+
+
+def log_amplitude(alpha: ArrayLike, overshoot: ArrayLike) -> Any:
+    """Natural logarithm of the amplitude of `slip_maximum`: finite also where that under- or overflows."""
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        tau, _, energy, _ = _maximum(a, A)
+        return _shaped(0.5 * np.log(energy) - a * tau, alpha, overshoot)
 
 
 def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
@@ -144,25 +168,50 @@ def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Array, Array, A
     return eps.astype(float), tau.astype(float), stop.astype(float)
 
 
-def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
+COLUMNS = tuple(f.name for f in fields(Slip))[1:]  # the numbers of a slip
+
+
+def slip(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
     """The whole slip, until the mass sticks again, of a saturated stick (eqs. 13-18).
 
     Args: as for `slip_maximum`. Broadcasts.
+
+    Returns:
+        A `Slip`. With `derivatives` a pair (Slip, {"alpha": {column: derivative}, "overshoot": {...}}) over COLUMNS;
+        those of the duration and of what follows from it grow without bound at the fold.
     """
     a, A = _pair(alpha, overshoot)
     with np.errstate(all="ignore"):
         status, first = _status(a, A)
-        w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
-        blank = np.full(a.shape, np.nan)
-        duration, stop = blank.copy(), blank.copy()
         again = status == "restick"
-        _, duration[again], stop[again] = _ends(a[again], A[again], first[again])
-        peak_time = np.where(again, np.arctan2(w * phi, a * phi - 1) / w, np.nan)
+        a, A = a[again], A[again]
+        w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
+        eps, duration, stop = _ends(a, A, first[again])
+        peak_time = np.arctan2(w * phi, a * phi - 1) / w
         speed = 1 + np.hypot(a + A, w) * np.exp(-a * peak_time)
-        swing = np.where(again, slip_maximum(a, A)[1] * (1 + np.exp(-a * np.pi / w)), np.nan)
+        half = np.exp(-a * np.pi / w)
+        swing, swing_slopes = slip_maximum(a, A, derivatives=True)
         drop = phi + stop
-        columns = (status, duration, -(2 * a + stop), stop, drop, duration + drop, swing, peak_time, speed)
-    return Slip(*(_shaped(c, alpha, overshoot) for c in columns))
+        columns = (duration, -(2 * a + stop), stop, drop, duration + drop, swing[1] * (1 + half), peak_time, speed)
+        values = Slip(_shaped(status, alpha, overshoot), *(_spread(c, again, alpha, overshoot) for c in columns))
+        if not derivatives:
+            return values
+        tau, end = end_slopes(a, A, eps, duration, stop)
+        peak = peak_slopes(a, A, peak_time, speed)
+        by_half = (-half * np.pi / w**3, 0.0)
+        table = {}
+        for i, name in enumerate(("alpha", "overshoot")):
+            drop_i, rise = i - end[i], swing_slopes[name][1] * (1 + half) + swing[1] * by_half[i]
+            slopes = (tau[i], end[i], -2.0 * (1 - i) - end[i], drop_i, tau[i] + drop_i, rise, peak[0][i], peak[1][i])
+            table[name] = {c: _spread(q, again, alpha, overshoot) for c, q in zip(COLUMNS, slopes, strict=True)}
+    return values, table
+
+
+def _spread(values: Array, where: NDArray[np.bool_], *like: ArrayLike) -> Any:
+    """Values of the chosen places in the shape of the arguments, NaN elsewhere."""
+    out = np.full(where.shape, np.nan)
+    out[where] = values
+    return _shaped(out, *like)
 
 
 def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
@@ -178,23 +227,13 @@ def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = Fals
     with np.errstate(all="ignore"):
         status, first = _status(a, A)
         again = status == "restick"
-        out = np.full((6, *a.shape), np.nan)
-        a, A = a[again], A[again]
-        eps, tau, stop = _ends(a, A, first[again])
-        end = -(2 * a + stop)
-        out[:2, again] = tau, end
-        values = (_shaped(out[0], alpha, overshoot), _shaped(out[1], alpha, overshoot))
-        if not derivatives:
-            return values
-        # Implicit differentiation of xi'(tau; alpha, A) = 1 at C, S = cos, sin(w_d tau)/w_d.
-        square, decay = (1 - a) * (1 + a), np.exp(-a * tau)
-        C, S = np.cos(eps), -np.sin(eps) / np.sqrt(square)
-        C_a, S_a = a * tau * S, a * (S - tau * C) / square
-        speed_a = -tau + decay * (C_a - S - (a + A) * S_a)
-        tau_a = -speed_a / stop
-        tau_A = np.where(a == 0, -2 / (1 + A * A), decay * S / stop)
-        end_a = tau_a - tau * end + decay * (A * C_a + A * S + (1 + a * A) * S_a)
-        end_A = np.where(a == 0, -1.0, tau_A + decay * (C + a * S))
-        out[2:, again] = tau_a, end_a, tau_A, end_A
-    shaped = [_shaped(row, alpha, overshoot) for row in out]
+        eps, tau, stop = _ends(a[again], A[again], first[again])
+        columns: list[Array] = [tau, -(2 * a[again] + stop)]
+        if derivatives:
+            times, ends = end_slopes(a[again], A[again], eps, tau, stop)
+            columns += [times[0], ends[0], times[1], ends[1]]
+    shaped = [_spread(c, again, alpha, overshoot) for c in columns]
+    values = (shaped[0], shaped[1])
+    if not derivatives:
+        return values
     return values, {"alpha": (shaped[2], shaped[3]), "overshoot": (shaped[4], shaped[5])}

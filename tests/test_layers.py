@@ -21,7 +21,7 @@ noise zigzag local_fits waveform slips segment strokes classical suspicions draf
 bracket twofold slip_slopes steady ageing amplitude groups critical stability spread calculable choice price selection_numbers comparison
 sliding glide_steps glide hold cycle orbit trace branch prospect sensitivity outlook_words outlook
 guess loads lanes blocks features unknowns prepare rhythms vibration placing layout start lay_out hints
-shooting reconstruct solve uncertainty passes discretisation gate profile search nested screening selection result
+equilibrated shooting reconstruct solve uncertainty passes discretisation gate profile search nested screening selection result
 identification
 report
 comparing
