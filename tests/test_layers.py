@@ -25,6 +25,7 @@ equilibrated shooting reconstruct solve uncertainty passes discretisation gate p
 identification
 report
 comparing
+batch
 cli
 """.split()
 
