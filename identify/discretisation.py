@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from identify.equilibrated import solve_equilibrated
 from identify.passes import Solved
 from identify.shooting import transcribe
-from identify.uncertainty import solve_equilibrated
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 from scipy.stats import norm
 
+from identify.equilibrated import solve_equilibrated
 from identify.shooting import Problem
 from identify.unknowns import Unknowns
 
@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.95
 SPEED_STEP = 1e-5  # relative, of the drive speed
-EQUILIBRATION_SWEEPS = 10
 IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
 
 
@@ -93,22 +92,6 @@ def information(problem: Problem, z: Array) -> Information:
     total = schur / np.outer(scale, scale)
     data = total - np.diag(1.0 / layout.prior_sd[:n_p] ** 2)
     return Information(layout.unknowns, total, data, (change[:n_p] - right.T @ solved[:, n_p]) / scale)
-
-
-def solve_equilibrated(matrix: sp.csc_matrix, right: Array) -> Array:
-    """Solve a symmetric indefinite system after Ruiz equilibration: a plain LU of a KKT matrix is wrong."""
-    scale = np.ones(matrix.shape[0])
-    scaled = matrix.copy()
-    for _ in range(EQUILIBRATION_SWEEPS):
-        largest = np.asarray(abs(scaled).max(axis=1).todense()).ravel()
-        factor = 1.0 / np.sqrt(np.where(largest > 0, largest, 1.0))
-        scale *= factor
-        scaled = sp.diags(factor) @ scaled @ sp.diags(factor)
-    factors = splu(scaled.tocsc())
-    b = scale[:, None] * right
-    x = factors.solve(b)
-    x += factors.solve(b - scaled @ x)  # one step of refinement
-    return np.asarray(scale[:, None] * x)
 
 
 def _inverse(matrix: Array) -> Array:
