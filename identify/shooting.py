@@ -104,7 +104,7 @@ class Problem:
     def _slots(self, family: Family, x: Array) -> Array:
         return np.where(family.slots >= 0, x[family.slots], family.fixed)
 
-    def _assigned(self, family: Family) -> Iterator[tuple[int, Indices, Indices, Array]]:
+    def assigned(self, family: Family) -> Iterator[tuple[int, Indices, Indices, Array]]:
         """Per log: its number, and for each sample in a cell of the family its index, cell and u in [0, 1]."""
         n_cells = family.block.n_cells
         flat = family.edges.reshape(-1, 2)
@@ -129,7 +129,7 @@ class Problem:
         n = count * n_cells
         powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
         square, number = np.zeros(n), np.zeros(n)
-        for log, sample, cell, u in self._assigned(family):
+        for log, sample, cell, u in self.assigned(family):
             weight, force = self.logs[log].weight[sample], self.logs[log].force[sample]
             r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order), cell, u), 0.0)
             square += np.bincount(cell, weights=weight * r * r, minlength=n)
@@ -157,7 +157,7 @@ class Problem:
         for family in self.layout.families:
             _, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
             flat = curve.reshape(-1, family.block.order)
-            for log, sample, cell, u in self._assigned(family):
+            for log, sample, cell, u in self.assigned(family):
                 out[log][sample] = _polynomial(flat, cell, u)
         return out
 
