@@ -1,13 +1,13 @@
 """Steps to a `Record`: one clock, one sign of the normal force, and the account of where everything came from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from data_io.clock import StepClock, joined
 from data_io.convert import SiStep, convert, origin
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
-from data_io.part import Part, check_request, chosen, of_run
+from data_io.part import Contents, Part, check_request, chosen, of_run
 from data_io.record import Record
 from data_io.source import Request, Source
 
@@ -15,24 +15,18 @@ from data_io.source import Request, Source
 def assemble(
     source: Source,
     request: Request,
-    parts: Sequence[Part],
-    form: str,
-    metadata: Mapping[str, Scalar],
-    findings: Sequence[Finding] = (),
-    *,
-    settled: bool = False,
-    drive_speed: float | None = None,
+    contents: Contents,
 ) -> Record:
     """Build the record of the chosen step or of all steps of a run. Raises `LogError`.
 
-    `settled` says that the format is ours: compression is positive and every column is kept. Else the sign is taken
-    from the loaded rows of the whole run, and empty columns are left out. `drive_speed` [m/s] is what the file says
-    outside its columns.
+    Unless the format is ours, the sign of the normal force is taken from the loaded rows of the whole run, and empty
+    columns are left out.
     """
-    run = of_run(source, request, parts)
+    settled = contents.settled
+    run = of_run(source, request, contents.parts)
     check_request(source, request, run[0].header)
     picked = chosen(source, request, run)
-    notes = list(findings)
+    notes = list(contents.findings)
     steps: list[SiStep] = []
     for part in picked:
         step, remarks = convert(source, request, part, several=len(run) > 1, settled=settled)
@@ -53,23 +47,21 @@ def assemble(
         time=np.concatenate([step.time + shift for step, shift in zip(steps, shifts, strict=True)]),
         normal_force=normal,
         friction_force=np.concatenate([step.roles["friction_force"] for step in steps]),
-        drive_speed=drive_speed if (along := _joined_drive(steps)) is None else along,
+        drive_speed=contents.drive_speed if (along := _joined_drive(steps)) is None else along,
         channels=channels,
         channel_units=units,
         steps=_bounds(picked, steps),
-        metadata=_account(source, request, picked[0], form, metadata, start),
+        metadata=_account(source, request, picked[0], contents, start),
         findings=tuple(dict.fromkeys(notes)),
     )
 
 
-def _account(
-    source: Source, request: Request, part: Part, form: str, metadata: Mapping[str, Scalar], start: float
-) -> dict[str, Scalar]:
+def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
     about: dict[str, Scalar] = {f"{role}_source": origin(request, part, role) for role in COLUMN_ROLES[:3]}
-    about |= {**metadata, **part.run_items}
-    about |= {"path": str(source.path), "sha256": source.sha256, "format": form}
+    about |= {**contents.metadata, **part.run_items}
+    about |= {"path": str(source.path), "sha256": source.sha256, "format": contents.form}
     if start != 0:
-        about["file_time_start"] = start + float(metadata.get("file_time_start", 0.0))
+        about["file_time_start"] = start + float(contents.metadata.get("file_time_start", 0.0))
     return about
 
 

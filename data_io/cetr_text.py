@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from data_io.assemble import assemble
 from data_io.clock import read_date
 from data_io.frozen import Finding
-from data_io.part import Part
-from data_io.record import Record
+from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import decode, looks_like_text
@@ -33,7 +31,7 @@ def can_read(head: bytes) -> bool:
     return looks_like_text(head) and _SIGN.search(head.replace(b"\x00", b"")) is not None
 
 
-def read(source: Source, request: Request) -> Record:
+def read(source: Source, request: Request) -> Contents:
     """Read one run (the chosen step, or all of them) of a CETR text. Raises `LogError`."""
     tables, footer = read_tables(source, decode(source.data), request, breaks=_BREAK)
     parts: list[Part] = []
@@ -48,7 +46,7 @@ def read(source: Source, request: Request) -> Record:
     if empty := [line for line in footer if _STEP.match(line)]:
         text = f"the log ends with {len(empty)} step header(s) without rows of numbers ({empty[0]})"
         findings.append(Finding("empty_step", "warning", text))
-    return assemble(source, request, _renumbered(parts, findings), NAME, items, findings)
+    return Contents(NAME, _renumbered(parts, findings), items, findings)
 
 
 def _part(

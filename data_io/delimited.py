@@ -2,10 +2,8 @@
 
 from typing import Final
 
-from data_io.assemble import assemble
 from data_io.frozen import Finding
-from data_io.part import Part
-from data_io.record import Record
+from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import read_tables
 from data_io.text import decode, looks_like_text
@@ -18,7 +16,7 @@ def can_read(head: bytes) -> bool:
     return looks_like_text(head)
 
 
-def read(source: Source, request: Request) -> Record:
+def read(source: Source, request: Request) -> Contents:
     """Read delimited text: comma, semicolon, tab or blanks; each header row with its rows is one step.
 
     Raises `LogError`.
@@ -37,4 +35,4 @@ def read(source: Source, request: Request) -> Record:
         )
         for i, table in enumerate(filled)
     ]
-    return assemble(source, request, parts, NAME, metadata, findings)
+    return Contents(NAME, parts, metadata, findings)

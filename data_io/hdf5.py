@@ -8,12 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from data_io.account import Account, read_account
-from data_io.assemble import assemble
 from data_io.columns import Header, Name, role_indices
 from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, FloatArray
-from data_io.part import Part
-from data_io.record import Record
+from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.units import to_si
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION
@@ -30,7 +28,7 @@ def can_read(head: bytes) -> bool:
     return any(head[offset : offset + 8] == _SIGNATURE for offset in (0, 512, 1024, 2048, 4096, 8192, 16384, 32768))
 
 
-def read(source: Source, request: Request) -> Record:
+def read(source: Source, request: Request) -> Contents:
     """Read a step or a whole run of the project's layout, or the datasets in `columns`. Raises `LogError`."""
     import h5py
 
@@ -48,7 +46,7 @@ def read(source: Source, request: Request) -> Record:
         ) from error
 
 
-def _read_layout(source: Source, request: Request, file: Any) -> Record:
+def _read_layout(source: Source, request: Request, file: Any) -> Contents:
     version = file.attrs.get("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         raise source.error(f"layout version {version} was found; {FORMAT_VERSION} was expected; update this tool")
@@ -60,13 +58,11 @@ def _read_layout(source: Source, request: Request, file: Any) -> Record:
     ]
     if not parts:
         raise source.error("no group /run_1/step_1 was found; the layout's groups were expected; convert the log again")
-    return assemble(
-        source, request, parts, NAME, account.metadata, account.findings,
-        settled=_text(file.attrs.get("format")) == FORMAT, drive_speed=_drive_speed(source, file),
-    )  # fmt: skip
+    ours = _text(file.attrs.get("format")) == FORMAT
+    return Contents(NAME, parts, account.metadata, account.findings, ours, _drive_speed(source, file))
 
 
-def _read_named(source: Source, request: Request, file: Any) -> Record:
+def _read_named(source: Source, request: Request, file: Any) -> Contents:
     names: list[Name] = []
     columns: list[FloatArray] = []
     for role, path in request.columns.items():
@@ -80,7 +76,7 @@ def _read_named(source: Source, request: Request, file: Any) -> Record:
     roles = {role: index for index, role in enumerate(request.columns) if role in COLUMN_ROLES}
     _check_lengths(source, names, columns)
     part = Part(1, 1, Header(tuple(names), roles), dict(enumerate(columns)))
-    return assemble(source, request, [part], NAME, {})
+    return Contents(NAME, [part])
 
 
 def _part(source: Source, request: Request, group: Any, run: int, number: int) -> Part:

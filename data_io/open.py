@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from data_io.assemble import assemble
 from data_io.errors import LogError, UnitError
 from data_io.frozen import COLUMN_ROLES
 from data_io.readers import READERS
@@ -39,7 +40,7 @@ def read_log(
     source = load(path)
     for reader in READERS:
         if reader.can_read(source.head):
-            return reader.read(source, request)
+            return assemble(source, request, reader.read(source, request))
     names = ", ".join(reader.name for reader in READERS)
     raise source.error(
         f"the file begins with {source.head[:12]!r}, which no reader knows ({names}); a text or HDF5 log was expected; "

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from data_io.columns import Header, find_column, shown, words
-from data_io.frozen import COLUMN_ROLES, FloatArray
+from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar
 from data_io.source import Request, Source
 
 
@@ -25,6 +25,22 @@ class Part:
     def rows(self) -> int:
         """Number of rows."""
         return min((column.size for column in self.columns.values()), default=0)
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a reader found in a log: the name of the format, the steps, what the file says besides, what was noticed.
+
+    settled: the format is ours, compression is positive and every column is kept. drive_speed [m/s]: what the file
+    says outside its columns.
+    """
+
+    form: str
+    parts: Sequence[Part]
+    metadata: Mapping[str, Scalar] = field(default_factory=dict)
+    findings: Sequence[Finding] = ()
+    settled: bool = False
+    drive_speed: float | None = None
 
 
 def of_run(source: Source, request: Request, parts: Sequence[Part]) -> list[Part]:

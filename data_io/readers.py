@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from data_io import cetr_text, delimited, hdf5, stickslip_csv
-from data_io.record import Record
+from data_io.part import Contents
 from data_io.source import Request, Source
 
 
@@ -18,8 +18,8 @@ class CanRead(Protocol):
 class Read(Protocol):
     """Reads a file of that format; raises `LogError`."""
 
-    def __call__(self, source: Source, request: Request) -> Record:
-        """Return the record that the request describes."""
+    def __call__(self, source: Source, request: Request) -> Contents:
+        """Return what the log holds; a reader may leave out what the request does not ask for."""
 
 
 @dataclass(frozen=True)

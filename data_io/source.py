@@ -1,51 +1,89 @@
-"""A log file in memory: read once, hashed once, unpacked if gz-compressed."""
+"""A log file: opened read-only, hashed once, unpacked as a stream where it is packed."""
 
-import gzip
 import hashlib
-import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import IO, Final
 
 from data_io.errors import LogError
+from data_io.packing import Packing, packing_of, split_member, unpacked
 
-HEAD = 65536
+HEAD: Final = 65536
 """Bytes that a reader sees when it is asked whether it can read a file."""
+
+LARGEST_WHOLE: Final = 1 << 31
+"""Bytes of a packed file that may be taken into memory as a whole."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """The bytes of one log (unpacked), its path, and the SHA-256 of the file as it lies on disk."""
+    """One log: its path, how it is packed (None: not), and its first bytes, unpacked."""
 
     path: Path
-    data: bytes = field(repr=False)
-    sha256: str
+    packing: Packing | None
+    head: bytes = field(repr=False)
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the file as it lies on disk."""
+        archive, _ = split_member(self.path)
+        with archive.open("rb") as handle:
+            return hashlib.file_digest(handle, "sha256").hexdigest()
+
+    @cached_property
+    def data(self) -> bytes:
+        """All bytes, unpacked; for formats that cannot be streamed. Raises `LogError` where a packed file is huge."""
+        with self.open() as handle:
+            if self.packing is None:
+                return handle.read()
+            data = handle.read(LARGEST_WHOLE + 1)
+        if len(data) > LARGEST_WHOLE:
+            raise self.error(f"more than {LARGEST_WHOLE >> 30} GiB are packed in the file; less fits here; unpack it")
+        return data
 
     @property
-    def head(self) -> bytes:
-        """The first bytes, by which readers tell formats apart."""
-        return self.data[:HEAD]
+    def size(self) -> int:
+        """Bytes of the file on disk."""
+        return split_member(self.path)[0].stat().st_size
+
+    def open(self) -> IO[bytes]:
+        """Open the unpacked bytes for reading, from the start. A file that is not packed can be sought."""
+        return unpacked(split_member(self.path)[0], self.packing)
 
     def error(self, sentence: str) -> LogError:
         """Return the error of this log with its path in front."""
         return LogError(f"{self.path}: {' '.join(sentence.split())}")
 
 
+def no_progress(_share: float) -> None:
+    """Progress that nobody watches."""
+
+
 @dataclass(frozen=True)
 class Request:
-    """What the user said about a log: which run and step, column names, units, a constant normal force [N]."""
+    """What the user said about a log: run and step, column names, units, a constant normal force [N], which channels.
+
+    channels: names of the columns to keep beside those with a role; None keeps all. progress: called with the share
+    of the file read so far, 0 to 1.
+    """
 
     step: int | None = None
     run: int | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
     normal_force: float | None = None
+    channels: tuple[str, ...] | None = None
+    progress: Callable[[float], None] = no_progress
 
 
 def load(path: Path) -> Source:
-    """Read a file once. Raises `LogError` for what is missing, empty, a folder, not readable or not unpackable."""
+    """Look at a file. Raises `LogError` for what is missing, empty, a folder, not readable or not unpackable."""
+    archive, member = split_member(path)
     try:
-        data = path.read_bytes()
+        with archive.open("rb") as handle:
+            head = handle.read(HEAD)
     except FileNotFoundError as error:
         raise LogError(f"{path}: there is no such file; the path of a log was expected; check it") from error
     except IsADirectoryError as error:
@@ -53,14 +91,12 @@ def load(path: Path) -> Source:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{path}: the file cannot be opened ({reason}); a readable log is needed; check it") from error
-    if not data:
+    if not head:
         raise LogError(f"{path}: the file is empty; a log with rows of numbers was expected; export it again")
-    digest = hashlib.sha256(data).hexdigest()
-    if data.startswith(b"\x1f\x8b"):
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError, zlib.error) as error:
-            raise LogError(f"{path}: the gz-compressed file is damaged ({error}); copy or export it again") from error
-        if not data:
+    packing = packing_of(archive, head, member)
+    if packing is not None:
+        with unpacked(archive, packing) as stream:
+            head = stream.read(HEAD)
+        if not head:
             raise LogError(f"{path}: the compressed file is empty; a log was expected; export it again")
-    return Source(path, data, digest)
+    return Source(path, packing, head)

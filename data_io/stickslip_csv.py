@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from data_io.account import read_account
-from data_io.assemble import assemble
 from data_io.columns import Header, Name, role_indices
 from data_io.frozen import Finding, Step
 from data_io.layout import Head, line_at
-from data_io.part import Part
-from data_io.record import Record
+from data_io.part import Contents, Part
 from data_io.rows import read_numbers
 from data_io.source import Request, Source
 from data_io.text import decode, split
@@ -23,7 +21,7 @@ def can_read(head: bytes) -> bool:
     return head.startswith(CSV_MARK.encode())
 
 
-def read(source: Source, request: Request) -> Record:
+def read(source: Source, request: Request) -> Contents:
     """Read the chosen step, or all of them. Raises `LogError`."""
     text = decode(source.data)
     first, position = line_at(text, 0)
@@ -56,10 +54,7 @@ def read(source: Source, request: Request) -> Record:
         for s in _steps(account.steps, rows)
     ]
     findings = [Finding("text_in_rows", "warning", remark) for remark in numbers.remarks]
-    return assemble(
-        source, request, parts, NAME, account.metadata, [*findings, *account.findings],
-        settled=True, drive_speed=account.drive_speed,
-    )  # fmt: skip
+    return Contents(NAME, parts, account.metadata, [*findings, *account.findings], True, account.drive_speed)
 
 
 def _steps(steps: Sequence[Step], rows: int) -> Sequence[Step]:
