@@ -18,6 +18,7 @@ from identify.slip_slopes import end_slopes, peak_slopes
 from identify.twofold import one_plus_two_products
 
 Array = NDArray[np.float64]
+Long = NDArray[np.longdouble]
 TURN = 8 * np.arctan(np.longdouble(1))  # 2 pi
 SERIES = np.array([(-1.0) ** (k + 1) * 2 * k / (2 * k + 1) for k in range(1, 26)])  # of (tau - s/Q) s^3/w_d^2
 
@@ -147,8 +148,8 @@ def _velocity_gap(eps: Any, b: Any, q: Any) -> tuple[Any, Any]:
     )
 
 
-def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Array, Array, Array]:
-    """(eps, tau_end, xi''(tau_end)) of slips that do stick again."""
+def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Long, Long, Long]:
+    """(eps, tau_end, xi''(tau_end)) of slips that do stick again, in the longest floats there are."""
 
     def terms(a: Any, A: Any) -> tuple[Any, Any, Any]:
         w = np.sqrt((1 - a) * (1 + a))
@@ -165,7 +166,7 @@ def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Array, Array, A
     tau, phi = (TURN - eps) / w, 2 * a + A
     # Not negative: at the fold itself rounding may leave a trace below zero.
     stop = np.maximum(np.exp(-a * tau) * (-phi * np.cos(eps) + (1 - a * phi) * np.sin(eps) / w), 0.0)
-    return eps.astype(float), tau.astype(float), stop.astype(float)
+    return np.asarray(eps, np.longdouble), tau, stop
 
 
 COLUMNS = tuple(f.name for f in fields(Slip))[1:]  # the numbers of a slip
@@ -186,7 +187,8 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -
         again = status == "restick"
         a, A = a[again], A[again]
         w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
-        eps, duration, stop = _ends(a, A, first[again])
+        eps, tau_end, end_rate = _ends(a, A, first[again])
+        duration, stop = tau_end.astype(float), end_rate.astype(float)
         peak_time = np.arctan2(w * phi, a * phi - 1) / w
         speed = 1 + np.hypot(a + A, w) * np.exp(-a * peak_time)
         half = np.exp(-a * np.pi / w)
@@ -196,7 +198,7 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -
         values = Slip(_shaped(status, alpha, overshoot), *(_spread(c, again, alpha, overshoot) for c in columns))
         if not derivatives:
             return values
-        tau, end = end_slopes(a, A, eps, duration, stop)
+        tau, end = end_slopes(a.astype(np.longdouble), A.astype(np.longdouble), eps, tau_end, end_rate)
         peak = peak_slopes(a, A, peak_time, speed)
         by_half = (-half * np.pi / w**3, 0.0)
         table = {}
@@ -207,7 +209,7 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -
     return values, table
 
 
-def _spread(values: Array, where: NDArray[np.bool_], *like: ArrayLike) -> Any:
+def _spread(values: NDArray[np.floating[Any]], where: NDArray[np.bool_], *like: ArrayLike) -> Any:
     """Values of the chosen places in the shape of the arguments, NaN elsewhere."""
     out = np.full(where.shape, np.nan)
     out[where] = values
@@ -228,9 +230,9 @@ def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = Fals
         status, first = _status(a, A)
         again = status == "restick"
         eps, tau, stop = _ends(a[again], A[again], first[again])
-        columns: list[Array] = [tau, -(2 * a[again] + stop)]
+        columns: list[Any] = [tau, -(2 * a[again] + stop)]
         if derivatives:
-            times, ends = end_slopes(a[again], A[again], eps, tau, stop)
+            times, ends = end_slopes(a[again].astype(np.longdouble), A[again].astype(np.longdouble), eps, tau, stop)
             columns += [times[0], ends[0], times[1], ends[1]]
     shaped = [_spread(c, again, alpha, overshoot) for c in columns]
     values = (shaped[0], shaped[1])
