@@ -1,4 +1,4 @@
-"""Following the stick-slip orbit over drive speed, up to where it ends."""
+"""Following the stick-slip orbit along a course - over drive speed, or any other quantity - up to where it ends."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.course import Course, drive_course
 from identify.cycle import CycleMap, Tangent
 from identify.orbit import Orbit, close, settle
 from identify.trace import End, trace
 
 Array = NDArray[np.float64]
-Patience = Callable[[float], float]
+Patience = Callable[[CycleMap, float], float]  # by map and drive speed [m/s], see `CycleMap.run`
 
-FINEST = 4e-4  # logarithmic step at which an end that is no fold counts as found
+FINEST = 4e-4  # step of the coordinate at which an end that is no fold counts as found
 WIDEST = 2.0
 JUMPS = 4  # other orbits looked for beyond an end, before it is believed
 
@@ -24,7 +25,8 @@ JUMPS = 4  # other orbits looked for beyond an end, before it is believed
 class Branch:
     """Orbits at rising drive speeds, and the end above which there is none.
 
-    `ending` is None when the orbit still exists at the highest speed tried, `highest`. setting: of the first orbit.
+    `ending` is None when the orbit still exists at the highest speed tried, `highest`; its place is the logarithm of
+    the speed there. setting: of the first orbit.
     """
 
     orbits: tuple[Orbit, ...]
@@ -34,7 +36,12 @@ class Branch:
     @property
     def end(self) -> float | None:
         """Drive speed above which stick-slip ends [m/s]."""
-        return None if self.ending is None else self.ending.speed
+        return None if self.ending is None else float(np.exp(self.ending.place))
+
+    @property
+    def end_slopes(self) -> Array | None:
+        """Derivatives of that drive speed by parameters, normal force and drive speed (n_w,)."""
+        return None if self.ending is None else np.exp(self.ending.place) * self.ending.slopes
 
     @property
     def normal_force(self) -> float:
@@ -45,84 +52,123 @@ class Branch:
         """The branch as it is under a normal force [N] close by: only its end is moved, by its derivative."""
         if self.ending is None or normal_force == self.normal_force:
             return self
-        speed, slopes = self.ending.speed, self.ending.slopes
-        power = float(slopes[-2]) * self.normal_force / speed
-        moved = float((normal_force / self.normal_force) ** power)
-        return Branch(self.orbits, End(speed * moved, slopes * moved), self.highest)
+        power = float(self.ending.slopes[-2]) * self.normal_force
+        moved = self.ending.place + power * float(np.log(normal_force / self.normal_force))
+        return Branch(self.orbits, End(moved, self.ending.slopes), self.highest)
 
 
-def _advance(map_: CycleMap, orbits: list[Orbit], highest: float, patience: Patience) -> tuple[list[Orbit], End | None]:
+@dataclass(frozen=True)
+class Followed:
+    """Orbits along a course, at rising coordinates `places`, and the end of the branch; None where there is none up to
+    the last coordinate asked for."""
+
+    orbits: tuple[Orbit, ...]
+    places: tuple[float, ...]
+    ending: End | None
+
+
+def _advance(map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience) -> Followed:
     """Orbits up to the end of this piece of branch by shorter and shorter steps, and that end."""
+    orbits, places = list(done.orbits), list(done.places)
     step, failed = 0.5, float("inf")
     while step > FINEST:
-        here = orbits[-1]
-        if here.drive_speed >= highest:
-            return orbits, None
-        speed = min(here.drive_speed * float(np.exp(step)), highest)
-        orbit = close(map_, _expected(map_, here, speed), speed, patience=patience(speed))
+        if places[-1] >= last:
+            return Followed(tuple(orbits), tuple(places), None)
+        place = min(places[-1] + step, last)
+        w = course.setting(place)
+        there, speed = map_.at(w), float(w[-1])
+        scale = map_.at(orbits[-1].cycle.setting).scale
+        orbit = close(there, expected(orbits[-1], scale, there, w), speed, patience=patience(there, speed))
         if orbit is None:
-            failed, step = min(failed, speed), 0.35 * step
+            failed, step = min(failed, place), 0.35 * step
             continue
-        orbits = [*orbits, orbit]
-        failed = failed if failed > speed else float("inf")
-        step = min(1.6 * step, WIDEST) if np.isinf(failed) else min(1.6 * step, 0.5 * float(np.log(failed / speed)))
-    last = orbits[-1]
-    end = float(np.sqrt(last.drive_speed * min(failed, last.drive_speed * np.exp(FINEST))))
-    return orbits, End(end, _slopes_at(map_, last))
+        orbits, places = [*orbits, orbit], [*places, place]
+        failed = failed if failed > place else float("inf")
+        step = min(1.6 * step, WIDEST) if np.isinf(failed) else min(1.6 * step, 0.5 * (failed - place))
+    end = 0.5 * (places[-1] + min(failed, places[-1] + FINEST))
+    slopes = _slopes_at(map_.at(orbits[-1].cycle.setting), orbits[-1], course, places[-1])
+    return Followed(tuple(orbits), tuple(places), End(end, slopes))
 
 
-def _expected(map_: CycleMap, here: Orbit, drive_speed: float) -> Array:
-    """Rest state of the orbit at another drive speed, by its derivative, not far."""
-    move = along(map_, here.tangent, here.jacobian)[:, -1] * (drive_speed - here.drive_speed) / map_.scale
-    return np.asarray(here.y + move * min(1.0, 0.3 / max(float(np.max(np.abs(move))), 1e-300)) * map_.scale)
+def expected(here: Orbit, scale: Array, there: CycleMap, w: Array) -> Array:
+    """Rest state of an orbit at another setting w (n_w,), by its derivative, not far.
+
+    Args:
+        scale: typical rest state where the orbit is, as that of the map `there` is where it is sought.
+
+    In units of those scales, because a spring twice as stiff stretches half as far.
+    """
+    move = along(scale, here.tangent, here.jacobian) @ (w - here.cycle.setting)
+    stretch = here.y * np.log(there.scale / scale)
+    move = (move - stretch) / scale
+    return np.asarray((here.y / scale + move * min(1.0, 0.3 / max(float(np.max(np.abs(move))), 1e-300))) * there.scale)
 
 
-def along(map_: CycleMap, tangent: Tangent, jacobian: Array) -> Array:
-    """How the rest state of an orbit moves with its setting while it stays an orbit: shape (n_y, columns)."""
-    n = map_.scale.size
-    scale = map_.scale[:, None]
-    return np.asarray(np.linalg.lstsq(np.eye(n) - jacobian, tangent.end[:, n:] / scale, rcond=None)[0] * scale)
+def along(scale: Array, tangent: Tangent, jacobian: Array) -> Array:
+    """How the rest state of an orbit, of typical size `scale`, moves with its setting while it stays an orbit:
+    shape (n_y, n_w)."""
+    n = scale.size
+    sizes = scale[:, None]
+    return np.asarray(np.linalg.lstsq(np.eye(n) - jacobian, tangent.end[:, n:] / sizes, rcond=None)[0] * sizes)
 
 
-def _slopes_at(map_: CycleMap, orbit: Orbit) -> Array:
+def _slopes_at(map_: CycleMap, orbit: Orbit, course: Course, place: float) -> Array:
     """Derivatives of the end (n_w,) from an orbit just before it: there the drop goes like the square root of what
-    is left, so that the speed at which it has a given value moves as the end does."""
-    n, tangent = map_.scale.size, map_.tangent(orbit.cycle)
+    is left, so that the place at which it has a given value moves as the end does."""
+    n, tangent = map_.scale.size, orbit.tangent
     drop = tangent.onset_load - tangent.arrest_load
-    slopes = drop[n:] + drop[:n] @ along(map_, tangent, orbit.jacobian)
+    slopes = drop[n:] + drop[:n] @ along(map_.scale, tangent, orbit.jacobian)
     with np.errstate(all="ignore"):
-        return np.asarray(-slopes / slopes[-1])
+        return np.asarray(-slopes / (slopes @ course.slope(place)))
 
 
 def reach(map_: CycleMap, start: Orbit, drive_speed: float, patience: Patience) -> Orbit | None:
     """The orbit at a faster drive speed [m/s] on the branch of `start`; None where the branch ends before."""
-    orbits, end = _advance(map_, [start], drive_speed, patience)
-    return orbits[-1] if end is None else None
+    begun = Followed((start,), (float(np.log(start.drive_speed)),), None)
+    course = drive_course(start.cycle.setting)
+    found = _advance(map_, begun, course, float(np.log(drive_speed)), patience)
+    return found.orbits[-1] if found.ending is None else None
 
 
 def follow(map_: CycleMap, start: Orbit, highest: float, patience: Patience) -> Branch:
-    """The branch of orbits from `start` towards faster drives.
+    """The branch of orbits from `start` towards faster drives, up to drive speed `highest` [m/s]."""
+    course = drive_course(start.cycle.setting)
+    found = follow_course(map_, start, course, float(np.log(start.drive_speed)), float(np.log(highest)), patience)
+    return Branch(found.orbits, found.ending, highest)
+
+
+def follow_course(
+    map_: CycleMap, start: Orbit, course: Course, place: float, last: float, patience: Patience
+) -> Followed:
+    """The branch of orbits from `start`, at coordinate `place` of a course, up to coordinate `last`.
 
     Beyond an end the motion from the last orbit, and the one from a rested contact, are looked at: where
     they settle on an orbit again, the branch goes on from there.
-
-    Args:
-        highest: drive speed at which the search stops [m/s].
-        patience: by drive speed, see `CycleMap.run`.
     """
-    orbits: list[Orbit] = [start]
-    end: End | None = None
+    done = Followed((start,), (place,), None)
     for _ in range(JUMPS):
-        found = trace(map_, orbits[-1], highest)
-        orbits, end = [*orbits, *found.orbits[1:]], found.end
+        found = trace(map_.at(course.setting(done.places[-1])), done.orbits[-1], course, done.places[-1], last)
+        done = Followed((*done.orbits, *found.orbits[1:]), (*done.places, *found.places[1:]), found.end)
         if found.lost:
-            orbits, end = _advance(map_, orbits, highest, patience)
-        if end is None:
-            break
-        tries = [(end.speed * 1.05, orbits[-1].y), (end.speed * 1.1, None)]
-        settled = (settle(map_, v, y, patience=patience(v), cycles=6).orbit for v, y in tries if v < highest)
-        beyond = next((o for o in settled if o is not None), None)
+            done = _advance(map_, done, course, last, patience)
+        beyond = None if done.ending is None else _beyond(map_, done, course, last, patience)
         if beyond is None:
             break
-        orbits = [*orbits, beyond]
-    return Branch(tuple(orbits), end, highest)
+        done = Followed((*done.orbits, beyond[0]), (*done.places, beyond[1]), None)
+    return done
+
+
+def _beyond(
+    map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience
+) -> tuple[Orbit, float] | None:
+    """An orbit just beyond the end, and its place."""
+    end = last if done.ending is None else done.ending.place
+    for place, y in ((end + 0.05, done.orbits[-1].y), (end + 0.1, None)):
+        if place < last:
+            w = course.setting(place)
+            there, speed = map_.at(w), float(w[-1])
+            stretched = None if y is None else y * there.scale / map_.at(done.orbits[-1].cycle.setting).scale
+            orbit = settle(there, speed, stretched, patience=patience(there, speed), cycles=6).orbit
+            if orbit is not None:
+                return orbit, place
+    return None

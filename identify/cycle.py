@@ -42,8 +42,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Tangent:
-    """Derivatives of a cycle by the rest state before it and by its setting, m = n_y + n_w columns in this order
-    (or by the drive speed alone: m = n_y + 1).
+    """Derivatives of a cycle by the rest state before it and by its setting, m = n_y + n_w columns in this order.
 
     end (n_y, m): rest state after it; stick, slip (m,) durations; peak_speed (m,); distance (m,) slid;
     onset_load, arrest_load (m,): force the load cell sees.
@@ -77,6 +76,7 @@ class CycleMap:
 
     def __init__(self, model: Model, normal_force: float, p: Array, rtol: float = 1e-6) -> None:
         self.model, self.normal_force, self.p = model, float(normal_force), np.asarray(p, float)
+        self.rtol = rtol
         self.names = (*model.parameter_names, "normal_force", "drive_speed")
         typical = scales(model, self.p, normal_force)
         self.time, self.speed = typical.time, float(typical.state[SPEED])
@@ -96,47 +96,55 @@ class CycleMap:
         """The same map with another tolerance."""
         return CycleMap(self.model, self.normal_force, self.p, rtol)
 
+    def at(self, w: Array) -> CycleMap:
+        """The map of the same model at another setting (n_w,)."""
+        return CycleMap(self.model, float(w[-2]), w[:-2], self.rtol)
+
     def rested(self) -> Array:
         """Where a test starts: spring unloaded, every state saturated (the strongest first kick)."""
         states = [0.0, *(s.start if s.upper is None else s.upper for s in self.model.states[2:])]
         return np.array(states)
 
-    def setting(self, drive_speed: float, p: Array | None = None) -> Array:
+    def setting(self, drive_speed: float) -> Array:
         """w (n_w,), as `names`: parameters, normal force [N], drive speed [m/s]."""
-        return np.append(self.p if p is None else p, [self.normal_force, drive_speed])
+        return np.append(self.p, [self.normal_force, drive_speed])
 
-    def run(self, y: Array, drive_speed: float, p: Array | None = None, patience: float = SLIDES_AFTER) -> Cycle | None:
+    def run(self, y: Array, drive_speed: float, patience: float = SLIDES_AFTER) -> Cycle | None:
         """The cycle that starts at rest in y; None when the mass does not come to rest within `patience` half periods.
 
         Args:
-            y: rest state (n_y,). drive_speed: [m/s], positive. p: parameters (n_p,), if not those of the map.
+            y: rest state (n_y,). drive_speed: [m/s], positive.
         """
-        w, start = self.setting(drive_speed, p), np.insert(y, SPEED, 0.0)
+        w, start = self.setting(drive_speed), np.insert(y, SPEED, 0.0)
         onset, duration = self._hold.onset(start, w)
         glide = self.glider.slide(onset, w, patience * self.half_period)
         if not glide.rests or glide.t[-1] < CREEP * self.half_period:
             return None
         return self._cycle(start, onset, duration, w, glide)
 
-    def flow(self, y: Array, drive_speed: float, duration: float, *, full: bool = False) -> Flow:
-        """The stick from rest state y and `duration` [s] of the slip after it, through an arrest if there is one."""
-        w, start = self.setting(drive_speed), np.insert(y, SPEED, 0.0)
+    def flow(self, y: Array, w: Array, duration: float) -> Flow:
+        """The stick from rest state y and `duration` [s] of the slip after it, through an arrest if there is one.
+
+        Args:
+            w: setting (n_w,), which need not be that of the map: only tolerances are the map's own.
+        """
+        start = np.insert(y, SPEED, 0.0)
         onset, stick_time = self._hold.onset(start, w, through_zero=True)
         glide = self.glider.slide(onset, w, duration, stops=False)
-        return self._linearised(self._cycle(start, onset, stick_time, w, glide), full)
+        return self._linearised(self._cycle(start, onset, stick_time, w, glide))
 
-    def tangent(self, cycle: Cycle, *, full: bool = True) -> Tangent:
-        """How a cycle moves with its start and its setting; without `full` with the drive speed alone."""
-        return self._linearised(cycle, full).tangent
+    def tangent(self, cycle: Cycle) -> Tangent:
+        """How a cycle moves with its start and its setting."""
+        return self._linearised(cycle).tangent
 
     def _cycle(self, start: Array, onset: Array, duration: float, w: Array, glide: Glide) -> Cycle:
         wear = np.nan if (i := self.model.clamped) is None else float(np.min(glide.x[:, i]))
         peak, _ = _peak(glide)
         return Cycle(start, onset, glide.x[-1], duration, float(glide.t[-1]), peak, wear, w, glide)
 
-    def _linearised(self, cycle: Cycle, full: bool) -> Flow:
+    def _linearised(self, cycle: Cycle) -> Flow:
         w, glide, last = cycle.setting, cycle.glide, cycle.glide.legs[-1]
-        stick_slope, onset = self._hold.tangent(cycle.start, w, cycle.stick, full=full)
+        stick_slope, onset = self._hold.tangent(cycle.start, w, cycle.stick)
         fixed, peak = self.glider.tangents(glide, w, onset, _peak(glide)[1])
         rate = self.glider.rate(last.mode, glide.x[-1], last.direction)
         slip_slope = -fixed[SPEED] / rate[SPEED]

@@ -189,14 +189,14 @@ class Glider:
         """Derivatives, at fixed times, of the last state (n_x, m) and of a sum of the speeds at the nodes (m,).
 
         Args:
-            onset: derivatives (n_x, m) at the onset; the last of the m directions are w, or the drive speed alone.
+            onset: derivatives (n_x, m) at the onset; the last of the m directions are w.
             weights: of the sum, (s+1,).
 
         Taken from the end backwards: a few numbers per node instead of all m directions.
         """
         self._w[:] = w
         n = self._n
-        columns = w.size if onset.shape[1] >= w.size else 1
+        columns = w.size
         lengths = np.diff(glide.t)
         back = np.vstack([np.eye(n), np.zeros(n)])
         back[n, SPEED] = weights[-1]
@@ -219,9 +219,8 @@ class Glider:
         return out[:n], out[n]
 
     def _step_tangents(self, leg: Leg, steps: Array, columns: int) -> Array:
-        """d after/d (x, w) of every step (s, n_x + 1) of a leg, w or its last entry: shape (s, n_x, n_x + columns)."""
-        kind = "tangent" if columns > 1 else "speed_tangent"
-        call, self._direction[0] = self._calls[f"{kind}_{leg.mode}"], leg.direction
+        """d after/d (x, w) of every step (s, n_x + 1) of a leg: shape (s, n_x, n_x + columns)."""
+        call, self._direction[0] = self._calls[f"tangent_{leg.mode}"], leg.direction
         out = np.empty((steps.shape[0], self._n, self._n + columns))
         for first in range(0, steps.shape[0], LANES):
             part = steps[first : first + LANES]

@@ -19,11 +19,10 @@ LANES = 16  # steps of which one call takes the tangents
 
 @lru_cache(maxsize=16)
 def glide_functions(model: Model) -> Mapping[str, ca.Function]:
-    """Compiled by model: per sliding mode `step_`, its `tangent_` and `speed_tangent_`, the `rate_`; what rest needs.
+    """Compiled by model: per sliding mode `step_`, its `tangent_`, the `rate_`; what rest needs.
 
     step: (x and length, w, direction, tolerances) -> x after, error norm, guards and their slopes in time, as one
-    vector; the tolerances are rtol and atol (n_x,). tangent: the same of LANES steps -> d after/d (x, w);
-    speed_tangent: -> d after/d (x, drive speed).
+    vector; the tolerances are rtol and atol (n_x,). tangent: the same of LANES steps -> d after/d (x, w).
     rate: (x, w, direction) -> dx/dt. hold: (x, w) -> force that tries to move a resting mass, force it withstands.
     """
     n_x, n_p = len(model.states), len(model.parameters)
@@ -50,10 +49,9 @@ def glide_functions(model: Model) -> Mapping[str, ca.Function]:
         ends = ca.Function("ends", [there, w, direction], [ca.vertcat(guard, slopes)])
         row = ca.vertcat(after, norm, ends(after, w, direction))
         out[f"step_{name}"] = ca.Function(f"step_{name}", [xh, w, direction, tolerances], [row])
-        for kind, by in (("tangent", ca.vertcat(x, w)), ("speed_tangent", ca.vertcat(x, w[-1]))):
-            slope = ca.densify(ca.jacobian(after, by).T)
-            one = ca.Function("tangent", [xh, w, direction], [slope])
-            out[f"{kind}_{name}"] = one.map(LANES, [False, True, True], [False])
+        slope = ca.densify(ca.jacobian(after, ca.vertcat(x, w)).T)
+        one = ca.Function("tangent", [xh, w, direction], [slope])
+        out[f"tangent_{name}"] = one.map(LANES, [False, True, True], [False])
         out[f"rate_{name}"] = ca.Function(f"rate_{name}", [xh, w, direction], [motion(x, 0)])
     forward = ca.vertcat(w[n_p + 1], w[n_p], 1, 0)
     hold = ca.vertcat(model.driving_force(x, p, forward), model.grip(x, p, forward))

@@ -90,15 +90,15 @@ class Hold:
         rest = stick(self.model, start, Situated(w[:-2], speed, 1.0, load, 0.0), 0.0, 5.0 * longest)
         return rest.x[-1], rest.duration
 
-    def tangent(self, start: Array, w: Array, duration: float, *, full: bool) -> tuple[Array, Array]:
+    def tangent(self, start: Array, w: Array, duration: float) -> tuple[Array, Array]:
         """Derivatives of the stick's duration (m,) and of the onset state (n_x, m).
 
-        The m directions are the rest state (start without its speed) and w, without `full` the drive speed alone.
+        The m directions are the rest state (start without its speed) and w.
         """
         self._x[:], self._w[:], self._t[0] = start, w, duration
         n = start.size
         slope = self._calls["spare_slope"]().reshape(n + 1, n + w.size + 1)
-        used = [i for i in range(n) if i != SPEED] + list(range(n if full else n + w.size - 1, n + w.size))
+        used = [i for i in range(n + w.size) if i != SPEED]
         free = slope[:, used]
         stick_slope = -free[0] / slope[0, -1] if duration else np.zeros(free.shape[1])
         return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
@@ -108,6 +108,5 @@ class Hold:
         self._x[:], self._w[:] = x, w
         row = self._calls["load"]()
         out = row[1 : 1 + x.size] @ tangent
-        columns = w.size if tangent.shape[1] >= w.size else 1
-        out[-columns:] += row[-columns:]
+        out[-w.size :] += row[-w.size :]
         return float(row[0]), out

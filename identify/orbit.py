@@ -24,8 +24,7 @@ class Orbit:
     """A periodic orbit: its cycle, closed to `closure` (units of normal force / stiffness), and how that moves
     with its start and the drive speed.
 
-    jacobian (n_y, n_y): of the return map, in scaled rest states; multipliers are its eigenvalues, largest
-    magnitude first: inside the unit circle the orbit is stable, at 1 it meets its unstable twin and ends.
+    jacobian (n_y, n_y): of the return map, in scaled rest states.
     """
 
     drive_speed: float
@@ -35,15 +34,21 @@ class Orbit:
     closure: float
 
     @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers (n_y,) of the return map, largest magnitude first: inside the unit circle the orbit is
+        stable, at 1 it meets its unstable twin and ends. The trivial one, along the motion, is not among them."""
+        values = np.linalg.eigvals(self.jacobian).astype(complex)
+        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+
+    @property
     def multiplier(self) -> float:
         """The multiplier of largest magnitude, with its sign (the real part where it is complex)."""
-        values = np.linalg.eigvals(self.jacobian)
-        return float(values[np.argmax(np.abs(values))].real)
+        return float(self.multipliers[0].real)
 
     @property
     def stable(self) -> bool:
         """Whether small disturbances die out."""
-        return bool(np.max(np.abs(np.linalg.eigvals(self.jacobian))) < 1.0)
+        return bool(np.abs(self.multipliers[0]) < 1.0)
 
     @property
     def y(self) -> Array:
@@ -53,7 +58,7 @@ class Orbit:
 
 def orbit_of(map_: CycleMap, cycle: Cycle, tangent: Tangent | None = None) -> Orbit:
     """A cycle that closes, as an orbit; its tangent is taken where it is not given."""
-    tangent = map_.tangent(cycle, full=False) if tangent is None else tangent
+    tangent = map_.tangent(cycle) if tangent is None else tangent
     n = map_.scale.size
     residual = (rest_state(cycle.end) - rest_state(cycle.start)) / map_.scale
     slope = tangent.end[:, :n] * map_.scale / map_.scale[:, None]

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from identify.branch import Branch, Patience, follow, reach
+from identify.branch import Branch, follow, reach
 from identify.cycle import SLIDES_AFTER, CycleMap, loads
 from identify.orbit import Orbit, Settled, close, settle
 from identify.sliding import Sliding, growth_rates, slidings, unstable_speeds
@@ -67,12 +67,10 @@ def _outcome(orbit: Orbit | None, sticks: bool, stable: bool) -> Outcome:
     return Outcome.NEVER_STICKS if stable else Outcome.UNDECIDED
 
 
-def _patience(map_: CycleMap) -> Patience:
-    def patience(speed: float) -> float:
-        rates = growth_rates(map_.model, map_.p, np.array([speed]), map_.normal_force)
-        return _long_enough(float(rates[0]) * map_.half_period)
-
-    return patience
+def patience(map_: CycleMap, speed: float) -> float:
+    """Half periods after which a mass that has not come to rest at this drive speed [m/s] is taken to slide on."""
+    rates = growth_rates(map_.model, map_.p, np.array([speed]), map_.normal_force)
+    return _long_enough(float(rates[0]) * map_.half_period)
 
 
 def _long_enough(growth: float) -> float:
@@ -140,17 +138,17 @@ def _serves(branch: Branch, map_: CycleMap, here: Settled, drive_speed: float) -
     if branch.ending is None:
         return True
     carried = ratio == 1.0 or bool(np.isfinite(branch.ending.slopes[-2]))
-    return carried and drive_speed < branch.ending.speed
+    return carried and drive_speed < float(np.exp(branch.ending.place))
 
 
 def _branch(map_: CycleMap, drive_speed: float, here: Settled) -> Branch | None:
     """The branch through the orbit at an operating point, or through one at another drive speed."""
-    typical, patience, seed = typical_speed(map_), _patience(map_), here.orbit
+    typical, seed = typical_speed(map_), here.orbit
     if seed is None:
         slower = drive_speed * np.array([0.3, 0.1, 0.03, 0.01, 1e-3])
         tries = np.unique(np.concatenate([slower, typical * np.array([1.0, 0.3, 0.1, 0.03, 0.01, 1e-3])]))
         nearest = tries[np.argsort(np.abs(np.log(tries / drive_speed)))]
-        found = (settle(map_, v, patience=patience(v)) for v in nearest.tolist())
+        found = (settle(map_, v, patience=patience(map_, v)) for v in nearest.tolist())
         seed = next((s.orbit for s in found if s.orbit is not None), None)
     return None if seed is None else follow(map_, seed, 30.0 * max(typical, drive_speed), patience)
 
@@ -160,7 +158,7 @@ def _prospect(map_: CycleMap, steady: Sliding, here: Settled, branch: Branch | N
     if orbit is None and branch is not None and not here.sticks:
         below = [o for o in branch.orbits if o.drive_speed < drive_speed]
         if below and (branch.end is None or branch.end > drive_speed):
-            near = reach(map_, below[-1], drive_speed, _patience(map_))
+            near = reach(map_, below[-1], drive_speed, patience)
             again = Settled(None, False) if near is None else settle(map_, drive_speed, near.y)
             orbit = again.orbit
     searched = (1e-3 * min(typical, drive_speed), 10.0 * max(typical, drive_speed, (branch and branch.end) or 0.0))

@@ -45,7 +45,7 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
 
     Each is q_w + q_y (1 - J)^-1 F_w: the cycle moves with the setting, and with the rest state that closes it.
     """
-    n, t = map_.scale.size, map_.tangent(orbit.cycle)
+    n, t = map_.scale.size, orbit.tangent
     rows = np.stack(
         [
             t.onset_load - t.arrest_load,
@@ -58,15 +58,14 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
             t.arrest_load,
         ]
     )
-    closing = along(map_, t, orbit.jacobian)
+    closing = along(map_.scale, t, orbit.jacobian)
     return np.asarray((rows[:, n:] + rows[:, :n] @ closing)[:, _columns(map_, names)])
 
 
 def end_slopes(map_: CycleMap, branch: Branch, names: Sequence[str]) -> Array:
     """Derivatives of the end of a branch [m/s] by parameters: shape (len(names),), NaN where not to be had."""
-    if branch.ending is None:
-        return np.full(len(names), np.nan)
-    return branch.ending.slopes[_columns(map_, names)]
+    slopes = branch.end_slopes
+    return np.full(len(names), np.nan) if slopes is None else np.asarray(slopes[_columns(map_, names)])
 
 
 def growth_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> Array:

@@ -91,7 +91,7 @@ def test_without_weakening_and_ageing_the_closed_forms_are_exact() -> None:
     forms = closed_forms(contact(values), 1e-3, 1.0)
     assert [drop, period, slip] == pytest.approx([forms.drop, forms.period, forms.slip_duration], rel=1e-6)
     assert peak == pytest.approx(forms.peak_speed, rel=1e-3)
-    end = follow(map_, orbit, 1.0, lambda _: 12.0).end
+    end = follow(map_, orbit, 1.0, lambda *_: 12.0).end
     assert end == pytest.approx(forms.critical_speed, rel=5e-4)
 
 
