@@ -75,6 +75,13 @@ class Problem:
         out.layout = replace(self.layout, families=tuple(families))
         return out
 
+    def with_moments(self, moments: list[Moments]) -> Problem:
+        """The same problem with other data, compressed in the same cells."""
+        out = copy.copy(self)
+        out._last = None
+        out.moments = moments
+        return out
+
     def with_all_parameters(
         self, guesses: list[Guess], unknowns: Unknowns, grid: Grid, z: Array
     ) -> tuple[Problem, Array]:
