@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from identify import amplitude, stability
+from identify import stability
 from identify.effects import MAIN
 from identify.groups import Groups, groups
+from identify.jump import jump
 from identify.spread import Interval
 from identify.steady import FrictionLike, RigLike
 
 AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
 KNOWN = (*MAIN, "driven_damping", "linear_weakening", "varying_normal_force")  # effects, at one operating point
 SLOW = 1e-6  # s/m, of a weakening that no slip gets to the end of
-ROUNDS = 60  # of the stick that saturates the contact only in part
 
 
 @dataclass(frozen=True)
@@ -74,38 +74,23 @@ class ClosedForms:
     worn: bool
 
 
-def _slip(g: Groups, t_cr: float) -> tuple[amplitude.Slip, float]:
-    """The slip whose stick saturates the contact as far as it lasts, and that saturation."""
-    share, slip = 1.0, amplitude.slip(g.alpha, g.overshoot)
-    for _ in range(ROUNDS):
-        if t_cr == 0 or str(slip.status) != "restick":
-            break
-        new = float(-np.expm1(-float(slip.drop) / g.tau_cr))
-        if abs(new - share) < 1e-12:
-            break
-        share = new
-        slip = amplitude.slip(g.alpha, share * g.loading - 2 * g.alpha)
-    return slip, share
-
-
 def closed_forms(pair: Contact, drive_speed: float, normal_force: float) -> ClosedForms:
     """The closed forms at drive speed [m/s], positive, and normal force [N] (EQUATIONS sections 4-6)."""
     rig, friction = pair.rig, pair.friction
     g = groups(rig, friction, drive_speed, normal_force)
-    slip, share = _slip(g, friction.t_cr)
-    unit = drive_speed / g.omega_n
+    cycle = jump(rig, friction, drive_speed, normal_force)
     limit = float(stability.critical_loading(g.alpha))
     fall = (friction.mu_s - friction.mu_k0) * normal_force / np.sqrt(rig.mass * rig.stiffness)
     critical_speed = float("nan") if np.isnan(limit) else fall / limit if limit > 0 else float("inf")
     ageing = friction.D > 0 and friction.t_cr > 0
     return ClosedForms(
         groups=g,
-        status=str(slip.status),
-        drop=float(slip.drop) * unit * rig.stiffness,
-        period=float(slip.period) / g.omega_n,
-        slip_duration=float(slip.duration) / g.omega_n,
-        peak_speed=float(slip.peak_speed) * drive_speed,
-        saturation=share,
+        status=str(cycle.status),
+        drop=cycle.drop,
+        period=cycle.period,
+        slip_duration=cycle.slip_duration,
+        peak_speed=cycle.peak_speed,
+        saturation=cycle.saturation,
         critical_speed=critical_speed,
         friction_parameter=g.Pi,
         critical_friction=float(stability.critical_friction(g.z / 2, g.tau_cr)) if ageing else float("nan"),

@@ -24,12 +24,12 @@ def _tangent_small(alpha: Array, n: Array) -> tuple[Array, Array]:
     w = np.sqrt((1 - alpha) * (1 + alpha))
     b = alpha / w
 
-    def equation(eps: Array) -> tuple[Array, Array]:
+    def equation(eps: Array, b: Array, n: Array) -> tuple[Array, Array]:
         left = -b * (2 * np.pi * n - eps)
         value = 2 * np.sin(eps / 2) ** 2 - b * np.sin(eps) + np.expm1(left)
         return value, np.sin(eps) - b * np.cos(eps) + b * np.exp(left)
 
-    eps = rising_root(equation, 0.5 * np.sqrt(np.minimum(b, 0.3)), np.full_like(b, np.pi))
+    eps = rising_root(equation, 0.5 * np.sqrt(np.minimum(b, 0.3)), np.full_like(b, np.pi), (b, n))
     psi = 2 * np.pi * n - eps
     log = b * psi + np.log(np.sin(eps) / w)
     # Below, the leading term is exact to the last digit, and squares would underflow.
