@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.mapped import Mapped
 from identify.model import INPUTS, SPEED, Model
 from identify.tableaus import RK4, step
 
@@ -44,68 +45,39 @@ class Block:
     n_rows: int
     n_cells: int
     order: int  # coefficients per cell: 2 linear, 4 cubic
-    values: ca.Function
-    derivatives: ca.Function
+    values: Mapped
+    derivatives: Mapped
     expressions: tuple[ca.SX, ca.SX, ca.SX, ca.SX]  # slots, constants, rows, curve
     drive_speed: int  # its place among the constants
 
     def evaluate(self, slots: Array, constants: Array, *, derivatives: bool) -> tuple[Array, ...]:
         """Rows (B, n_rows) and curves (B, n_cells, order); with derivatives also their Jacobians
         (B, n_rows, n_slots) and (B, n_cells, order, n_slots). slots (B, n_slots), constants (B, n_constants)."""
-        n_curve = self.n_cells * self.order
-        sizes = [self.n_rows, n_curve]
-        if derivatives:
-            sizes += [self.n_rows * self.n_slots, n_curve * self.n_slots]
         count = slots.shape[0]
-        out = _mapped(self.derivatives if derivatives else self.values, [slots, constants], sizes)
-        rows, curve = out[0][:count], out[1][:count].reshape(count, self.n_cells, self.order)
+        out = (self.derivatives if derivatives else self.values)([slots, constants])
+        rows, curve = out[0], out[1].reshape(count, self.n_cells, self.order)
         if not derivatives:
             return rows, curve
         # CasADi stores matrices by columns.
-        d_rows = out[2][:count].reshape(count, self.n_slots, self.n_rows).transpose(0, 2, 1)
-        d_curve = out[3][:count].reshape(count, self.n_slots, self.n_cells, self.order).transpose(0, 2, 3, 1)
+        d_rows = out[2].reshape(count, self.n_slots, self.n_rows).transpose(0, 2, 1)
+        d_curve = out[3].reshape(count, self.n_slots, self.n_cells, self.order).transpose(0, 2, 3, 1)
         return rows, curve, d_rows, d_curve
 
     def bend(self, slots: Array, constants: Array, on_rows: Array, on_curve: Array) -> Array:
         """Second derivatives (B, n_slots, n_slots) of on_rows . rows + on_curve . curve; weights (B, n_rows) and
         (B, n_cells * order). Built on first use: only creeping solves need it."""
-        n = self.n_slots
-        out = _mapped(_second(self), [slots, constants, on_rows, on_curve], [n * n])[0]
-        return out[: slots.shape[0]].reshape(-1, n, n)
+        return _second(self)([slots, constants, on_rows, on_curve])[0].reshape(-1, self.n_slots, self.n_slots)
 
 
 @lru_cache(maxsize=64)
-def _second(made: Block) -> ca.Function:
+def _second(made: Block) -> Mapped:
     """The mapped function behind `Block.bend`."""
     slots, constants, rows, curve = made.expressions
     on_rows, on_curve = ca.SX.sym("on_rows", made.n_rows), ca.SX.sym("on_curve", curve.numel())
     weighted = ca.dot(on_rows, rows) + ca.dot(on_curve, curve)
     second, _ = ca.hessian(weighted, slots)
-    return ca.Function(f"{made.kind}_second", [slots, constants, on_rows, on_curve], [ca.densify(second)]).map(CHUNK)
-
-
-def _mapped(function: ca.Function, arguments: list[Array], sizes: list[int]) -> list[Array]:
-    """A function mapped over CHUNK instances, called for any number of them: arguments (B, size) in, results
-    (B padded, size) out."""
-    count = arguments[0].shape[0]
-    padded = -(-count // CHUNK) * CHUNK
-    given = []
-    for source in arguments:
-        target = np.empty((padded, source.shape[1]))
-        target[:count] = source
-        target[count:] = source[-1] if count else 0.0
-        given.append(target)
-    out = [np.empty((padded, size)) for size in sizes]
-    buffer, call = function.buffer()
-    for first in range(0, padded, CHUNK):
-        for i, source in enumerate(given):
-            if source.size:
-                buffer.set_arg(i, source[first : first + CHUNK].reshape(-1).data)
-        for i, target in enumerate(out):
-            if target.size:
-                buffer.set_res(i, target[first : first + CHUNK].reshape(-1).data)
-        call()
-    return out
+    function = ca.Function(f"{made.kind}_second", [slots, constants, on_rows, on_curve], [ca.densify(second)])
+    return Mapped(function, CHUNK)
 
 
 @dataclass(frozen=True)
@@ -313,8 +285,8 @@ def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
         rows.numel(),
         cells,
         order,
-        values.map(CHUNK),
-        derivatives.map(CHUNK),
+        Mapped(values, CHUNK),
+        Mapped(derivatives, CHUNK),
         (slots, s.constants, rows, curve),
         len(model.parameters) + len(model.states),
     )

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.mapped import Mapped
 from identify.model import INPUTS, SPEED, TIME, Model
 from identify.phases import stick as rest
 from identify.resting import swing
@@ -69,7 +70,7 @@ class Slips:
 
 
 @lru_cache(maxsize=16)
-def _functions(model: Model) -> dict[str, ca.Function]:
+def _functions(model: Model) -> dict[str, Mapped]:
     x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
     h = ca.SX.sym("h")
 
@@ -89,38 +90,18 @@ def _functions(model: Model) -> dict[str, ca.Function]:
     rested = model.rest(x, p, then, t)
     spare = model.grip(rested, p, then) - model.driving_force(rested, p, then)
     slope = ca.jacobian(spare, t)
-    return {
-        "step": ca.Function("lane_step", [x, p, u, h], [clamp(after), after, stages[0]]).map(CHUNK),
-        "spare": ca.Function("lane_spare", [x, p, u, t], [spare, slope, rested]).map(CHUNK),
-        "force": ca.Function("lane_force", [x, p, u], [model.load_cell(x, p, u)]).map(CHUNK),
-        "at_force": ca.Function("lane_at_force", [t, p, u], [model.at_force(t, p, u)]).map(CHUNK),
-    }
-
-
-def _call(function: ca.Function, arguments: list[Array], sizes: list[int]) -> list[Array]:
-    """A mapped function over any number of lanes; arguments (n, size_i), results (n, size_j)."""
-    n = arguments[0].shape[0]
-    padded = -(-n // CHUNK) * CHUNK
-    given = []
-    for a in arguments:
-        full = np.empty((padded, a.shape[1] if a.ndim > 1 else 1))
-        full[:n] = a.reshape(n, -1)
-        full[n:] = full[n - 1]
-        given.append(full)
-    out = [np.empty((padded, size)) for size in sizes]
-    buffer, call = function.buffer()
-    for first in range(0, padded, CHUNK):
-        for i, a in enumerate(given):
-            buffer.set_arg(i, a[first : first + CHUNK].reshape(-1).data)
-        for i, o in enumerate(out):
-            buffer.set_res(i, o[first : first + CHUNK].reshape(-1).data)
-        call()
-    return [o[:n] for o in out]
+    made = (
+        ca.Function("lane_step", [x, p, u, h], [clamp(after), after, stages[0]]),
+        ca.Function("lane_spare", [x, p, u, t], [spare, slope, rested]),
+        ca.Function("lane_force", [x, p, u], [model.load_cell(x, p, u)]),
+        ca.Function("lane_at_force", [t, p, u], [model.at_force(t, p, u)]),
+    )
+    return {f.name().removeprefix("lane_"): Mapped(f, CHUNK) for f in made}
 
 
 def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
     """What the load cell sees [N], shape (n,); x (n, n_x), p (n, n_p), u (n, 4)."""
-    return _call(_functions(model)["force"], [x, p, u], [1])[0][:, 0]
+    return _functions(model)["force"]([x, p, u])[0][:, 0]
 
 
 def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
@@ -136,11 +117,11 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
         stick time (n,) [s] (0 where the lane is moved at once, NaN where nothing ever moves it), state at
         the onset (n, n_x).
     """
-    functions, n_x = _functions(model), len(model.states)
+    functions = _functions(model)
     k = p[:, model.parameter_names.index("stiffness")]
     x = x.copy()
     x[:, SPEED] = 0.0
-    saturated = _call(functions["spare"], [x, p, u, np.full(x.shape[0], 1e12)], [1, 1, n_x])[0][:, 0]
+    saturated = functions["spare"]([x, p, u, np.full(x.shape[0], 1e12)])[0][:, 0]
     with np.errstate(all="ignore"):
         t = (saturated + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact saturated for ever
         t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
@@ -153,14 +134,14 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
             ]
             return np.array([r.duration for r in rests]), np.stack([r.x[-1] for r in rests])
         for _ in range(NEWTON_STEPS):
-            spare, slope, _state = _call(functions["spare"], [x, p, u, t], [1, 1, n_x])
+            spare, slope, _state = functions["spare"]([x, p, u, t])
             move = -spare[:, 0] / slope[:, 0]
             t_new = np.maximum(np.where(np.isfinite(move), t + move, t), 0.0)
             done = np.all(np.abs(t_new - t) <= 1e-12 * np.maximum(t, 1e-9))
             t = t_new
             if done:
                 break
-    state = _call(functions["spare"], [x, p, u, t], [1, 1, n_x])[2]
+    state = functions["spare"]([x, p, u, t])[2]
     return t, state
 
 
@@ -181,9 +162,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     current, last_rate, u = x.copy(), np.zeros((n, n_x)), u.copy()
     pending: list[tuple[int, Indices, Array, Array, Bools]] = []
     for s in range(int(LONGEST * per_half_period)):
-        after, free, rate = _call(
-            functions["step"], [current[active], p[active], u[active], h[active]], [n_x, n_x, n_x]
-        )
+        after, free, rate = functions["step"]([current[active], p[active], u[active], h[active]])
         finite = np.all(np.isfinite(after), axis=1)
         last_rate[active] = np.where(finite[:, None], rate, 0.0)
         rates.append(last_rate.copy())
@@ -237,4 +216,4 @@ def _first_root(y: Array, slope: Array, bend: Array) -> Array:
 
 def at_force(model: Model, force: Array, p: Array, u: Array) -> Array:
     """States (n, n_x) in which resting lanes settle at these load cell forces (n,) [N]."""
-    return _call(_functions(model)["at_force"], [force, p, u], [len(model.states)])[0]
+    return _functions(model)["at_force"]([force, p, u])[0]

@@ -121,6 +121,7 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal) -> Fit:
     from identify.cli.progress import Progress
     from identify.cli.summary import say_files, say_fit
     from identify.identification import fit
+    from identify.mapped import keep
     from identify.report import write_report
 
     with Progress(terminal.notes) as progress:
@@ -128,6 +129,7 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal) -> Fit:
         with result_folder(out) as folder:
             progress("writing the report")
             write_report(outcome, folder)
+    keep()  # the next fit of this kind finds its functions compiled
     say_fit(outcome, terminal)
     say_files(out, terminal)
     return outcome

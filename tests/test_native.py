@@ -1,0 +1,116 @@
+"""Machine code: the same numbers as the virtual machine, found again, and never needed."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from identify import mapped, native
+from identify.blocks import block
+from identify.effects import MAIN
+from identify.mapped import Mapped
+from identify.model import assemble
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("STICKSLIP_COMPILE", "1")
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path / "cache"))
+    for known in (native.compiler, native.folder, native._translator):
+        known.cache_clear()
+    if native.compiler() is None:
+        pytest.skip("no C compiler here")
+    yield tmp_path / "cache"
+    native.wait()
+    for known in (native.compiler, native.folder, native._translator):
+        known.cache_clear()
+
+
+def function(factor: float = 2.0) -> ca.Function:
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    return ca.Function("sample", [x, y], [factor * x * ca.exp(y), ca.sin(y) / x[0]])
+
+
+LANES = [np.linspace(0.1, 2.0, 10).reshape(5, 2), np.linspace(-1.0, 1.0, 5)]
+
+
+def made(f: ca.Function) -> None:
+    identity = native.key(f)
+    assert identity is not None
+    native.start([(f, identity)])
+    native.wait()
+
+
+def test_any_number_of_lanes_gives_what_the_formula_says():
+    (x, y), run = LANES, Mapped(function(), 4)
+    scaled, ratio = run([x, y])
+    np.testing.assert_allclose(scaled, 2 * x * np.exp(y)[:, None], rtol=1e-15)
+    np.testing.assert_allclose(ratio[:, 0], np.sin(y) / x[:, 0], rtol=1e-15)
+    assert not run.native
+
+
+def test_machine_code_is_found_by_the_next_who_asks_and_gives_the_same_numbers(cache):
+    plain = Mapped(function(), 4)
+    before = plain(LANES)
+    made(function())
+    again = Mapped(function(), 4)
+    after = again(LANES)
+    assert again.native and not plain.native
+    for a, b in zip(before, after, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-14)
+    assert not list(cache.glob("*.lock")) and not list(cache.glob("build-*"))
+
+
+def test_another_function_is_not_mistaken_for_it(cache):
+    made(function())
+    other = Mapped(function(3.0), 4)
+    np.testing.assert_allclose(other(LANES)[0], 3 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
+    assert not other.native
+
+
+@pytest.mark.parametrize("kind", ["stick_reaged", "slip", "saturated"])
+def test_shooting_blocks_agree_to_ten_digits(cache, kind):
+    made_block = block(assemble(MAIN), kind, 2)
+    slots, constants, _, _ = made_block.expressions
+    random = np.random.default_rng(3)
+    given = [0.1 + 0.1 * random.random((7, slots.numel())), 0.5 + random.random((7, constants.numel()))]
+    f = made_block.derivatives._function
+    before = Mapped(f, 4)(given)
+    made(f)
+    compiled = Mapped(f, 4)
+    after = compiled(given)
+    assert compiled.native
+    for a, b in zip(before, after, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10 * np.max(np.abs(a)))
+
+
+def test_what_costs_much_is_compiled_while_it_runs(cache, monkeypatch):
+    monkeypatch.setattr(mapped, "WORTH", 0.0)
+    monkeypatch.setattr(mapped, "RETRY", 0.0)
+    run = Mapped(function(5.0), 4)
+    run(LANES)
+    run(LANES)
+    native.wait()
+    run(LANES)
+    assert run.native
+
+
+def test_a_damaged_library_is_as_good_as_none(cache):
+    made(function())
+    (library,) = cache.glob("*.so")
+    library.write_bytes(b"no library")
+    run = Mapped(function(), 4)
+    np.testing.assert_allclose(run(LANES)[0], 2 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
+    assert not run.native and not library.exists()
+
+
+def test_a_folder_that_others_can_write_to_is_not_trusted(cache):
+    native.folder()
+    cache.chmod(0o777)
+    native.folder.cache_clear()
+    assert native.folder() is None and native.key(function()) is None
+
+
+def test_nothing_is_compiled_where_it_is_switched_off(cache, monkeypatch):
+    monkeypatch.setenv("STICKSLIP_COMPILE", "0")
+    native.compiler.cache_clear()
+    assert native.key(function()) is None
