@@ -19,6 +19,10 @@ Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 RHYTHMS = ("excitation", "breathing", "pulse", "tremor")
 SHORTEST = 1e-200  # [s]: less time than that does no work
+PER_DECADE, SHORT = (
+    5,
+    1e-2,
+)  # panels of a rest per decade of time; the first one, of the relaxation of the series element
 MOST_PANELS = 20_000  # of one rest; beyond, the balance is not asked for
 
 
@@ -48,6 +52,11 @@ class Rig:
     skin: tuple[float, float] | None
     waves: tuple[tuple[float, float, float], ...]
     drift: float
+
+    @property
+    def relaxation(self) -> float:
+        """Time in which the series element relaxes at rest [s]; infinite without one."""
+        return np.inf if self.skin is None else (self.c + self.skin[1]) / (self.k + self.skin[0])
 
     @staticmethod
     def of(p: Mapping[str, float]) -> Rig:
@@ -81,9 +90,11 @@ def _panels(phase: Phase, rig: Rig) -> Array:
     even = int(np.ceil(phase.duration * fastest)) + 1
     if even > MOST_PANELS:
         return np.empty(0)
-    return np.unique(
-        np.concatenate([np.linspace(0.0, phase.duration, even + 1), np.geomspace(1e-12, 1.0, 61) * phase.duration])
-    )
+    # The series element relaxes at the start of a rest, however long the rest: the first panel is short against that.
+    first = min(1e-12 * phase.duration, SHORT * rig.relaxation)
+    decades = int(np.ceil(np.log10(phase.duration / first)))
+    graded = np.geomspace(first, phase.duration, PER_DECADE * decades + 1)
+    return np.unique(np.concatenate([np.linspace(0.0, phase.duration, even + 1), graded]))
 
 
 def balance(motion: Trajectory, p: Mapping[str, float]) -> Balance | None:

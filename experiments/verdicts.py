@@ -20,8 +20,8 @@ from experiments.energy import balance
 from identify.drive import Drive, NormalForce
 from identify.effects import MAIN
 from identify.errors import SceneError, SimulationError
+from identify.machine import Machine
 from identify.methods import STIFF
-from identify.phases import Machine
 from identify.plan import plan
 from identify.scales import scales
 from identify.simulate import phases

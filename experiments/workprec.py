@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from identify.drive import Drive, NormalForce
 from identify.errors import SimulationError
+from identify.machine import Machine
 from identify.methods import Method
 from identify.model import Model, assemble
-from identify.phases import Machine, Phase
+from identify.phases import Phase
 from identify.plan import only
 from identify.scales import scales
 from identify.simulate import phases, run

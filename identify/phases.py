@@ -15,31 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from identify import resting
-from identify.bursts import MODES, SHORTEST, Stop
+from identify.bursts import MODES, Stop
 from identify.errors import SimulationError
+from identify.machine import Machine
 from identify.methods import Method
 from identify.model import ELONGATION, SPEED, Model
-from identify.modes import GUARDS, GuardName, ModeName, sliding_modes
-from identify.plan import Plan, growth
+from identify.modes import GUARDS, GuardName, ModeName
 from identify.resting import Resting
-from identify.scales import Scales
 from identify.situated import Situated
-from identify.stepper import Stepper, borrowed, give_back
+from identify.stepper import Stepper
 from identify.stepping import N_GUARDS
 
 Array = NDArray[np.float64]
 
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
-PATIENCE = 3000  # trials of one slide after which the next method takes over, where there is one
-CRAWLING = 300, 1e-3  # trials after which it does so if their mean length is less than that, in natural times
 RUNAWAY = 1e9  # times the speed at which one normal force stops the mass: no bounded friction gets there
 FREEING = 8  # doublings of the last digit of the elongation that set a mass free which only rounding holds
+CREPT = 3  # nodes in a row that are that slow: a mass that is braked to rest passes within one step
 LEAST = 1e-9  # friction coefficients within this of zero are rounding
-FIRST = 1e-3  # of the natural time: the very first step
-BEGINNING = 0.1  # of the time in which a slip that has just begun grows e-fold: no first step is longer
-FLOOR = 1e-6  # absolute over relative tolerance, of typical states
-ROUNDING = 1e-12  # what the rounding of the forces makes of the speed within a thousandth of the natural time
 
 
 @dataclass(frozen=True)
@@ -92,72 +85,6 @@ class Slide(Phase):
     tolerances: Array
 
 
-class Machine:
-    """All that moves one scene: its rests and, per sliding mode, steppers in the order in which they take over.
-
-    Holds buffers, so one per thread. It remembers between phases which method is at work and how long a first step
-    may be: one slip is like the next.
-
-    Args:
-        p: parameters (n_p,).
-        locate: False takes the step at whose end a guard is negative as it is (a control for tests: accuracy is lost).
-    """
-
-    def __init__(self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True) -> None:
-        self.model, self.locate, self.scale, self.p = model, locate, scale, p
-        floor = FLOOR * self.scale.state
-        # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
-        floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
-        self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
-        self._left = {mode: list(methods) for mode, methods in plan.methods.items()}
-        self._at_work: dict[Method, Stepper] = {}
-        self.rests = resting.borrowed(model)
-        self.through = self._one_method()
-        fastest = growth(model, p, scale)
-        self.longest_first = BEGINNING / fastest if fastest > 0.0 else np.inf
-        self.first = dict.fromkeys(self._left, min(FIRST * self.scale.time, self.longest_first))
-        self.modes = sliding_modes(model.clamped is not None)
-        self.following = {name: dict(mode.exits) for name, mode in self.modes.items()}
-        self.exits = {name: tuple(GUARDS.index(guard) for guard, _ in mode.exits) for name, mode in self.modes.items()}
-
-    def stepper(self, mode: ModeName) -> Stepper:
-        """The one that is at work."""
-        method = self._left[mode][0]
-        if method not in self._at_work:
-            self._at_work[method] = stepper = borrowed(self.model, method)
-            scale = self.scale
-            longest = min(method.reach * scale.time, scale.longest)
-            bounds = (longest, SHORTEST * scale.time, scale.farthest, self.locate)
-            stepper.tune(self.p, self.tolerances, bounds)
-        return self._at_work[method]
-
-    def close(self) -> None:
-        """Give back what others can use: the run is over."""
-        resting.give_back(self.rests)
-        while self._at_work:
-            give_back(self._at_work.popitem()[1])
-
-    def held_back(self, mode: ModeName, tried: int, reached: float) -> bool:
-        """Whether so many trials that have reached so far [s] are too many, and there is a method to take over."""
-        crawls = tried > CRAWLING[0] and reached < tried * CRAWLING[1] * self.scale.time
-        return len(self._left[mode]) > 1 and (crawls or tried > PATIENCE)
-
-    def give_over(self, mode: ModeName) -> bool:
-        """Let the next method take over for good, wherever this one is at work; False where there is none."""
-        if len(self._left[mode]) == 1:
-            return False
-        held_back = self._left[mode][0]
-        for methods in self._left.values():
-            if methods[0] is held_back and len(methods) > 1:
-                del methods[0]
-        self.through = self._one_method()
-        return True
-
-    def _one_method(self) -> bool:
-        """Whether one method does all sliding, so that it can go on through the switches between its modes."""
-        return len({methods[0] for methods in self._left.values()}) == 1
-
-
 def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> Stick:
     """Rest from state x until the grip is overcome, or for `limit` [s]."""
     return rest(Resting(model), x, situated, start, limit)
@@ -193,11 +120,13 @@ def slide(
     if x[SPEED] == 0.0 and stepper.speeding < 0.0:
         x = _freed(machine, stepper, mode, x, situated, limit)
     track = _Track(machine, stepper, mode, start, situated, x.tolist())
-    tried = 0
+    tried, creeps = 0, machine.creeps(situated, x)
     while tried < most:
         rows = stepper.go_on()
         tried += len(rows)
         track.add(rows)
+        if creeps and track.crept():
+            return track.finish("speed")
         stop = rows[-1][stepper.places.stop]
         if stop == Stop.NOT_YET and not machine.held_back(mode, tried, rows[-1][stepper.places.t]):
             continue
@@ -238,6 +167,32 @@ class _Track:
                 self._close("clearance" if self.mode == "slip" else "release")
                 self._begin_other()
                 number, times, states = 1 - number, self.times, self.states
+
+    def crept(self) -> bool:
+        """Whether the mass has crept to where its speed has no digits left; then the nodes end where it fell so low.
+
+        Under a drive at rest a damped mass only nears its rest, faster than any power of time, and rounding would
+        decide whether and when it is at rest.
+        """
+        limit, last = self.machine.creep, len(self.states) - 1
+        if abs(self.states[-1][SPEED]) >= limit:
+            return False
+        fast = next((i for i in range(last, -1, -1) if abs(self.states[i][SPEED]) >= limit), last)
+        if last - fast < CREPT:
+            return False
+        x, t, direction = self.states[fast], self.times[fast], self.situated.direction
+
+        def above(length: float) -> float:
+            return direction * self.stepper.trial(self.mode, x, t, length)[SPEED] - limit
+
+        whole = self.times[fast + 1] - t
+        length = low = 1e-12 * whole
+        if above(low) > 0.0:
+            length = brentq(above, low, whole, xtol=1e-15 * whole, rtol=1e-14)
+        after = self.stepper.trial(self.mode, x, t, length)[: len(x)]
+        after[SPEED] = 0.0
+        self.times[fast + 1 :], self.states[fast + 1 :] = [t + length], [after]
+        return True
 
     def finish(self, ended_by: GuardName | None) -> list[Slide]:
         """All phases, the last one ended so.

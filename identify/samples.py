@@ -1,4 +1,4 @@
-"""The motion at any times: rests in closed form, slips by a shorter step from the node before, many in one call."""
+"""The motion at any times: rests in closed form, slips inside the steps they were taken by, many in one call."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from identify.methods.interface import Expression
 from identify.model import SPEED, Model
 from identify.modes import ModeName
 from identify.phases import Phase, Slide
-from identify.stepping import trial
+from identify.stepping import within
 
 Array = NDArray[np.float64]
 
 LANES = 64  # times of one call
 FEW = 8  # the same, for the last ones
-SHOWN = 3  # what follows the states in a row: force of the load cell [N], friction over normal force, error norm
+SHOWN = 2  # what follows the states in a row: force of the load cell [N], friction over normal force
 
 
 def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]:
@@ -31,7 +31,7 @@ def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]
     local = np.clip(t - starts[which], 0.0, np.array([phase.duration for phase in phases])[which])
     numbers = np.array([phase.situated.numbers for phase in phases])[which]
     n = len(model.states)
-    xth, ends = np.zeros((t.size, n + 2)), np.zeros((t.size, n + 1))
+    xth = np.zeros((t.size, n + 3))
     kinds: dict[tuple[Method | None, ModeName], list[Array]] = {}
     edges = np.searchsorted(which, np.arange(len(phases) + 1))
     for i in np.unique(which).tolist():
@@ -40,23 +40,18 @@ def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]
         method = phase.method if isinstance(phase, Slide) else None
         kinds.setdefault((method, phase.mode), []).append(rows)
         if method is None:
-            xth[rows, :n], xth[rows, n + 1] = phase.x[0], at
+            xth[rows, :n], xth[rows, n + 2] = phase.x[0], at
             continue
         node = np.clip(np.searchsorted(phase.t, at, side="right") - 1, 0, max(phase.t.size - 2, 0))
-        xth[rows, :n], xth[rows, n], xth[rows, n + 1] = phase.x[node], phase.t[node], at - phase.t[node]
         beyond = np.minimum(node + 1, phase.t.size - 1)
-        ends[rows, :n], ends[rows, n] = phase.x[beyond], phase.t[beyond] - phase.t[node]
+        xth[rows, :n], xth[rows, n] = phase.x[node], phase.t[node]
+        xth[rows, n + 1], xth[rows, n + 2] = phase.t[beyond] - phase.t[node], at - phase.t[node]
     shown = np.empty((t.size, n + SHOWN))
     p = phases[0].situated.p
     tolerances = next((phase.tolerances for phase in phases if isinstance(phase, Slide)), np.ones(n + 1))
     for (method, mode), parts in kinds.items():
         rows = np.concatenate(parts)
         shown[rows] = _evaluated(model, method, mode, xth[rows], numbers[rows], p, tolerances)
-        if method is not None and not method.divisible:
-            bad = rows[~(shown[rows, n + 2] <= 1.0)]
-            if bad.size:
-                given = np.hstack([xth[bad], ends[bad], numbers[bad]])
-                shown[bad, : n + 2] = np.array(_between(model, mode)(given.T, p)).T
     out = {state.name: shown[:, i].copy() for i, state in enumerate(model.states)}
     out["force"], out["coefficient"] = shown[:, n].copy(), shown[:, n + 1].copy()
     out["normal_force"] = numbers[:, 2] + numbers[:, 3] * local
@@ -67,7 +62,7 @@ def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]
 def _evaluated(
     model: Model, method: Method | None, mode: ModeName, xth: Array, numbers: Array, p: Array, tolerances: Array
 ) -> Array:
-    """Rows (m, n_x + SHOWN) of m times: xth (m, n_x + 2) state, time and length as in `trial`, numbers (m, 5)."""
+    """Rows (m, n_x + SHOWN) of m times: xth (m, n_x + 3) as in `within`, numbers (m, 5)."""
     out = np.empty((xth.shape[0], len(model.states) + SHOWN))
     first = 0
     for lanes in (LANES, FEW):
@@ -85,21 +80,20 @@ def _evaluated(
 
 @lru_cache(maxsize=64)
 def _row(model: Model, method: Method | None, mode: ModeName, lanes: int) -> ca.Function:
-    """(state, time in phase and length, inputs (5,), p, tolerances) -> state, force, coefficient; of so many lanes."""
+    """(as in `within`, inputs (5,), p, tolerances) -> state, force, coefficient; of so many lanes."""
     kind, n = ca.SX if method is None else method.kind, len(model.states)
-    xth, drive = kind.sym("xth", n + 2), kind.sym("drive", 5)
+    xth, drive = kind.sym("xth", n + 3), kind.sym("drive", 5)
     p, tolerances = kind.sym("p", len(model.parameters)), kind.sym("tolerances", n + 1)
-    t = xth[n] + xth[n + 1]
+    t = xth[n] + xth[n + 2]
     force = drive[2] + drive[3] * t
     u = ca.vertcat(drive[0], force, drive[1], drive[4] + t)
     if method is None:
-        x, norm = model.rest(xth[:n], p, u, t), 0.0
+        x = model.rest(xth[:n], p, u, t)
         friction = model.driving_force(x, p, u)
     else:
-        both = trial(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
-        x, norm = both[:n], both[n]
+        x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
         friction = _friction(model, mode, x, p, u)
-    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / force, norm))
+    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / force))
     one = ca.Function("row", [xth, drive, p, tolerances], [ca.cse(row)])
     return one.map(lanes, [False, False, True, True], [False])
 
@@ -108,26 +102,3 @@ def _friction(model: Model, mode: ModeName, x: Expression, p: Expression, u: Exp
     """Friction force while sliding [N]: what the load leaves of the inertia."""
     field = model.saturated if mode == "saturated" else model.slip
     return model.load(x, p, u) - p[model.parameter_names.index("mass")] * field(x, p, u)[SPEED]
-
-
-@lru_cache(maxsize=32)
-def _between(model: Model, mode: ModeName) -> ca.Function:
-    """State, force and coefficient by Hermite's cubic through the nodes around a time: (given, p).
-
-    given: state, time in phase, length to the time, state after the whole step, its length, inputs (5,). A part of an
-    implicit step that is good as a whole need not be good.
-    """
-    n = len(model.states)
-    given, p = ca.SX.sym("given", 2 * n + 8), ca.SX.sym("p", len(model.parameters))
-    x0, t, part, x1, whole, drive = ca.vertsplit(given, [0, n, n + 1, n + 2, 2 * n + 2, 2 * n + 3, 2 * n + 8])
-    field = model.saturated if mode == "saturated" else model.slip
-
-    def u(at: ca.SX) -> ca.SX:
-        return ca.vertcat(drive[0], drive[2] + drive[3] * at, drive[1], drive[4] + at)
-
-    share = part / whole
-    bends = [whole * field(x, p, u(at)) - (x1 - x0) for x, at in ((x0, t), (x1, t + whole))]
-    x = x0 + share * (x1 - x0) + share * (1 - share) * ((1 - share) * bends[0] - share * bends[1])
-    here = u(t + part)
-    row = ca.vertcat(x, model.load_cell(x, p, here), _friction(model, mode, x, p, here) / here[1])
-    return ca.Function("between", [given, p], [ca.densify(row)])

@@ -17,10 +17,11 @@ from identify.admission import admit
 from identify.drive import Drive, NormalForce, breaks
 from identify.errors import SimulationError
 from identify.initial import initial_states
+from identify.machine import Machine
 from identify.methods import Method
 from identify.model import SPEED, Model
 from identify.modes import ModeName
-from identify.phases import MAX_STEPS, Machine, Phase, rest, slide
+from identify.phases import MAX_STEPS, Phase, rest, slide
 from identify.plan import ACCURACY, SAFETY, Plan, accuracy_for, only, plan
 from identify.quasistatic import balanced
 from identify.scales import scales
@@ -45,11 +46,12 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
     """
     model, p = machine.model, machine.p
     ends = breaks(drive, normal_force, duration)
-    t, segment, steps, marked = 0.0, 0, MAX_STEPS, -np.inf
+    t, segment, steps, marked, longest = 0.0, 0, MAX_STEPS, -np.inf, 0.0
     mode: ModeName = "stick"
     direction = float(np.sign(x[SPEED])) or 1.0
     if x[SPEED] != 0.0:
-        mode = "slip"
+        force, slope = normal_force.line(0.0)
+        mode = machine.begins(Situated(p, drive.at(0.0), direction, force, slope), x)
     made: Sequence[Phase]
     for number in range(MAX_PHASES):
         force, slope = normal_force.line(t)
@@ -62,14 +64,11 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             made = slide(machine, mode, x, situated, t, limit, most=steps)
             steps = min(MAX_STEPS, steps - sum(len(phase.times) for phase in made) + STEPS_PER_PHASE)
         phase = made[-1]
-        end = phase.start + phase.duration
+        end, longest = phase.start + phase.duration, max(longest, phase.duration)
         if number % STALLED == STALLED - 1:
             if t - marked < machine.scale.time:
-                raise SimulationError(
-                    f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
-                    "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
-                )
-            marked = t
+                raise SimulationError(_chatter(t, longest))
+            marked, longest = t, 0.0
         yield from (phase for phase in made if phase.duration > 0.0)
         t, x, mode = end, phase.end, phase.mode
         if phase.ended_by is None:
@@ -83,6 +82,19 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             if mode == "stick" and model.jumps:
                 x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
     raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+
+
+def _chatter(t: float, longest: float) -> str:
+    """Why time does not pass at t [s], where no phase is longer than that [s], and what to do."""
+    if longest > 0.0 and t + longest == t:
+        return (
+            f"at {t:.6g} s slips of {longest:.3g} s are less than the last digit of the time: the rest before them is "
+            "too long for their forces to be told; start shortly before the onset, with the elongation it has there"
+        )
+    return (
+        f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
+        "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
+    )
 
 
 def run(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.methods import Method
-from identify.methods.interface import Expression
+from identify.methods.interface import Expression, Scale
 from identify.model import SPEED, Model
 from identify.modes import GUARDS, ModeName, sliding_modes
 
@@ -71,23 +71,37 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     z = kind.sym("z", n + 2)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
     x, t, h = z[:n], z[n], z[n + 1]
-
-    rate = _rate(model, mode, steady=False)
-    # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
-    size = ca.fabs(x) + h * ca.fabs(rate(x, c, t))
-
-    # Forces have so many digits: what their rounding makes of the speed is no error of the step.
-    blur = kind.zeros(n)
-    blur[SPEED] = h * ROUNDING * _pull(model)(x, c, t)
-
-    def scale(after: Expression) -> Expression:
-        return tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after))
-
-    after, norm = method.step(rate, x, c, t, h, scale)
+    after, norm = method.step(_rate(model, mode, steady=False), x, c, t, h, _scale(model, mode, x, c, t, h, tolerances))
     # A largest value hides what is not a number: such a step is refused.
     norm = ca.if_else(ca.sum1(ca.fabs(after)) < LARGEST, norm, ca.inf)
     row = ca.vertcat(after, norm, ends(model, mode)(after, c, t + h))
     return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
+
+
+@lru_cache(maxsize=64)
+def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
+    """(x and t and h and part, constants, tolerances) -> x at t + part [s], inside a step of length h [s] from t."""
+    kind, n = method.kind, len(model.states)
+    z = kind.sym("z", n + 3)
+    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
+    x, t, h, part = z[:n], z[n], z[n + 1], z[n + 2]
+    scale = _scale(model, mode, x, c, t, h, tolerances)
+    inside = method.within(_rate(model, mode, steady=False), x, c, t, h, part, scale)
+    return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
+
+
+def _scale(
+    model: Model, mode: ModeName, x: Expression, c: Expression, t: Expression, h: Expression, tolerances: Expression
+) -> Scale:
+    """What a step of length h from x at time t is tolerated to be wrong by."""
+    # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
+    size = ca.fabs(x) + h * ca.fabs(_rate(model, mode, steady=False)(x, c, t))
+
+    # Forces have so many digits: what their rounding makes of the speed is no error of the step.
+    blur = type(x).zeros(len(model.states))
+    blur[SPEED] = h * ROUNDING * _pull(model)(x, c, t)
+
+    return lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after))
 
 
 @lru_cache(maxsize=64)

@@ -168,8 +168,12 @@ def _slip(
     def switch(t: float, y: Array) -> float:
         return gamma0 + float(y[2]) if free else s * (v0 + float(y[1])) - law.D / law.t_cr
 
+    def turn(t: float, y: Array) -> float:
+        return s * rates(t, y)[1]
+
     for event in (arrest, switch):
         event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
+    turn.direction = 1.0  # type: ignore[attr-defined]
     run = solve_ivp(
         rates,
         (0.0, room),
@@ -179,10 +183,16 @@ def _slip(
         atol=np.array(ATOL[: 3 if free else 2]),
         first_step=min(room, 1e-3 * math.sqrt(m / k)),
         dense_output=True,
-        events=(arrest, switch),
+        events=(arrest, switch, turn),
     )
     if not run.success:
         raise RuntimeError(run.message)
+    for lowest in run.t_events[2]:
+        # An event is a change of sign from step to step: a touch of rest within one step is none, but a lowest speed.
+        if arrest(lowest, run.sol(lowest)) < 0.0:
+            before = max(t for t in (*run.t, *run.t_events[2]) if t < lowest and arrest(t, run.sol(t)) > 0.0)
+            at = float(brentq(lambda t: arrest(t, run.sol(t)), before, lowest, xtol=1e-16))
+            return at, run.sol(at), run.sol, "arrest"
     ended = "arrest" if run.t_events[0].size else "switch" if run.t_events[1].size else "room"
     return float(run.t[-1]), run.y[:, -1], run.sol, ended
 

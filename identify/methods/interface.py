@@ -18,7 +18,7 @@ class Method(ABC):
     name, says, source: for tables. order: of the error that is left at a fixed time. measured: the power of the step
     length with which the error measure falls, for the step control. kind: CasADi type it is written in. reach:
     longest step in natural times sqrt(m/k), where no error estimate would ask for a shorter one. trials: steps tried
-    in one call. divisible: whether a part of a good step is good.
+    in one call.
     """
 
     name: str
@@ -29,7 +29,6 @@ class Method(ABC):
     kind: ClassVar[Any] = ca.SX
     reach: float = float("inf")
     trials: int = 30
-    divisible: ClassVar[bool] = True
 
     def takes(self, rate: ca.Function) -> bool:
         """Whether it can integrate this motion, (x, constants, t) -> dx/dt."""
@@ -44,6 +43,19 @@ class Method(ABC):
         Returns:
             the state after it (n_x,), and the size of its local error: at most 1 is acceptable.
         """
+
+    def within(
+        self,
+        rate: ca.Function,
+        x: Expression,
+        constants: Expression,
+        t: Expression,
+        h: Expression,
+        part: Expression,
+        scale: Scale,
+    ) -> Expression:
+        """The state (n_x,) at time t + part [s] inside a step of length h [s] that was good: a step of that length."""
+        return self.step(rate, x, constants, t, part, scale)[0]
 
 
 def largest(error: Expression, tolerated: Expression) -> Expression:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -30,6 +29,9 @@ BACK = np.array(
     ]
 )
 ERROR = np.array([-13 - 7 * S6, -13 + 7 * S6, -1.0]) / 3
+# Row i: coefficients of share, share^2, share^3 of the polynomial that is one at node i, zero at 0 and the others.
+LAGRANGE = np.linalg.inv(NODES[:, None] ** np.arange(1, 4)).T
+INSIDE = 0.4  # of a step, between two nodes: where its polynomial is farthest from the motion, nearly
 NEWTON_STEPS = 8
 SOLVED = 0.1  # a stage may be wrong by that share of what the step may be
 
@@ -48,12 +50,47 @@ class Radau(Method):
     says: str = "implicit collocation, stiffly accurate"
     source: str = "Radau IIA, Hairer and Wanner II, IV.8"
     trials: int = 8
-    divisible: ClassVar[bool] = False
 
     def step(
         self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
     ) -> tuple[Expression, Expression]:
-        """One step; the error is filtered through the real factor, so that fast decays do not inflate it."""
+        """One step; the error is filtered through the real factor, so that fast decays do not inflate it.
+
+        What follows the drive at once has no such error at the end of a step, but inside it: there the polynomial is
+        held against the motion, so that samples are as good as nodes.
+        """
+        z, move, real_inverse = self._stages(rate, x, constants, t, h)
+        after = x + z[:, 2]
+        tolerated = scale(after)
+        error = real_inverse @ (rate(x, constants, t) + z @ (ERROR / h))
+        inside = x + z @ (LAGRANGE @ INSIDE ** np.arange(1, 4))
+        defect = real_inverse @ (
+            rate(inside, constants, t + INSIDE * h) - z @ (LAGRANGE @ (np.arange(1, 4) * INSIDE ** np.arange(3)) / h)
+        )
+        norm = ca.fmax(largest(error, tolerated), largest(defect, tolerated))
+        return after, ca.fmax(norm, largest(move[:, 2], SOLVED * tolerated))
+
+    def within(
+        self,
+        rate: ca.Function,
+        x: Expression,
+        constants: Expression,
+        t: Expression,
+        h: Expression,
+        part: Expression,
+        scale: Scale,
+    ) -> Expression:
+        """The collocation polynomial of the whole step: a part of an implicit step need not be good, for it may
+        show what the whole one has damped away."""
+        z, share = self._stages(rate, x, constants, t, h)[0], part / h
+        return x + z @ ca.vertcat(*(share * (a + share * (b + share * c)) for a, b, c in LAGRANGE.tolist()))
+
+    @staticmethod
+    def _stages(
+        rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression
+    ) -> tuple[Expression, Expression, Expression]:
+        """Moves from x to the three stages (n_x, 3), what the last Newton step moved them by, and the inverse of the
+        real factor."""
         n, slope = x.numel(), _slope(rate)(x, constants, t)
         one = ca.SX.eye(n)
         real = REAL / h * one - slope
@@ -73,10 +110,7 @@ class Radau(Method):
             pair = mixed_inverse @ ca.vertcat(second, third)
             move = ca.horzcat(real_inverse @ first, pair[:n], pair[n:]) @ FORWARD.T
             z = z + move
-        after = x + z[:, 2]
-        tolerated = scale(after)
-        error = real_inverse @ (rate(x, constants, t) + z @ (ERROR / h))
-        return after, ca.fmax(largest(error, tolerated), largest(move[:, 2], SOLVED * tolerated))
+        return z, move, real_inverse
 
 
 def _slope(rate: ca.Function) -> ca.Function:
