@@ -1,0 +1,51 @@
+"""The range of speed, load and stiffness in which a pair was tested: what lies outside is extrapolated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+SLACK = 1.1  # beyond the range by this factor still counts as inside
+QUANTITIES = ("drive_speed", "normal_force", "stiffness")
+
+
+@dataclass(frozen=True)
+class Tested:
+    """Lowest and highest value [SI] by name (QUANTITIES); a name that is absent was not tested at any known value."""
+
+    ranges: Mapping[str, tuple[float, float]]
+
+    @staticmethod
+    def of(points: Iterable[Mapping[str, float]]) -> Tested:
+        """The range of tests, each given by its values."""
+        given = list(points)
+        seen = {name: [abs(p[name]) for p in given if name in p] for name in QUANTITIES}
+        return Tested({name: (min(values), max(values)) for name, values in seen.items() if values})
+
+    @staticmethod
+    def of_result(document: Mapping[str, Any]) -> Tested:
+        """The range of the logs that took part in a finished fit (the document of result.json)."""
+        scene = document.get("provenance", {}).get("scene") or {}
+        entries, rig = scene.get("logs") or (), scene.get("rig") or {}
+        points = []
+        for number, log in enumerate(document.get("logs", ())):
+            if log.get("reason_left_out"):
+                continue
+            own = entries[number] if number < len(entries) else {}
+            said = {
+                "drive_speed": log.get("drive_speed_m_per_s"),
+                "normal_force": log.get("normal_force_N"),
+                "stiffness": own.get("stiffness", rig.get("stiffness")),
+            }
+            points.append({name: float(v) for name, v in said.items() if v})
+        return Tested.of(points)
+
+    def extrapolated(self, name: str, value: float) -> bool:
+        """Whether a value [SI] lies outside the tested range by more than a tenth; False for what is no such name."""
+        if name not in QUANTITIES:
+            return False
+        if name not in self.ranges:
+            return True
+        low, high = self.ranges[name]
+        return not low / SLACK <= abs(value) <= high * SLACK
