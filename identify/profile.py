@@ -1,24 +1,22 @@
 """Profile likelihood: how far a parameter can be moved while all others follow, before the data object.
 
-Run where the covariance finds a parameter weakly determined: there the log-likelihood is no parabola, and a
-small standard error from its curvature at one point can be false. Every point is solved again, warm from its
-neighbour; a failed point shortens the step and is never counted; a better optimum is handed back.
+There the log-likelihood need be no parabola, and a small standard error from its curvature at one point can be false.
+Every point is solved again, warm from its neighbour; a failed point shortens the step and is never counted; a better
+optimum is handed back. A bound that the scene gives ends an interval; a bound of the model leaves it open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from identify.guess import Guess
 from identify.passes import Solved
 from identify.prepare import Prepared
-from identify.shooting import transcribe
-from identify.solve import solve
+from identify.profile_line import ProfileLine, ProfilePoint
 from identify.uncertainty import LEVEL, WEAK
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
@@ -30,36 +28,38 @@ REACH = 1.15 * float(np.log(WEAK))  # of a logarithm: beyond a factor of three n
 REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients
 POINTS = 14  # of one side
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
-CLOSED = 1e-6  # largest row of a point that counts
 BEYOND = 1.15  # of a side: where others are asked whether they know a way on
 OTHERS = 2  # how many are asked
-PATIENCE = 40
-STEPS = 4  # RK4 steps per interval
+CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
+AIM = 1.03  # of a standard interval: where the first step goes
+ALIKE = 0.02  # of a standard interval: a side that has this length by its curvature needs no second opinion
 
 
 @dataclass(frozen=True)
 class Side:
-    """One end of a profile interval in theta; None: open (the data never object, or `failed` points)."""
+    """One end of a profile interval in theta; None: open (the data never object, or `failed` points); walled: it ends
+    at a bound that the scene gives, before the data object."""
 
     end: float | None
     failed: bool
+    walled: bool = False
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The profile of one parameter: theta (k,), rising, and what the data lose there, 2 (cost - smallest) (k,)."""
+
+    theta: Array
+    loss: Array
 
 
 @dataclass(frozen=True)
 class Profiles:
-    """Interval ends per parameter name, and theta of a better optimum where one was met."""
+    """Interval ends and curves per parameter name, and theta of a better optimum where one was met."""
 
     ends: dict[str, tuple[Side, Side]]
     better: Array | None
-
-
-@dataclass(frozen=True)
-class _Point:
-    """A solved point: theta (n_p,), the motion there, the cost of data and user's priors."""
-
-    theta: Array
-    guesses: list[Guess]
-    cost: float
+    curves: Mapping[str, Curve] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -67,46 +67,7 @@ class _Walk:
     """One side of a profile, and the last point before its end."""
 
     side: Side
-    last: _Point
-
-
-class _Line:
-    """Solves with one parameter held; costs are of the data and the user's priors only."""
-
-    def __init__(self, logs: tuple[Prepared, ...], solved: Solved, unknowns: Unknowns) -> None:
-        self.logs = [log.data for log in logs]
-        # Differences of cost need no finer steps than this: their error is common to all points.
-        self.grid = replace(solved.grid, steps=min(solved.grid.steps, STEPS))
-        self.unknowns = unknowns
-        soft = unknowns.softened()
-        self.soft = replace(soft, prior_mean=np.where(np.isfinite(unknowns.prior_sd), soft.prior_mean, solved.theta))
-        self.seen: list[_Point] = []
-        self.best = self.point(solved.theta, solved.guesses, None) or _Point(
-            solved.theta, solved.guesses, solved.solution.cost
-        )
-
-    def point(self, theta: Array, guesses: list[Guess], held: int | None) -> _Point | None:
-        """The best point with theta[held] as it is; None where the solver fails."""
-        free = self.unknowns.free.copy()
-        if held is not None:
-            free[held] = False
-        search = replace(self.soft, start=theta, free=free)
-        problem = transcribe(self.logs, guesses, search, self.grid)
-        solution = solve(problem, barrier=1e-6, iterations=PATIENCE, exact=True)
-        if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
-            return None
-        found = theta.copy()
-        found[problem.layout.free] = solution.x[: problem.layout.free.size]
-        moved = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
-        none = free & ~np.isfinite(self.unknowns.prior_sd)
-        penalty = 0.5 * float(np.sum(((found - self.soft.prior_mean) / self.soft.prior_sd)[none] ** 2))
-        made = _Point(found, moved, solution.cost - penalty)
-        self.seen.append(made)
-        return made
-
-    def loss_root(self, point: _Point) -> float:
-        """The square root of what the data lose against the best point."""
-        return float(np.sqrt(max(2 * (point.cost - self.best.cost), 0.0)))
+    last: ProfilePoint
 
 
 def profile(
@@ -115,41 +76,56 @@ def profile(
     unknowns: Unknowns,
     covariance: Array,
     progress: Callable[[str, float | None], None],
+    *,
+    memory: Array | None = None,
+    steps: int = 1,
 ) -> Profiles:
     """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
 
     Args:
-        covariance: (f, f) of the free theta, for the first steps.
+        covariance: (f, f) of the free theta for white noise, for the first steps.
+        memory: (f,) by how much the variance of each is larger than that: noise with a memory objects later.
+        steps: of a side, at least: one finds the ends, more draw the curve.
     """
-    line = _Line(logs, solved, unknowns)
+    sizes = np.sqrt(np.diag(covariance))
+    line = ProfileLine(logs, solved, unknowns, sizes)
     walks: dict[tuple[int, float], _Walk] = {}
     beside = rhythmic(unknowns)
-    free = np.flatnonzero(unknowns.free).tolist()
-    for first, index in zip(np.sqrt(np.diag(covariance)).tolist(), free, strict=True):
-        if beside[index]:
-            continue
+    free = [i for i in np.flatnonzero(unknowns.free).tolist() if not beside[i]]
+    place = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
+    wait = {i: 1.0 if memory is None else float(memory[place[i]]) for i in free}
+    for index in free:
         progress(f"profile of {unknowns.names[index]}", None)
         for sign in (-1.0, 1.0):
-            walks[index, sign] = _walk(line, index, sign, first, line.best)
+            walks[index, sign] = _walk(line, index, sign, float(sizes[place[index]]), line.best, wait[index], steps)
     progress("profiles from other points", None)
     for (index, sign), walk in walks.items():
-        if walk.side.end is not None:
-            walks[index, sign] = _retried(line, index, sign, walk)
-    lowest = min(line.seen, key=lambda point: point.cost)
+        straight = np.sqrt(CRITICAL * wait[index]) * sizes[place[index]]
+        if walk.side.end is not None and not walk.side.walled:
+            length = abs(walk.side.end - line.best.theta[index])
+            if abs(length - straight) > ALIKE * straight:
+                walks[index, sign] = _retried(line, index, sign, walk, wait[index])
+    lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
     if 2 * (lowest.cost - line.best.cost) < -BETTER:
         return Profiles({}, lowest.theta)
-    inside = np.array([point.theta for point in line.seen if line.loss_root(point) ** 2 < CRITICAL])
-    return Profiles(
-        {
-            unknowns.names[i]: (
-                _stretched(walks[i, -1.0].side, inside[:, i].min(), min),
-                _stretched(walks[i, 1.0].side, inside[:, i].max(), max),
-            )
-            for i in free
-            if not beside[i]
-        },
-        None,
-    )
+    ends, curves = {}, {}
+    for i in free:
+        inside = [point.theta[i] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait[i]]
+        inside.append(line.best.theta[i])
+        ends[unknowns.names[i]] = (
+            _stretched(walks[i, -1.0].side, min(inside), min),
+            _stretched(walks[i, 1.0].side, max(inside), max),
+        )
+        curves[unknowns.names[i]] = _curve(line, i)
+    return Profiles(ends, None, curves)
+
+
+def _curve(line: ProfileLine, index: int) -> Curve:
+    """The points at which this parameter was held, and the best one."""
+    mine = [line.best, *(point for point in line.seen if point.held == index)]
+    mine.sort(key=lambda point: float(point.theta[index]))
+    theta = np.array([point.theta[index] for point in mine])
+    return Curve(theta, np.array([2 * (point.cost - line.best.cost) for point in mine]))
 
 
 def _stretched(side: Side, farthest: float, farther: Callable[[float, float], float]) -> Side:
@@ -163,27 +139,38 @@ def _step(unknowns: Unknowns, theta: Array) -> float:
     return float(abs(theta[names.index("mu_s")] - theta[names.index("mu_k0")])) or 0.1
 
 
-def _reach(line: _Line, index: int) -> float:
+def _reach(line: ProfileLine, index: int) -> float:
     """How far from the answer a profile asks, in theta."""
     return REACH if line.unknowns.logarithmic[index] else REACH_LINEAR * _step(line.unknowns, line.best.theta)
 
 
-def _walk(line: _Line, index: int, sign: float, first: float, begin: _Point) -> _Walk:
+def _room(line: ProfileLine, index: int, sign: float) -> tuple[float, bool]:
+    """How far a side can go from the answer, and whether a bound of the scene stops it there."""
+    unknowns, centre = line.unknowns, float(line.best.theta[index])
+    bound = unknowns.lower[index] if sign < 0 else unknowns.upper[index]
+    room, reach = max(float(sign * (bound - centre)), 0.0), _reach(line, index)
+    return (room, bool(unknowns.walls[0 if sign < 0 else 1, index])) if room < reach else (reach, False)
+
+
+def _walk(
+    line: ProfileLine, index: int, sign: float, first: float, begin: ProfilePoint, wait: float, steps: int = 1
+) -> _Walk:
     """Walk one way from `begin` until the data object; the end by interpolation of the root of what they lose."""
-    centre, reach = line.best.theta[index], _reach(line, index)
+    centre = float(line.best.theta[index])
+    reach, walled = _room(line, index, sign)
     here, failures = begin, 0
     done = float(sign * (begin.theta[index] - centre))
     done_root = line.loss_root(begin)
-    length = float(np.clip(first, 0.02 * reach, 0.3 * reach))
-    limit = float(np.sqrt(CRITICAL))
-    for _ in range(POINTS):
+    limit = float(np.sqrt(CRITICAL * wait))
+    length = float(np.clip(AIM * limit * first, 0.02 * _reach(line, index), 0.3 * _reach(line, index)))
+    length = min(length, AIM * limit * first / steps) if first > 0 else length
+    longest = length if steps > 1 else np.inf
+    tight = 0.02 * length
+    if reach <= 0.0:
+        return _Walk(Side(centre if walled else None, False, walled), here)
+    for _ in range(POINTS + steps):
         target = min(done + length, reach)
-        theta = here.theta.copy()
-        theta[index] = centre + sign * target
-        bound = line.unknowns.lower[index] if sign < 0 else line.unknowns.upper[index]
-        if sign * (theta[index] - bound) > 0:
-            return _Walk(Side(None, False), here)
-        point = line.point(theta, here.guesses, index)
+        point = line.point(here, index, centre + sign * target)
         if point is None:
             failures += 1
             length *= 0.4
@@ -192,31 +179,35 @@ def _walk(line: _Line, index: int, sign: float, first: float, begin: _Point) -> 
             continue
         root = line.loss_root(point)
         if root >= limit:
-            if root < 1.6 * limit or target - done < 0.02 * reach:
-                share = (limit - done_root) / max(root - done_root, 1e-12)
-                return _Walk(Side(float(centre + sign * (done + share * (target - done))), False), here)
+            if root < CLOSE * limit or target - done < tight:
+                return _Walk(Side(centre + sign * _crossing(done, done_root, target, root, limit), False), here)
             length = (target - done) * max(0.3, (limit - done_root) / (root - done_root))
             continue
         if target >= reach:
-            return _Walk(Side(None, False), point)
+            return _Walk(Side(centre + sign * reach if walled else None, False, walled), point)
         slope = (root - done_root) / (target - done)
-        length = float(np.clip(1.15 * (limit - root) / max(slope, 1e-9), 0.5 * length, 2.5 * length))
+        length = float(np.clip(1.1 * (limit - root) / max(slope, 1e-9), 0.05 * length, min(2.5 * length, longest)))
         done, done_root, here = target, root, point
     return _Walk(Side(None, True), here)
 
 
-def _retried(line: _Line, index: int, sign: float, walk: _Walk) -> _Walk:
+def _crossing(done: float, done_root: float, target: float, root: float, limit: float) -> float:
+    """Where the root of the loss reaches its limit: it is straight where the likelihood is a parabola."""
+    if root < CLOSE * limit and done == 0.0:
+        return target * limit / root
+    return done + (target - done) * (limit - done_root) / max(root - done_root, 1e-12)
+
+
+def _retried(line: ProfileLine, index: int, sign: float, walk: _Walk, wait: float) -> _Walk:
     """The walk, carried on where the points of other walks know a way past its end: a profile that follows one
     valley can miss that another one is open."""
     assert walk.side.end is not None
-    centre, reach = line.best.theta[index], _reach(line, index)
-    beyond = centre + sign * min(abs(walk.side.end - centre) * BEYOND, reach)
-    near = [point for point in line.seen if line.loss_root(point) ** 2 < CRITICAL]
+    centre = float(line.best.theta[index])
+    beyond = centre + sign * min(abs(walk.side.end - centre) * BEYOND, _room(line, index, sign)[0])
+    near = [point for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait]
     near.sort(key=lambda point: abs(point.theta[index] - beyond))
     for known in near[:OTHERS]:
-        theta = known.theta.copy()
-        theta[index] = beyond
-        point = line.point(theta, known.guesses, index)
-        if point is not None and line.loss_root(point) ** 2 < CRITICAL:
-            return _walk(line, index, sign, abs(beyond - centre) * 0.3, point)
+        point = line.point(known, index, beyond)
+        if point is not None and line.loss_root(point) ** 2 < CRITICAL * wait:
+            return _walk(line, index, sign, abs(beyond - centre) * 0.3, point, wait)
     return walk

@@ -8,7 +8,7 @@ the base is each log's own value, so one theta shared by all logs is a common de
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ class Unknowns:
 
     `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
-    `spread` conditions the solver.
+    `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none).
     """
 
     model: Model
@@ -43,6 +43,12 @@ class Unknowns:
     prior_mean: Array
     prior_sd: Array
     told: NDArray[np.bool_]
+    given: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 0), bool))
+
+    @property
+    def walls(self) -> NDArray[np.bool_]:
+        """Which lower and upper bounds (2, n_p) the scene itself gives; the others are the model's own."""
+        return self.given if self.given.size else np.zeros((2, self.free.size), bool)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -105,7 +111,7 @@ def from_scene(scene: Scene) -> Unknowns:
     free, start = np.zeros(n, bool), np.zeros(n)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
     mean, sd, told = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
-    vanishing = _vanishing(model)
+    vanishing, given = _vanishing(model), np.zeros((2, n), bool)
     for i, declared in enumerate(model.parameters):
         name, spec = declared.name, scene.parameters.get(declared.name)
         base = rig[name] if name in RIG_PARAMETERS else 1.0 if declared.scale == "log" else 0.0
@@ -130,6 +136,7 @@ def from_scene(scene: Scene) -> Unknowns:
         start[i] = search(fallback if value is None else value)
         free[i] = spec.fixed is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
+        given[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
         if name in vanishing and rig["mass"] > 0.0:
             lower[i] = max(lower[i], float(np.log(RESOLVED * np.sqrt(rig["mass"] / rig["stiffness"]))))
         if spec.prior_mean is not None and spec.prior_sd is not None:
@@ -137,7 +144,7 @@ def from_scene(scene: Scene) -> Unknowns:
             sd[i] = spec.prior_sd / spec.prior_mean if declared.scale == "log" else spec.prior_sd
         elif tolerance > 0.0:
             sd[i] = tolerance
-    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told)
+    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, given)
 
 
 def _vanishing(model: Model) -> set[str]:

@@ -17,7 +17,7 @@ effects model scene
 native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts stepper plan machine phases
 samples averaging trajectory initial admission
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
-noise zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality judgement draft
+noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality judgement draft
 bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread calculable choice price selection_numbers comparison
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity outlook_words outlook
 guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start lay_out hints
