@@ -1,0 +1,204 @@
+"""A mixed model of one quantity by restricted maximum likelihood, with intervals that are right for few people.
+
+y = X beta + sum_k Z_k u_k + e, u_k ~ N(0, theta_k), e_i ~ N(0, noise_i) with the noise known from each fit.
+Covariance of beta and degrees of freedom after Kenward and Roger (1997, Biometrics 53:983), which for one contrast
+are Satterthwaite's; in balanced designs both are those of the exact analysis of variance. A component that comes out
+as zero keeps its part in the degrees of freedom, so that a lucky draw does not make a test of two people one of many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from identify.errors import IdentifyError
+
+Array = NDArray[np.float64]
+
+STEPS = 200
+HALVINGS = 30
+SETTLED = 1e-9  # of the restricted log-likelihood, that a full step still gains
+LEAST_RUN = 1e-12  # of the variance of y: keeps V invertible where no noise is told
+
+
+class PoolingError(IdentifyError):
+    """These fits cannot be pooled; the text is one sentence."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """One source of scatter: its name and which level each fit belongs to, indicators of shape (n, q)."""
+
+    name: str
+    Z: Array
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One contrast: value, standard error, degrees of freedom."""
+
+    value: float
+    error: float
+    df: float
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """A fitted model. n fits, p fixed effects, K components.
+
+    beta (p,); covariance (p, p): adjusted for the estimated components; plain (p, p): not adjusted; theta (K,):
+    variances of the components; theta_covariance (K, K); moves (K, p, p): derivatives of `plain` by theta;
+    projection (n, n): P with P X = 0; weights (p, n): beta = weights @ y; likelihood: restricted, logarithm.
+    """
+
+    components: tuple[Component, ...]
+    y: Array
+    X: Array
+    noise: Array
+    beta: Array
+    covariance: Array
+    plain: Array
+    theta: Array
+    theta_covariance: Array
+    moves: Array
+    projection: Array
+    weights: Array
+    likelihood: float
+
+    def contrast(self, c: Array) -> Estimate:
+        """The combination c (p,) of the fixed effects."""
+        variance = float(c @ self.plain @ c)
+        slope = np.einsum("i,kij,j->k", c, self.moves, c)
+        wobble = float(slope @ self.theta_covariance @ slope)
+        df = 2.0 * variance**2 / wobble if wobble > 0.0 else np.inf
+        return Estimate(float(c @ self.beta), float(np.sqrt(c @ self.covariance @ c)), df)
+
+    def variance_of(self, name: str) -> float:
+        """The variance of a component by name; 0 where the model has none of that name."""
+        return sum(float(t) for c, t in zip(self.components, self.theta, strict=True) if c.name == name)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """The restricted likelihood at one theta, with what its derivatives need."""
+
+    value: float
+    score: Array
+    information: Array
+    P: Array
+    Phi: Array
+    VX: Array
+
+
+def fit_mixed(y: Array, X: Array, noise: Array, components: Sequence[Component]) -> Mixed:
+    """Estimate by REML (Fisher scoring, variances kept at or above zero).
+
+    Args:
+        y (n,), X (n, p) of full rank with p < n, noise (n,): known variances, components: the scatter; the first
+        must give every fit a level of its own.
+
+    Raises:
+        PoolingError: nothing left over to estimate scatter from, or no convergence.
+    """
+    n, p = X.shape
+    if n <= p:
+        raise PoolingError(f"{n} fits were found for {p} means and covariates; expected more fits: add runs")
+    y, noise = np.asarray(y, float), np.asarray(noise, float)
+    residual = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    scale = float(np.sqrt(max(residual @ residual / (n - p), 1e-300)))
+    scale = max(scale, float(np.sqrt(np.mean(noise))), 1e-150)
+    z, s = y / scale, noise / scale**2
+    theta = _scored(z, X, s, [c.Z for c in components])
+    point = _point(z, X, s, [c.Z for c in components], theta)
+    return _assembled(point, y, X, noise, components, theta, scale)
+
+
+def _scored(z: Array, X: Array, s: Array, Zs: list[Array]) -> Array:
+    floor = np.zeros(len(Zs))
+    floor[0] = LEAST_RUN
+    theta = np.full(len(Zs), 0.5 / len(Zs))
+    here = _point(z, X, s, Zs, theta)
+    for _ in range(STEPS):
+        free = (theta > floor) | (here.score > 0.0)
+        move = np.zeros_like(theta)
+        information = here.information[np.ix_(free, free)]
+        ridge = 1e-10 * np.trace(information) * np.eye(len(information))
+        move[free] = np.linalg.solve(information + ridge, here.score[free])
+        share, found = 1.0, None
+        for _ in range(HALVINGS):
+            moved = np.maximum(theta + share * move, floor)
+            there = _point(z, X, s, Zs, moved)
+            if there.value >= here.value:
+                found = there
+                break
+            share /= 2.0
+        if found is None:
+            return theta
+        gain, theta, here = found.value - here.value, moved, found
+        if gain < SETTLED:
+            return theta
+    raise PoolingError(f"the scatter did not settle in {STEPS} steps; check for copies of one fit among them")
+
+
+def _point(z: Array, X: Array, s: Array, Zs: list[Array], theta: Array) -> _Point:
+    V = np.diag(s + theta[0])
+    for Z, t in zip(Zs[1:], theta[1:], strict=True):
+        V += t * (Z @ Z.T)
+    factor = cho_factor(V, lower=True)
+    VX = cho_solve(factor, X)
+    inner = X.T @ VX
+    Phi = np.linalg.inv(inner)
+    P = cho_solve(factor, np.eye(len(z))) - VX @ Phi @ VX.T
+    Py = P @ z
+    value = -np.sum(np.log(np.diag(factor[0]))) - 0.5 * np.linalg.slogdet(inner)[1] - 0.5 * float(z @ Py)
+    PZ = [P if k == 0 else P @ Z for k, Z in enumerate(Zs)]
+    score = np.empty(len(Zs))
+    information = np.empty((len(Zs), len(Zs)))
+    for k, Z in enumerate(Zs):
+        trace = np.trace(P) if k == 0 else np.sum(Z * PZ[k])
+        pull = Py @ Py if k == 0 else np.sum((Z.T @ Py) ** 2)
+        score[k] = 0.5 * (pull - trace)
+        for j in range(k + 1):
+            across = PZ[k] if j == 0 else Zs[j].T @ PZ[k]
+            information[k, j] = information[j, k] = 0.5 * float(np.sum(across**2))
+    return _Point(float(value), score, information, P, Phi, VX)
+
+
+def _assembled(
+    at: _Point, y: Array, X: Array, noise: Array, components: Sequence[Component], theta: Array, scale: float
+) -> Mixed:
+    """The model in the units of y, with Kenward and Roger's covariance of beta."""
+    W: Array = np.asarray(np.linalg.pinv(at.information, rcond=1e-12, hermitian=True), dtype=np.float64)
+    parts = [c.Z.T @ at.VX for c in components]  # Z'V^-1 X
+    fall = np.stack([part.T @ part for part in parts])  # X'V^-1 G V^-1 X
+    moves = np.einsum("ij,kjl,lm->kim", at.Phi, fall, at.Phi)
+    # V^-1 from P, so that Q_kj = X'V^-1 G_k V^-1 G_j V^-1 X
+    inverse = at.P + at.VX @ at.Phi @ at.VX.T
+    through = [c.Z @ part for c, part in zip(components, parts, strict=True)]  # G_k V^-1 X
+    grown = np.zeros_like(at.Phi)
+    for k in range(len(components)):
+        for j in range(len(components)):
+            Q = through[k].T @ inverse @ through[j]
+            grown += W[k, j] * (Q - fall[k] @ at.Phi @ fall[j])
+    adjusted = at.Phi + 2.0 * at.Phi @ grown @ at.Phi
+    weights = at.Phi @ at.VX.T
+    square = scale**2
+    return Mixed(
+        components=tuple(components),
+        y=y,
+        X=X,
+        noise=noise,
+        beta=weights @ y,
+        covariance=square * 0.5 * (adjusted + adjusted.T),
+        plain=square * at.Phi,
+        theta=square * theta,
+        theta_covariance=square**2 * W,
+        moves=moves,
+        projection=at.P / square,
+        weights=weights,
+        likelihood=at.value - (len(y) - X.shape[1]) * float(np.log(scale)),
+    )
