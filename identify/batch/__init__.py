@@ -31,7 +31,7 @@ status of a group: the status of its fit (converged, solver_failed, wrong_event_
     the error: an unreadable log, say), timed_out, crashed, defect (an error of ours; `detail` has the traceback).
     labels of a group: a label its logs agree on, else the different texts joined by "; ". labels of a log are exact.
 
-index.csv: group, status, message, result (relative path of result.json, empty without one), folder, logs (their number),
+index.csv: group, status, message, result (relative path of result.json, empty without one), folder, logs (number),
     one column per label in the order of the manifest (named "label: x" where the label is called like another column),
     seconds. A text that a spreadsheet would take for a formula has an apostrophe before it, line breaks become spaces;
     exact labels stand in job.json and batch.json. Groups that are waiting have a row too.
