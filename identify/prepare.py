@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.cutting import Account, account, cut_and_correct
 from identify.errors import FitError
 from identify.guess import LogData
+from identify.judgement import Judgement, judge
 from identify.loads import level, smooth, swing
 from identify.scene import Scene
 from identify.scene.values import LogEntry, Rig
 from identify.segment import SLIDING, STICK, Segmentation, segment
+from identify.slip_quality import Part
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -33,6 +36,7 @@ class Prepared:
     record; entry; rig of this log; sign applied to the friction force; force (n,) [N], sliding positive, tare
     taken off; used (n,) samples that may count; segmentation; data for the estimator; falls (c,) [s] of the
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
+    account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
     as a share).
     """
@@ -48,6 +52,8 @@ class Prepared:
     falls: Array
     left_out: str | None
     noise_estimated: bool
+    account: Account
+    judgement: Judgement
     hidden_swing: float = 0.0
 
     @property
@@ -78,8 +84,10 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     rig = scene.rig_for(entry)
     name = entry.path.name
     speed = _drive_speed(rig, record, name)
-    force = np.asarray(record.friction_force, float) - _tare(entry, record)
-    used = _used(entry, record)
+    corrected = cut_and_correct(entry, record)
+    raw, record = record, corrected.record
+    force = np.asarray(record.friction_force, float)
+    used = corrected.used & np.isfinite(force) & np.isfinite(record.normal_force)
     if np.count_nonzero(used) < 8:
         raise FitError(
             f"{name} has {np.count_nonzero(used)} usable samples; expected hundreds: widen window and exclude"
@@ -96,6 +104,10 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     floor = 1e-6 * float(np.nanmax(np.abs(force)))
     weight = np.where(used & ~spikes & np.isfinite(force), 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
     falls = found.cycles.fall[entry.skip_cycles :]
+    soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
+    expected = None if soft else abs(speed) * rig.stiffness
+    part = Part(record.time[first:last], shown[first:last], found, expected)
+    judgement = judge(record, [part], scene.thresholds, used)
     begin, end = _window(record.time[first:last], shown[first:last], found, noise, entry.skip_cycles)
     load, load_sd = smooth(record.time[used], record.normal_force[used], name, found.count)
     hidden = 0.0
@@ -117,9 +129,13 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         begin,
         end,
     )
-    reason = _reason(found, falls, name)
+    reason = _reason(found, falls, name) or _rejected(judgement, name)
+    told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
     counted = used & ~spikes
-    return Prepared(record, entry, rig, sign, force, counted, found, data, falls, reason, rig.noise is None, hidden)
+    estimated = rig.noise is None
+    return Prepared(
+        record, entry, rig, sign, force, counted, found, data, falls, reason, estimated, told, judgement, hidden
+    )
 
 
 def _drive_speed(rig: Rig, record: Record, name: str) -> float:
@@ -136,31 +152,6 @@ def _drive_speed(rig: Rig, record: Record, name: str) -> float:
     if speed == 0.0:
         raise FitError(f"{name} has a drive speed of 0 m/s; expected a moving drive: a hold alone cannot be fitted")
     return float(speed)
-
-
-def _tare(entry: LogEntry, record: Record) -> float:
-    if entry.tare is None:
-        return 0.0
-    if not isinstance(entry.tare, tuple):
-        return float(entry.tare)
-    quiet = (record.time >= entry.tare[0]) & (record.time <= entry.tare[1])
-    values = record.friction_force[quiet]
-    values = values[np.isfinite(values)]
-    if values.size == 0:
-        raise FitError(
-            f"{entry.path.name}: the tare interval {entry.tare[0]:g} to {entry.tare[1]:g} s holds no sample; the "
-            f"record runs from 0 to {record.time[-1]:g} s: move it inside"
-        )
-    return float(np.mean(values))
-
-
-def _used(entry: LogEntry, record: Record) -> NDArray[np.bool_]:
-    used = np.isfinite(record.friction_force) & np.isfinite(record.normal_force)
-    if entry.window:
-        used &= (record.time >= entry.window[0]) & (record.time <= entry.window[1])
-    for start, stop in entry.exclude:
-        used &= (record.time < start) | (record.time > stop)
-    return used
 
 
 def _sign(entry: LogEntry, force: Array) -> int:
@@ -225,6 +216,12 @@ def _reason(found: Segmentation, falls: Array, name: str) -> str | None:
     if found.ends_sliding and (falls.size < 3 or found.share(SLIDING) > 0.5):
         return f"{name} slides without sticking after {falls.size} slip(s): above its stick-slip limit"
     return None
+
+
+def _rejected(judgement: Judgement, name: str) -> str | None:
+    if judgement.verdict != "reject":
+        return None
+    return f"{name} is rejected by the quality gate: {judgement.reason}; a threshold can be moved under [quality]"
 
 
 def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:

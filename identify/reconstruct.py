@@ -38,6 +38,7 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
         log.data.drive_speed,
         cycles,
         _typical_slip(log, unknowns, p, guess),
+        *_as_read(log),
     )
 
 
@@ -57,7 +58,15 @@ def detected_curves(log: Prepared) -> LogCurves:
         log.data.drive_speed,
         cycles,
         None,
+        *_as_read(log),
     )
+
+
+def _as_read(log: Prepared) -> tuple[Array | None, tuple[tuple[str, float, float], ...]]:
+    """The friction force before it was corrected (None where it was not), and what was cut."""
+    raw = log.account.raw.friction_force
+    cuts = tuple((cut.kind, cut.start, cut.stop) for cut in log.account.cuts)
+    return (None if raw is log.record.friction_force else log.sign * raw), cuts
 
 
 def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> tuple[Array, Array]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from data_io.quality import assess
 from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
 from identify.model import RIG_PARAMETERS
@@ -22,7 +21,6 @@ from identify.outlook import OperatingPoint, outlooks
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.search import Attempt, Clock
-from identify.suspicions import strange_coefficient
 from identify.uncertainty import LEVEL, Estimate, Information, Interval
 from identify.unknowns import Unknowns
 
@@ -229,6 +227,7 @@ def _log(index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> 
         "reason_left_out": None if taken else found.left_out.get(index, "no fit was made"),
         "classical": table,
         "quality": _quality(log),
+        **log.account.document(),
         "derived": answer,
     }
 
@@ -256,11 +255,9 @@ def _outlooks(prepared: list[Prepared], found: Findings) -> list[dict[str, Any]]
 
 
 def _quality(log: Prepared) -> dict[str, Any]:
-    quality = assess(log.record)
     seen = log.segmentation
     drop, period, slope = seen.drop, seen.period, seen.stick_slope
     figures = {
-        "sampling_rate": {"value": quality.sampling.rate, "unit": "Hz"},
         "noise": {"value": float(seen.noise), "unit": "N"},
         "samples_per_slip": {"value": seen.samples_per_slip, "unit": ""},
         "samples_per_cycle": {"value": seen.samples_per_cycle, "unit": ""},
@@ -270,16 +267,14 @@ def _quality(log: Prepared) -> dict[str, Any]:
         "period": {"value": period[0] if period else None, "unit": "s"},
         "period_scatter": {"value": period[1] if period else None, "unit": "s"},
         "stick_slope": {"value": slope[0] if slope else None, "unit": "N/s"},
-        "normal_force_drift": {"value": quality.load_drift, "unit": ""},
     }
-    strange = strange_coefficient(log.record)
-    gate = (*quality.findings, strange) if strange else quality.findings
-    findings = [{"code": f.code, "severity": f.severity, "message": f.message} for f in gate]
+    told = log.judgement.document()
+    findings = list(told["findings"])
+    verdict = told["verdict"]
     if log.hidden_swing:
         findings.append({"code": "load_varies", "severity": "warning", "message": _load_varies(log)})
-    worst = {f["severity"] for f in findings}
-    verdict = "reject" if "reject" in worst else "accept with warnings" if "warning" in worst else "accept"
-    return {"verdict": verdict, "findings": findings, "figures": figures}
+        verdict = "accept with warnings" if verdict == "accept" else verdict
+    return {"verdict": verdict, "findings": findings, "figures": {**told["figures"], **figures}}
 
 
 def _load_varies(log: Prepared) -> str:

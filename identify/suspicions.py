@@ -1,4 +1,4 @@
-"""What is probably wrong with a log although it can be read: units, columns, sampling, too little of it."""
+"""What is probably wrong with a log although it can be read: units, columns, sampling."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.frozen import Finding
+from data_io.thresholds import DEFAULTS, Thresholds
 from identify.segment import Segmentation, segment
 
 Array = NDArray[np.float64]
 
-STRANGE = 10.0  # a coefficient of friction above that, or below one over a hundred times that, has a wrong unit
-ENOUGH_CYCLES = 3
 SWAPPED = 3  # slips of the normal force, where the friction force has none
 FEWEST = 32  # samples of a spectrum
 SLOWEST, FASTEST = 2.2, 14.0  # samples per period of an oscillation that is sampled too slowly
@@ -24,32 +23,35 @@ LARGE = 0.05  # of the force: standard deviation of an oscillation worth a word
 WANTED = 25.0  # samples of a slip to ask for; a slip is at most about half a period
 
 
-def suspicions(record: Record, phases: Sequence[Segmentation]) -> list[Finding]:
+def suspicions(record: Record, phases: Sequence[Segmentation], thresholds: Thresholds = DEFAULTS) -> list[Finding]:
     """Findings beyond the quality gate, each with what to do.
 
     Args:
         phases: the segmentation of each step of the record.
+        thresholds: where they begin.
     """
-    found = [strange_coefficient(record), _swapped(record, phases), _few_cycles(phases), _spikes(record, phases)]
+    found = [strange_coefficient(record, thresholds), _swapped(record, phases)]
     if not any(p.count for p in phases):
         found += [
-            _too_slow(record.time[s.start : s.stop], record.friction_force[s.start : s.stop]) for s in record.steps
+            _too_slow(record.time[s.start : s.stop], record.friction_force[s.start : s.stop], thresholds)
+            for s in record.steps
         ]
     return [finding for finding in found if finding is not None]
 
 
-def strange_coefficient(record: Record) -> Finding | None:
+def strange_coefficient(record: Record, thresholds: Thresholds = DEFAULTS) -> Finding | None:
     """A ratio of friction and normal force that no contact has."""
     loaded = np.isfinite(record.normal_force) & np.isfinite(record.friction_force) & (record.normal_force > 0)
     if not loaded.any():
         return None
     ratio = float(np.quantile(np.abs(record.friction_force[loaded]) / record.normal_force[loaded], 0.9))
-    if 0.01 / STRANGE <= ratio <= STRANGE or ratio == 0.0:
+    severity = thresholds.severity("coefficient_highest", ratio) or thresholds.severity("coefficient_lowest", ratio)
+    if severity is None or ratio == 0.0:
         return None
     word = f"{ratio:.3g} times"
     return Finding(
         "strange_coefficient",
-        "warning",
+        severity,
         f"friction is {word} the normal force; a coefficient of 0.01 to 10 was expected: is mN named N, or a column "
         "another one? Say it with --units friction_force=mN or --columns",
     )
@@ -71,29 +73,7 @@ def _swapped(record: Record, phases: Sequence[Segmentation]) -> Finding | None:
     )
 
 
-def _few_cycles(phases: Sequence[Segmentation]) -> Finding | None:
-    count = sum(p.count for p in phases)
-    if count == 0 or count >= ENOUGH_CYCLES:
-        return None
-    word = "one slip was" if count == 1 else f"{count} slips were"
-    return Finding(
-        "few_cycles",
-        "warning",
-        f"only {word} found; {ENOUGH_CYCLES} or more are needed to tell cycles apart: record longer",
-    )
-
-
-def _spikes(record: Record, phases: Sequence[Segmentation]) -> Finding | None:
-    missing = int(np.count_nonzero(~np.isfinite(record.friction_force)))
-    count = sum(p.spike_count for p in phases) - missing
-    if count <= 0:
-        return None
-    word = "1 sample jumps" if count == 1 else f"{count} samples jump"
-    it = "it is" if count == 1 else "they are"
-    return Finding("spikes", "info", f"{word} far from the neighbours (spikes); {it} left out")
-
-
-def _too_slow(time: Array, force: Array) -> Finding | None:
+def _too_slow(time: Array, force: Array, thresholds: Thresholds) -> Finding | None:
     """An oscillation of few samples per period, of which stick and slip cannot be told apart."""
     good = np.isfinite(force)
     if np.count_nonzero(good) < FEWEST:
@@ -113,7 +93,7 @@ def _too_slow(time: Array, force: Array) -> Finding | None:
         return None
     return Finding(
         "sampled_too_slowly",
-        "warning",
+        thresholds.severity("samples_per_cycle", samples) or "info",
         f"the force swings {peak:.3g} times per second, with {samples:.1f} samples in each swing: too few to tell "
         f"stick from slip (all is called sliding); sample at {_rounded(2.0 * WANTED * peak):g} Hz or more",
     )

@@ -29,7 +29,7 @@ def codes(quality):
 
 def test_a_clean_record_is_good():
     quality = assess(record())
-    assert quality.verdict == "good" and not quality.findings
+    assert quality.verdict == "accept" and not quality.findings
     assert quality.sampling.rate == pytest.approx(500) and quality.load == pytest.approx(1, rel=1e-3)
 
 
@@ -106,7 +106,7 @@ def test_findings_of_the_reader_come_along():
     friction = record().friction_force.copy()
     friction[10] = np.nan
     quality = assess(record(friction_force=friction))
-    assert quality.findings[0].code == "missing_rows" and quality.verdict == "usable"
+    assert quality.findings[0].code == "missing_rows" and quality.verdict == "accept with warnings"
 
 
 def test_measured_records_are_good():
@@ -114,5 +114,5 @@ def test_measured_records_are_good():
         pytest.skip("the measured paper-on-paper records are not on this machine")
     for path in sorted(MEASURED.glob("*.csv")):
         quality = assess(read_log(path))
-        assert quality.verdict == "good" and quality.sampling.rate == pytest.approx(2000)
+        assert quality.verdict == "accept" and quality.sampling.rate == pytest.approx(2000)
         assert codes(quality) == {"normal_force_not_measured"}

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from identify.cli.common import Answer, Terminal, add_log_options, picture, read
+from identify.cli.common import (
+    DONE,
+    WRONG_INPUT,
+    Answer,
+    CommandLineError,
+    Terminal,
+    add_log_options,
+    pairs,
+    picture,
+    quantity,
+    read,
+)
 
 if TYPE_CHECKING:
-    from identify.cli.inspection import Inspection
+    from data_io.thresholds import Thresholds
+    from identify.cli.inspection import Inspection, Rig
 
 NAME = "inspect"
 HELP = "what is in a log: steps, units, sampling, quality, stick and slip, the classical table"
@@ -18,26 +31,76 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The arguments of this command."""
     parser.add_argument("logs", nargs="+", metavar="LOG", help="one or more logs")
     parser.add_argument("--plot", metavar="FILE", help="draw force and phases over time (png, svg or pdf)")
+    parser.add_argument("--stiffness", metavar="K", help='of the rig, to compare the sticks with: "1470 N/m"')
+    parser.add_argument("--drive-speed", metavar="V", help='where the log does not tell it: "0.1 mm/s"')
+    parser.add_argument(
+        "--threshold", metavar="NAME=NUMBER,…", help="move a threshold of the verdict, such as jitter=0.1,spikes=0.01"
+    )
     add_log_options(parser)
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Say it for each log.
+    """Say it for each log. Among several logs one that cannot be read is rejected and the others are still seen.
 
     Raises:
         CommandLineError, LogError, OSError: one sentence each.
     """
     plot = picture(arguments.plot)
+    from data_io import LogError
     from identify.cli.inspection import document, inspection, say
 
+    rig, thresholds = _rig(arguments), _thresholds(arguments)
     seen: list[Inspection] = []
+    logs: list[Mapping[str, Any]] = []
+    unread: list[str] = []
     for path in arguments.logs:
-        seen.append(inspection(path, read(path, arguments)))
+        try:
+            seen.append(inspection(path, read(path, arguments), rig, thresholds))
+        except LogError as error:
+            if len(arguments.logs) == 1:
+                raise
+            unread.append(str(error))
+            logs.append(_unreadable(path, str(error), terminal))
+            continue
         say(seen[-1], terminal)
-    if plot:
+        logs.append(document(seen[-1]))
+    if plot and seen:
         from identify.cli.inspection_plot import draw
 
         draw(seen, plot)
         terminal.say(f"plot: {plot}")
-    logs: list[dict[str, Any]] = [document(item) for item in seen]
-    return Answer(document={"status": "done", "logs": logs})
+    if unread:
+        message = f"{len(unread)} of {len(arguments.logs)} logs cannot be read; {unread[0]}"
+        return Answer(WRONG_INPUT, {"schema": 1, "status": "error", "message": message, "logs": logs})
+    return Answer(DONE, {"status": "done", "logs": logs})
+
+
+def _unreadable(path: str, sentence: str, terminal: Terminal) -> Mapping[str, Any]:
+    """A log that no reader takes is rejected like any other."""
+    terminal.say(f"{path}\n  verdict: reject\n    reject: {sentence}\n")
+    finding = {"code": "unreadable", "severity": "reject", "message": sentence}
+    return {"path": path, "quality": {"verdict": "reject", "findings": [finding], "figures": {}}}
+
+
+def _rig(arguments: Namespace) -> Rig:
+    from identify.cli.inspection import Rig
+
+    said = {"stiffness": ("N/m", arguments.stiffness), "drive_speed": ("m/s", arguments.drive_speed)}
+    told = {
+        name: None if text is None else quantity(text, unit, f"--{name.replace('_', '-')}")
+        for name, (unit, text) in said.items()
+    }
+    return Rig(**told)
+
+
+def _thresholds(arguments: Namespace) -> Thresholds:
+    from data_io.thresholds import Thresholds
+
+    given = pairs(arguments.threshold, "--threshold", "jitter=0.1,spikes=0.01") or {}
+    try:
+        numbers = {name: float(text) for name, text in given.items()}
+    except ValueError:
+        raise CommandLineError(
+            f"--threshold {arguments.threshold} holds no number; write --threshold jitter=0.1"
+        ) from None
+    return Thresholds(numbers)

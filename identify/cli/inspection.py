@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from data_io import Record, Step
-from data_io.quality import Quality, assess
+from data_io.thresholds import DEFAULTS, Thresholds
 from identify.classical import classical_table
 from identify.cli.common import Terminal
 from identify.cli.scene import only
 from identify.cli.summary import columns, wrapped
 from identify.draft import told_speed
+from identify.judgement import Judgement, judge
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 from identify.segment import SLIDING, SLIP, STICK, Segmentation, segment
-from identify.suspicions import suspicions
+from identify.slip_quality import Part
 
 HEADINGS = ("run", "step", "stroke")
 MOST_STROKES = 2  # fit beside each other in 80 columns
-FEW_SAMPLES = 10.0  # per slip: with fewer, what happens within a slip is hardly seen
 
 
 @dataclass(frozen=True)
@@ -35,27 +35,40 @@ class StepSeen:
 
 @dataclass(frozen=True)
 class Inspection:
-    """One log: its record, its quality, its steps."""
+    """One log: its record, the verdict on it, its steps."""
 
     path: str
     record: Record
-    quality: Quality
+    judgement: Judgement
     steps: tuple[StepSeen, ...]
     classical: Mapping[str, Any]
     drive_speed: float | None
     speed_source: str
 
 
-def inspection(path: str, record: Record) -> Inspection:
-    """Look at a record: quality of clock and forces, then phases step by step."""
+@dataclass(frozen=True)
+class Rig:
+    """What the user says of the rig, to hold the log against; None: not said. stiffness [N/m], drive_speed [m/s]."""
+
+    stiffness: float | None = None
+    drive_speed: float | None = None
+
+
+def inspection(path: str, record: Record, rig: Rig = Rig(), thresholds: Thresholds = DEFAULTS) -> Inspection:
+    """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
     steps = tuple(_seen(record, step) for step in record.steps)
-    quality = assess(record)
-    found = suspicions(record, [step.phases for step in steps])
-    quality = replace(quality, findings=(*quality.findings, *found))
     told, source = told_speed(record)
-    return Inspection(
-        path, record, quality, steps, classical_table(record, drive_speed=record.drive_speed), told, source
-    )
+    if rig.drive_speed is not None:
+        told, source = rig.drive_speed, "given"
+    parts = [_part(record, step, told, rig.stiffness) for step in steps]
+    table = classical_table(record, drive_speed=record.drive_speed if rig.drive_speed is None else rig.drive_speed)
+    return Inspection(path, record, judge(record, parts, thresholds), steps, table, told, source)
+
+
+def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> Part:
+    rows = slice(seen.step.start, seen.step.stop)
+    expected = stiffness * abs(speed) if stiffness is not None and speed else None
+    return Part(record.time[rows], seen.sign * record.friction_force[rows], seen.phases, expected)
 
 
 def _seen(record: Record, step: Step) -> StepSeen:
@@ -68,7 +81,7 @@ def _seen(record: Record, step: Step) -> StepSeen:
 
 def say(seen: Inspection, terminal: Terminal) -> None:
     """The inspection in words."""
-    record, quality = seen.record, seen.quality
+    record, quality = seen.record, seen.judgement.quality
     terminal.say(f"{seen.path}")
     kind = record.metadata.get("format", "unknown format")
     terminal.say(
@@ -81,8 +94,8 @@ def say(seen: Inspection, terminal: Terminal) -> None:
     terminal.say(wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  "))
     terminal.say(f"  normal force: {quantity(quality.load, 'N')}, drift {100 * quality.load_drift:+.1f} %")
     terminal.say(wrapped(f"drive speed: {_speed(seen)}", "  "))
-    terminal.say(f"  quality: {quality.verdict}")
-    for finding in quality.findings:
+    terminal.say(f"  verdict: {seen.judgement.verdict}")
+    for finding in seen.judgement.findings:
         terminal.say(wrapped(f"{finding.severity}: {finding.message}", "    "))
     for step in seen.steps:
         _say_step(step, len(seen.steps) > 1, terminal)
@@ -113,10 +126,8 @@ def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
     terminal.say(f"  {phases.count} stick-slip cycles; {shares}; noise {quantity(phases.noise, 'N', 3)}")
     if not phases.count:
         return
-    samples = f"{number(phases.samples_per_slip, 2)} samples per slip"
-    if phases.samples_per_slip < FEW_SAMPLES:
-        samples += " (few: what depends on fast sliding, a and delta_mu_k, is hardly told)"
-    terminal.say(wrapped(f"{samples}, {number(phases.samples_per_cycle, 4)} per cycle", "  "))
+    samples = f"{number(phases.samples_per_slip, 2)} samples per slip, {number(phases.samples_per_cycle, 4)} per cycle"
+    terminal.say(wrapped(samples, "  "))
 
 
 def _say_classical(strokes: Sequence[Mapping[str, Any]], terminal: Terminal) -> None:
@@ -143,7 +154,7 @@ def _cell(value: float | None, sd: float | None, unit: str) -> str:
 
 def document(seen: Inspection) -> dict[str, Any]:
     """The inspection as a JSON-able document, SI."""
-    record, quality = seen.record, seen.quality
+    record, quality = seen.record, seen.judgement.quality
     return {
         "path": seen.path,
         "format": record.metadata.get("format"),
@@ -155,10 +166,9 @@ def document(seen: Inspection) -> dict[str, Any]:
         "drive_speed_source": seen.speed_source,
         "sampling": asdict(quality.sampling),
         "quality": {
-            "verdict": quality.verdict,
+            **seen.judgement.document(),
             "load_N": quality.load,
             "load_drift": quality.load_drift,
-            "findings": [asdict(finding) for finding in quality.findings],
         },
         "steps": [_step_document(step) for step in seen.steps],
         "classical": seen.classical,

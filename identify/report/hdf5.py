@@ -52,6 +52,8 @@ def _put_curves(group: h5py.Group, curves: LogCurves) -> None:
     group.attrs["drive_speed_m_per_s"] = curves.drive_speed
     for name, unit in CURVE_UNITS.items():
         _array(group, name, getattr(curves, name), unit)
+    if curves.raw_force is not None:
+        _array(group, "raw_friction_force", curves.raw_force, "N")
     for column, (name, unit) in enumerate(CYCLE_UNITS.items()):
         _array(group, f"cycles/{name}", curves.cycles[:, column], unit)
     if curves.slip is not None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from identify.errors import SceneError
 from identify.scene.rig import speed_or_quantity
-from identify.scene.tables import Table, span
+from identify.scene.tables import Table, share, span
 from identify.scene.values import LogEntry
 
 LOG = tuple(field.name for field in fields(LogEntry))  # the keys are the fields
@@ -33,7 +33,6 @@ def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -
     exclude = table.data.get("exclude", [])
     if not isinstance(exclude, (list, tuple)):
         raise SceneError(f'{table.place("exclude")} is {exclude!r}; expected pairs of times [["5 s", "6 s"]]')
-    tare = table.data.get("tare")
     speed = table.data.get("drive_speed")
     stiffness, damping = table.quantity("stiffness", "N/m"), table.quantity("damping", "N/m")
     if ratio is not None and stiffness is not None and damping is None:
@@ -53,7 +52,24 @@ def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -
         window=table.span("window"),
         exclude=tuple(span(pair, table.place("exclude")) for pair in exclude),
         skip_cycles=table.whole("skip_cycles") or 0,
-        tare=table.span("tare") if isinstance(tare, (list, tuple)) else table.quantity("tare", "N"),
+        tare=_zero(table, "tare"),
+        normal_tare=_zero(table, "normal_tare"),
+        crosstalk=_or_strokes(table, "crosstalk", ""),
+        tilt=_or_strokes(table, "tilt", "rad"),
         flip_sign=table.truth("flip_sign"),
         labels=table.words("labels") or {},
     )
+
+
+def _zero(table: Table, key: str) -> float | tuple[float, float] | None:
+    """A force [N] to take off, or the times [s] between which it is measured."""
+    return table.span(key) if isinstance(table.data.get(key), (list, tuple)) else table.quantity(key, "N")
+
+
+def _or_strokes(table: Table, key: str, unit: str) -> float | Literal["strokes"] | None:
+    """A number, or the word that has it taken from both stroke directions; a pure number may be in percent."""
+    value = table.data.get(key)
+    if value == "strokes":
+        return "strokes"
+    percent = None if unit else share(value, table.place(key))
+    return table.quantity(key, unit) if percent is None else percent

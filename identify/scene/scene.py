@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
 
+from data_io.thresholds import DEFAULTS, Thresholds
 from identify.effects import ALL
 from identify.errors import SceneError
 from identify.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
@@ -31,7 +32,7 @@ class Scene:
 
     A rig quantity (mass, stiffness, damping) stands in `parameters` only if it is to be estimated. While the effects
     are still to be chosen ("auto"), `parameters` holds those of every effect; `with_effects` settles them.
-    `extrapolate`: effects that are used outside the range of their measurements.
+    `extrapolate`: effects that are used outside the range of their measurements. `thresholds`: of the quality gate.
 
     Raises:
         SceneError: parts that contradict each other, one sentence.
@@ -44,6 +45,7 @@ class Scene:
     logs: tuple[LogEntry, ...] = ()
     initial: Initial = field(default_factory=Initial)
     contact: Contact = field(default_factory=Contact)
+    thresholds: Thresholds = DEFAULTS
     extrapolate: tuple[str, ...] = ()
     source: Path | None = field(default=None, compare=False)
 
@@ -220,6 +222,7 @@ def _build(document: Mapping[str, Any], folder: Path, name: str, source: Path | 
         logs=parts.logs,
         initial=parts.initial,
         contact=parts.contact,
+        thresholds=parts.thresholds,
         extrapolate=parts.extrapolate,
         source=source,
     )

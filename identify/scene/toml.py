@@ -8,15 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from data_io.errors import LogError
+from data_io.thresholds import Thresholds
 from identify.effects import ALL, MAIN, NAMES
 from identify.errors import SceneError
 from identify.scene.logs import read_log_entry
 from identify.scene.parameters import declared_by, read_parameters
 from identify.scene.rig import RIG, read_rig
-from identify.scene.tables import Table, nearest
+from identify.scene.tables import Table, nearest, quantity, share
 from identify.scene.values import Contact, Initial, LogEntry, ParameterSpec, Rig
 
-TOP = ("name", "effects", "extrapolate", "rig", "contact", "initial", "parameters", "logs")
+TOP = ("name", "effects", "extrapolate", "rig", "contact", "initial", "parameters", "quality", "logs")
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class Parts:
     logs: tuple[LogEntry, ...]
     initial: Initial
     contact: Contact
+    thresholds: Thresholds
 
 
 def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -134,7 +137,21 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
         logs=tuple(read_log_entry(entry, number, folder, ratio) for number, entry in enumerate(logs, 1)),
         initial=_initial(document.get("initial", {})),
         contact=contact,
+        thresholds=_thresholds(document.get("quality", {})),
     )
+
+
+def _thresholds(value: Any) -> Thresholds:
+    """The user's own thresholds of the quality gate: pure numbers, or shares in percent."""
+    table = Table.of(value, "[quality]", None, "[quality] jitter = 0.1")
+    numbers = {}
+    for name, number in table.data.items():
+        percent = share(number, table.place(name))
+        numbers[name] = quantity(number, "", table.place(name)) if percent is None else percent
+    try:
+        return Thresholds(numbers)
+    except LogError as error:
+        raise SceneError(f"[quality]: {error}") from None
 
 
 def known_effects(value: Sequence[str], where: str = "effects") -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 from identify.errors import SceneError
 
@@ -172,7 +173,9 @@ class LogEntry:
     path; step, run, columns and units as `data_io.read_log` takes them; drive_speed, normal_force,
     stiffness, mass, damping, noise as in `Rig`; window (start, stop) [s] is the part to use,
     exclude are parts to leave out [s], skip_cycles cycles to drop at the start; tare is a force [N]
-    to subtract, or the (start, stop) [s] over which the unloaded force is averaged; flip_sign
+    to subtract, or the (start, stop) [s] over which the unloaded force is averaged, normal_tare the same
+    of the normal force; crosstalk the share of the normal force that the friction sensor shows, tilt [rad] the angle
+    of the surface (both: or "strokes", from the two directions of the record); flip_sign
     forces the sign of the friction force (None: from the data); labels are free words.
     """
 
@@ -191,6 +194,9 @@ class LogEntry:
     exclude: tuple[tuple[float, float], ...] = ()
     skip_cycles: int = 0
     tare: float | tuple[float, float] | None = None
+    normal_tare: float | tuple[float, float] | None = None
+    crosstalk: float | Literal["strokes"] | None = None
+    tilt: float | Literal["strokes"] | None = None
     flip_sign: bool | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
 
@@ -205,5 +211,10 @@ class LogEntry:
         for start, stop in ((self.window,) if self.window else ()) + self.exclude:
             if not start < stop:
                 raise SceneError(f"a window {where} runs from {start:g} to {stop:g} s; expected start before stop")
+        for name, value, most in (("crosstalk", self.crosstalk, 1.0), ("tilt", self.tilt, math.pi / 4)):
+            if value is not None and value != "strokes" and not abs(float(value)) < most:
+                raise SceneError(
+                    f"{name} {where} is {value:g}; expected less than {most:.3g} to either side: correct it"
+                )
         if self.skip_cycles < 0:
             raise SceneError(f"skip_cycles {where} is {self.skip_cycles}; expected 0 or more")

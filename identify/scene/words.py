@@ -54,6 +54,7 @@ def document_of(scene: Scene) -> dict[str, Any]:
         **({"extrapolate": list(scene.extrapolate)} if scene.extrapolate else {}),
         "rig": _rig(scene.rig),
         "contact": _contact(scene),
+        **({"quality": dict(scene.thresholds.own)} if scene.thresholds.own else {}),
         "initial": asdict(scene.initial),
         "parameters": {name: _parameter(spec) for name, spec in scene.parameters.items()},
         "logs": [_log(entry) for entry in scene.logs],

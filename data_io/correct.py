@@ -1,0 +1,215 @@
+"""Cut and correct a record as the user says: every change is a line of the account, and the raw forces are kept."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from data_io.both_ways import BothWays, crosstalk, levelled, tilt
+from data_io.errors import LogError
+from data_io.frozen import Finding, FloatArray
+from data_io.record import Record
+
+Span = tuple[float, float]
+STROKES: Final = "strokes"
+"""What stands in place of a number where crosstalk or tilt are to be taken from both stroke directions."""
+RAW: Final = {"friction_force": "raw friction force", "normal_force": "raw normal force"}
+"""Channels of a corrected record that hold the forces as they were read [N]."""
+_RESTLESS: Final = 5.0
+"""Standard deviations of the noise that a quiet interval may drift or scatter by."""
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """What to cut and correct. Times in seconds of the record; applied in this order, the cuts apart.
+
+    tare, normal_tare: a force [N] to subtract, or the (start, stop) [s] over which the unloaded signal is averaged.
+    crosstalk: share of the normal force that the friction sensor shows. tilt [rad]: by how much the surface climbs
+    along positive friction force. Both may be "strokes": taken from the two directions of the record.
+    window: the part to use; exclude: parts to leave out.
+    """
+
+    tare: float | Span | None = None
+    normal_tare: float | Span | None = None
+    crosstalk: float | Literal["strokes"] | None = None
+    tilt: float | Literal["strokes"] | None = None
+    window: Span | None = None
+    exclude: tuple[Span, ...] = ()
+
+
+@dataclass(frozen=True)
+class Change:
+    """One line of the account: which correction, in words, and its number with unit and standard error."""
+
+    kind: str
+    text: str
+    value: float | None = None
+    unit: str = ""
+    standard_error: float | None = None
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A stretch [start, stop] [s] that does not count, or from which a zero was taken ("tare"), and why."""
+
+    kind: str
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """record: with corrected forces; the raw ones stand in its channels `RAW`, if a force was changed. used (n,): rows
+    that count. changes, cuts: the account. What is doubtful about it stands among the findings of the record."""
+
+    record: Record
+    used: npt.NDArray[np.bool_]
+    changes: tuple[Change, ...]
+    cuts: tuple[Cut, ...]
+
+
+@dataclass(frozen=True)
+class _State:
+    """Forces (n,) [N] on their way through the corrections, and the account so far."""
+
+    friction: FloatArray
+    normal: FloatArray
+    changes: tuple[Change, ...] = ()
+    cuts: tuple[Cut, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+def correct(record: Record, corrections: Corrections) -> Corrected:
+    """Apply the corrections to a record; the record itself is not changed.
+
+    Raises `LogError` for an interval that holds no sample, both angles at once from the strokes, or a record that does
+    not go both ways.
+    """
+    if corrections.crosstalk == STROKES and corrections.tilt == STROKES:
+        raise _error(record, "crosstalk and tilt both from the strokes was asked for; at one load they look alike: "
+                     "give one of them as a number")  # fmt: skip
+    state = _State(record.friction_force, record.normal_force)
+    state = _tared(record, state, corrections.tare, "friction")
+    state = _tared(record, state, corrections.normal_tare, "normal")
+    state = _without_crosstalk(record, state, corrections.crosstalk)
+    state = _without_tilt(record, state, corrections.tilt)
+    used, cuts, told = _cut(record, corrections)
+    return Corrected(_with_forces(record, state), used, (*state.changes, *told), (*state.cuts, *cuts))
+
+
+def _error(record: Record, sentence: str) -> LogError:
+    path = record.metadata.get("path")
+    return LogError(f"{path}: {sentence}" if path else sentence)
+
+
+def _tared(record: Record, state: _State, tare: float | Span | None, which: str) -> _State:
+    if tare is None:
+        return state
+    values = state.friction if which == "friction" else state.normal
+    name = f"{which} force"
+    if isinstance(tare, tuple):
+        rows = (record.time >= tare[0]) & (record.time <= tare[1]) & np.isfinite(values)
+        if not rows.any():
+            raise _error(
+                record,
+                f"the tare interval {tare[0]:g} to {tare[1]:g} s holds no sample; the record runs from 0 to "
+                f"{record.time[-1]:g} s: move it inside",
+            )
+        zero, error = float(np.mean(values[rows])), float(np.std(values[rows]) / np.sqrt(np.count_nonzero(rows)))
+        text = f"{zero:.4g} N taken off the {name}: its mean from {tare[0]:g} to {tare[1]:g} s"
+        state = replace(state, cuts=(*state.cuts, Cut("tare", *tare)))
+        if doubt := _restless(record.time[rows], values[rows], values, name, tare):
+            state = replace(state, findings=(*state.findings, doubt))
+    else:
+        zero, error, text = float(tare), None, f"{tare:.4g} N taken off the {name}, as given"
+    change = Change("tare" if which == "friction" else "normal_tare", text, zero, "N", error)
+    state = replace(state, changes=(*state.changes, change))
+    if which == "friction":
+        return replace(state, friction=values - zero)
+    return replace(state, normal=values - zero)
+
+
+def _restless(time: FloatArray, inside: FloatArray, whole: FloatArray, name: str, span: Span) -> Finding | None:
+    """A tare interval in which something moves: its zero is none."""
+    steps = np.diff(whole[np.isfinite(whole)])
+    noise = 1.4826 * float(np.median(np.abs(steps))) / np.sqrt(2.0)
+    noise = max(noise, float(np.min(np.abs(steps)[steps != 0], initial=np.inf)) / np.sqrt(12.0)) if steps.any() else 0.0
+    spread = float(np.ptp(np.polyval(np.polyfit(time - time[0], inside, 1), time - time[0]))) if time.size > 2 else 0.0
+    if max(float(np.std(inside)), spread) <= _RESTLESS * noise or not np.isfinite(noise):
+        return None
+    text = (
+        f"the {name} moves in the tare interval {span[0]:g} to {span[1]:g} s (by {max(spread, np.std(inside)):.3g} N; "
+        f"its noise is {noise:.2g} N): choose a stretch before anything touches or moves"
+    )
+    return Finding("tare_not_quiet", "warning", text)
+
+
+def _without_crosstalk(record: Record, state: _State, given: float | str | None) -> _State:
+    if given is None:
+        return state
+    share, error, source = _number(record, state, given, crosstalk, "crosstalk")
+    text = f"{100 * share:.3g} % of the normal force taken off the friction force (crosstalk), {source}"
+    change = Change("crosstalk", text, share, "", error)
+    return replace(state, friction=state.friction - share * state.normal, changes=(*state.changes, change))
+
+
+def _without_tilt(record: Record, state: _State, given: float | str | None) -> _State:
+    if given is None:
+        return state
+    angle, error, source = _number(record, state, given, tilt, "tilt")
+    friction, normal = levelled(state.friction, state.normal, angle)
+    text = f"forces turned by {np.degrees(angle):.3g}° into the tilted surface, {source}"
+    change = Change("tilt", text, angle, "rad", error)
+    return replace(state, friction=friction, normal=normal, changes=(*state.changes, change))
+
+
+def _number(
+    record: Record,
+    state: _State,
+    given: float | str,
+    estimate: Callable[[FloatArray, FloatArray], BothWays | None],
+    name: str,
+) -> tuple[float, float | None, str]:
+    """Return the number, its standard error, and where it comes from in words."""
+    if given != STROKES:
+        return float(given), None, "as given"
+    found = estimate(state.friction, state.normal)
+    if found is None:
+        raise _error(record, f"the {name} was to come from both stroke directions, and the record goes one way only; "
+                     f"give a number, or a record that goes to and fro")  # fmt: skip
+    pairs = "one pair of strokes" if found.pairs == 1 else f"{found.pairs} pairs of strokes"
+    return found.value, found.standard_error, f"from {pairs} to and fro"
+
+
+def _cut(record: Record, given: Corrections) -> tuple[npt.NDArray[np.bool_], list[Cut], list[Change]]:
+    time, end = record.time, float(record.time[-1])
+    used = np.ones(time.size, dtype=bool)
+    cuts: list[Cut] = []
+    told: list[Change] = []
+    if given.window is not None:
+        start, stop = given.window
+        used &= (time >= start) & (time <= stop)
+        cuts += [Cut("window", a, b) for a, b in ((0.0, min(start, end)), (max(stop, 0.0), end)) if b > a]
+        told.append(Change("window", f"only {start:g} to {stop:g} s of {end:.6g} s used, as given"))
+    for start, stop in given.exclude:
+        used &= (time < start) | (time > stop)
+        cuts.append(Cut("exclude", start, stop))
+        told.append(Change("exclude", f"{start:g} to {stop:g} s left out, as given"))
+    return used, cuts, told
+
+
+def _with_forces(record: Record, state: _State) -> Record:
+    """Return the record with its corrected forces; the raw ones go into channels of their own."""
+    new: dict[str, Any] = {}
+    channels, units = dict(record.channels), dict(record.channel_units)
+    for role, values in (("friction_force", state.friction), ("normal_force", state.normal)):
+        raw = getattr(record, role)
+        if values is not raw:
+            new[role] = values
+            channels[RAW[role]], units[RAW[role]] = raw, "N"
+    if not new:
+        return record
+    findings = (*record.findings, *state.findings)
+    return replace(record, channels=channels, channel_units=units, findings=findings, **new)

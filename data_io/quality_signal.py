@@ -1,0 +1,116 @@
+"""The friction signal itself: dead, clipped, coarse, repeated; each as a number and a sentence."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from data_io.frozen import Finding, FloatArray
+from data_io.record import Record
+from data_io.thresholds import Thresholds
+
+_CLIPPED_RUN: Final = 10
+"""Rows in a row at the very same extreme value before a sensor is said to stand at its end."""
+_CLIPPED_EXCESS: Final = 5.0
+"""A sensor at its end shows the last value this many times more often than the values before it."""
+_MOST: Final = 1 << 18
+"""Rows from which the step between two values is taken; a longer log shows the same step."""
+_BIG_STEP: Final = 3.0
+"""Steps of the quantisation by which a held signal moves on; a coarse one moves by one or two."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """clipped: rows at an end of the sensor. resolution [N]: smallest step between two values. repeated: share of the
+    rows that repeat the row before."""
+
+    clipped: int
+    resolution: float
+    repeated: float
+
+
+def look_at_friction(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds) -> tuple[Signal, list[Finding]]:
+    """Measure the friction force of the rows that count, used (n,), and say what lies beyond the thresholds."""
+    friction = record.friction_force[used]
+    span = float(np.ptp(friction))
+    if span == 0:
+        text = f"the friction force is exactly {friction[0]:g} N in every row; a living signal was expected; check it"
+        return Signal(0, 0.0, 0.0), [Finding("friction_constant", "reject", text)]
+    clipped, notes = clipping("friction force", friction, limits)
+    resolution = smallest_step(friction)
+    if severity := limits.severity("quantisation", resolution / span):
+        text = (
+            f"the friction force comes in steps of {resolution:.3g} N, coarse against its range of {span:.3g} N; use a "
+            "smaller measuring range of the sensor, or export more digits"
+        )
+        notes.append(Finding("friction_coarse", severity, text))
+    repeated = _repeated(record, used, resolution)
+    if severity := limits.severity("repeated_rows", repeated):
+        text = (
+            f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before: the logger ran faster "
+            "than the sensor; log at the sensor's own rate"
+        )
+        notes.append(Finding("repeated_rows", severity, text))
+    return Signal(clipped, resolution, repeated), notes
+
+
+def clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, list[Finding]]:
+    """Return how many rows stand at an end of the sensor, and a finding for each end."""
+    notes, total = [], 0
+    for end, values in (("highest", force), ("lowest", -force)):
+        rows = _clipped_rows(values)
+        total += rows
+        if severity := limits.severity("clipped_rows", rows / force.size):
+            level = float(force.max() if end == "highest" else force.min())
+            text = (
+                f"the {name} stays at its {end} value {level:.4g} N in {rows} rows: the sensor was at its end; use a "
+                "larger measuring range"
+            )
+            notes.append(Finding(f"{name.split()[0]}_clipped", severity, text))
+    return total, notes
+
+
+def _clipped_rows(values: FloatArray) -> int:
+    """Return how many rows stand at the largest value if that looks like a sensor at its end, else 0."""
+    high = float(values.max())
+    at_end = values == high
+    count = int(np.count_nonzero(at_end))
+    if count < _CLIPPED_RUN or _longest(at_end) < _CLIPPED_RUN:
+        return 0
+    below, counts = np.unique(values[(values < high) & (values > high - 0.1 * np.ptp(values))], return_counts=True)
+    if below.size < 2:
+        below, counts = np.unique(values[~at_end], return_counts=True)
+    if below.size < 2:
+        return 0
+    usual = max(float(np.mean(counts[-5:])), 1.0)
+    return count if count > _CLIPPED_EXCESS * usual else 0
+
+
+def _longest(mask: npt.NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def smallest_step(values: FloatArray) -> float:
+    """Return the smallest step between two values [N], rounding of the number format aside; 0 without two values."""
+    values = values[:: max(values.size // _MOST, 1)]
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-6 * (levels[-1] - levels[0])]
+    return float(steps.min()) if steps.size else 0.0
+
+
+def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> float:
+    """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards."""
+    pair = used[1:] & used[:-1]
+    friction = np.abs(np.diff(record.friction_force))
+    same = pair & (friction == 0)
+    if not same.any():
+        return 0.0
+    moved = friction[pair & (friction > 0)]
+    if moved.size == 0 or float(np.median(moved)) <= _BIG_STEP * step:
+        return 0.0
+    if np.ptp(record.normal_force[used]) > 0:
+        same &= np.diff(record.normal_force) == 0
+    return int(np.count_nonzero(same)) / max(int(np.count_nonzero(pair)), 1)
