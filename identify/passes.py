@@ -56,11 +56,13 @@ def solve_in_passes(
     on_pass: Callable[[int], None] | None = None,
     hopeless: float = np.inf,
     steps: int = 0,
+    most: int = 1000,
 ) -> Solved:
     """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES).
 
     Args:
-        hopeless: a pass that ends with a larger cost is the last one. steps: per interval of the fine passes, at least.
+        hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
+            least and at most.
     """
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
     iterations, forming = 0, 0.0
@@ -94,7 +96,7 @@ def solve_in_passes(
         if not np.all([_ordered(guess) for guess in guesses]):
             return solved
         fitting = fine_grid(logs, guesses, unknowns)
-        grid, tolerance, barrier = replace(fitting, steps=max(fitting.steps, steps)), 1e-8, 1e-6
+        grid, tolerance, barrier = replace(fitting, steps=min(max(fitting.steps, steps), most)), 1e-8, 1e-6
     assert solved is not None
     return solved
 
