@@ -10,7 +10,7 @@ from data_io.frozen import Finding
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
-from data_io.text import decode, looks_like_text
+from data_io.text import looks_like_text
 
 NAME: Final = "cetr-text"
 
@@ -33,7 +33,7 @@ def can_read(head: bytes) -> bool:
 
 def read(source: Source, request: Request) -> Contents:
     """Read one run (the chosen step, or all of them) of a CETR text. Raises `LogError`."""
-    tables, footer = read_tables(source, decode(source.data), request, breaks=_BREAK)
+    tables, footer = read_tables(source, request, breaks=_BREAK)
     parts: list[Part] = []
     findings: list[Finding] = []
     items: dict[str, str] = {}
@@ -81,7 +81,7 @@ def _free(key: str, taken: dict[str, str]) -> str:
 
 
 def _remarks(table: Table, part: Part) -> list[Finding]:
-    findings = [Finding("text_in_rows", "warning", f"step {part.number}: {remark}") for remark in table.remarks]
+    findings = [replace(remark, message=f"step {part.number}: {remark.message}") for remark in table.remarks]
     count = part.parameters.get("Data Count", "")
     if count.isdigit() and int(count) != part.rows:
         text = f"step {part.number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"

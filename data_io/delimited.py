@@ -2,11 +2,10 @@
 
 from typing import Final
 
-from data_io.frozen import Finding
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import read_tables
-from data_io.text import decode, looks_like_text
+from data_io.text import looks_like_text
 
 NAME: Final = "delimited"
 
@@ -21,9 +20,9 @@ def read(source: Source, request: Request) -> Contents:
 
     Raises `LogError`.
     """
-    tables, footer = read_tables(source, decode(source.data), request)
+    tables, footer = read_tables(source, request)
     filled = [table for table in tables if table.rows] or tables
-    findings = [Finding("text_in_rows", "warning", remark) for table in filled for remark in table.remarks]
+    findings = [remark for table in filled for remark in table.remarks]
     metadata = {}
     if filled[0].preamble:
         metadata["preamble"] = "\n".join(filled[0].preamble)

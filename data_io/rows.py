@@ -4,17 +4,20 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
-from data_io.frozen import LONGEST_GAP, FloatArray
+from data_io.block_ends import without_cut_row
+from data_io.decimal_mark import decimal_mark
+from data_io.frozen import LONGEST_GAP, Finding, FloatArray
 from data_io.layout import Head
+from data_io.segments import Run
 from data_io.source import Source
-from data_io.text import BLANKS, split, to_number
+from data_io.text import BLANKS, to_number
 
 # pandas rounds every number correctly by default since 3.1 and warns about the option since
 _EXACT: Final[dict[str, Any]] = (
@@ -25,46 +28,84 @@ _MISSING: Final = ["-", "--", "---", "1.#INF", "-1.#INF"]
 
 @dataclass(frozen=True)
 class Numbers:
-    """Columns by index, each (n,), and remarks on what was not a number. Columns without numbers are absent."""
+    """Columns by index, each (rows,), remarks on what was not a number, decimal mark (None: these rows do not tell).
+
+    Columns without numbers are absent.
+    """
 
     columns: dict[int, FloatArray]
-    remarks: tuple[str, ...]
+    rows: int
+    remarks: tuple[Finding, ...] = ()
+    decimal: str | None = None
 
 
-def read_numbers(source: Source, block: str, first_line: int, head: Head, at_end: bool) -> Numbers:
+def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
+    """Read a run of pure numbers at the speed of pandas; None where a row is short, long or holds something else.
+
+    decimal: the mark as far as the rows above tell; wanted: columns to read (None: all).
+    """
+    names = len(head.header.names)
+    use = None
+    if wanted is not None and head.delimiter != BLANKS:
+        # pandas would not notice a long row among chosen columns; the last one and the count of delimiters tell
+        use = sorted({*(index for index in wanted if index < names), names - 1})
+    try:
+        frame = pd.read_csv(
+            run,
+            sep=head.delimiter,
+            header=None,
+            names=list(range(head.width)) if use is None else None,
+            usecols=use,
+            index_col=False,
+            decimal=decimal or ".",
+            dtype=np.float64,
+            na_filter=False,
+            skipinitialspace=True,
+            engine="c",
+            **_EXACT,
+        )
+    except (ValueError, OverflowError):  # an empty or foreign field, a long row
+        return None
+    if head.delimiter != BLANKS and run.delimiters != (head.width - 1) * len(frame):
+        return None
+    if decimal is None and head.delimiter != "," and run.commas:
+        return None
+    columns = {
+        int(index): frame[index].to_numpy() for index in frame if int(index) < names and (not use or index in use)
+    }
+    return Numbers(columns, len(frame), decimal=decimal)
+
+
+def read_numbers(
+    source: Source, block: str, first_line: int, head: Head, at_end: bool, decimal: str | None = None
+) -> Numbers:
     """Read the rows of a block; `at_end` says that the file ends with it, so that its last row may be cut off.
 
     Raises the source's `LogError` where rows do not fit the header or a column with a role holds words.
     """
-    remarks: list[str] = []
+    remarks: list[Finding] = []
     if at_end and not block.endswith("\n"):
-        block, cut = _without_cut_row(block, head)
-        if cut:
-            remarks.append(f"the last row ({cut!r:.60}) is cut off and was left out")
-    decimal = _decimal(block, head)
-    frame = _parse(source, block, first_line, head, decimal)
+        block, remarks = without_cut_row(block, head)
+    decimal = decimal or decimal_mark(source, block, head)
+    mark = decimal or ("," if head.delimiter != "," and "," in block else ".")
+    frame = _parse(source, block, first_line, head, mark)
     names = head.header.names
-    if frame.iloc[-1:].isna().to_numpy().all():  # rows of delimiters only, as spreadsheets leave them at the end
-        filled = np.flatnonzero(frame.notna().to_numpy().any(axis=1))
-        frame = frame.iloc[: filled[-1] + 1] if filled.size else frame.iloc[:0]
     extra = frame.iloc[:, len(names) :].notna().to_numpy().any(axis=1)
     if extra.any():
         raise source.error(
             f"row {int(np.argmax(extra)) + 1} below line {first_line - 1} holds more fields than the header names "
             f"({len(names)}); as many were expected; repair the log"
         )
-    if frame.empty:
-        return Numbers({index: np.empty(0) for index in range(len(names))}, tuple(remarks))
     columns: dict[int, FloatArray] = {}
     for index in range(min(len(names), frame.shape[1])):
         column = frame[index]
         if column.dtype.kind in "fiu":
             columns[index] = column.to_numpy(dtype=np.float64)
             continue
-        values = _slow_column(source, column, index, head, decimal, first_line, remarks)
+        values = _slow_column(source, column, index, head, mark, first_line, remarks)
         if values is not None:
             columns[index] = values
-    return Numbers(columns, tuple(remarks))
+    return Numbers(columns, len(frame), tuple(remarks), decimal)
 
 
 def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str) -> pd.DataFrame:
@@ -128,27 +169,14 @@ def _widest(source: Source, block: str, first_line: int, head: Head) -> int:
     return widest
 
 
-def _without_cut_row(block: str, head: Head) -> tuple[str, str]:
-    start = block.rfind("\n") + 1
-    last = block[start:]
-    short = last.strip() and len(split(last, head.delimiter)) < len(head.header.names)
-    return (block[:start], last) if short else (block, "")
-
-
-def _decimal(block: str, head: Head) -> str:
-    """Return the decimal mark: a comma only where it does not delimit, decided by the columns that have a role."""
-    if head.delimiter == "," or "," not in block:
-        return "."
-    for line in block[:5000].split("\n")[:-1]:
-        fields = split(line, head.delimiter)
-        text = "".join(fields[i] for i in head.header.roles.values() if i < len(fields))
-        if "," in text or "." in text:
-            return "," if "," in text else "."
-    return ","
-
-
 def _slow_column(
-    source: Source, column: "pd.Series[Any]", index: int, head: Head, decimal: str, first_line: int, remarks: list[str]
+    source: Source,
+    column: "pd.Series[Any]",
+    index: int,
+    head: Head,
+    decimal: str,
+    first_line: int,
+    remarks: list[Finding],
 ) -> FloatArray | None:
     """Read a column that is not all numbers: words become NaN with a remark; words in long blocks are an error."""
     tokens: list[Any] = column.tolist()
@@ -157,7 +185,8 @@ def _slow_column(
     name = head.header.names[index].raw
     needed = index in head.header.roles.values()
     if not needed and bad.sum() * 2 > bad.size:
-        remarks.append(f"column {name!r} holds no numbers (such as {tokens[int(np.argmax(bad))]!r:.40}); left out")
+        text = f"column {name!r} holds no numbers (such as {tokens[int(np.argmax(bad))]!r:.40}); left out"
+        remarks.append(Finding("column_of_words", "info", text))
         return None
     row = int(np.argmax(bad))
     if needed and longest_run(bad) > LONGEST_GAP:
@@ -167,10 +196,8 @@ def _slow_column(
             "were expected; repair or cut the log, or name another column"
         )
     if bad.any():
-        remarks.append(
-            f"column {name!r} holds {tokens[row]!r:.40} near line {first_line + row} instead of a number "
-            f"({int(bad.sum())} such in all)"
-        )
+        text = f"column {name!r} holds {tokens[row]!r:.40} near line {first_line + row} instead of a number "
+        remarks.append(Finding("text_in_rows", "warning", text + f"({int(bad.sum())} such there)"))
     return np.array([np.nan if value is None else value for value in parsed], dtype=np.float64)
 
 

@@ -5,15 +5,17 @@ from typing import Final
 
 from data_io.account import read_account
 from data_io.columns import Header, Name, role_indices
-from data_io.frozen import Finding, Step
+from data_io.frozen import Step
 from data_io.layout import Head, line_at
 from data_io.part import Contents, Part
-from data_io.rows import read_numbers
+from data_io.segments import Lines, Segment
 from data_io.source import Request, Source
-from data_io.text import decode, split
+from data_io.table import read_below
+from data_io.text import split
 from data_io.write import CSV_MARK, FORMAT_VERSION
 
 NAME: Final = "stickslip-csv"
+_LONGEST_ACCOUNT: Final = 1 << 26
 
 
 def can_read(head: bytes) -> bool:
@@ -23,7 +25,13 @@ def can_read(head: bytes) -> bool:
 
 def read(source: Source, request: Request) -> Contents:
     """Read the chosen step, or all of them. Raises `LogError`."""
-    text = decode(source.data)
+    with source.open() as handle:
+        return _read(source, request, Lines(source, request, handle, longest=_LONGEST_ACCOUNT))
+
+
+def _read(source: Source, request: Request, lines: Lines) -> Contents:
+    top = lines.segment()
+    text = top.text
     first, position = line_at(text, 0)
     version = first[len(CSV_MARK) :].strip()
     if version != str(FORMAT_VERSION):
@@ -47,14 +55,13 @@ def read(source: Source, request: Request) -> Contents:
         )
     columns = tuple(Name(name, name, unit) for name, unit in zip(names, units, strict=True))
     header = Header(columns, role_indices(columns, request.columns))
-    numbers = read_numbers(source, text[position:], 5, Head(header, position, ",", len(names)), at_end=True)
-    rows = min((values.size for values in numbers.columns.values()), default=0)
+    rest = Segment(text[position:].encode(), 5, top.at_end)
+    table = read_below(source, request, lines, rest, Head(header, position, ",", len(names)))
     parts = [
-        Part(s.run, s.number, header, {i: v[s.start : s.stop] for i, v in numbers.columns.items()}, s.parameters)
-        for s in _steps(account.steps, rows)
+        Part(s.run, s.number, header, {i: v[s.start : s.stop] for i, v in table.columns.items()}, s.parameters)
+        for s in _steps(account.steps, table.rows)
     ]
-    findings = [Finding("text_in_rows", "warning", remark) for remark in numbers.remarks]
-    return Contents(NAME, parts, account.metadata, [*findings, *account.findings], True, account.drive_speed)
+    return Contents(NAME, parts, account.metadata, [*table.remarks, *account.findings], True, account.drive_speed)
 
 
 def _steps(steps: Sequence[Step], rows: int) -> Sequence[Step]:

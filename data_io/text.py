@@ -43,9 +43,14 @@ def looks_like_text(head: bytes) -> bool:
     return len(head) > 0 and len(_CONTROL.findall(head)) <= len(head) // 200 and b"\0\0" not in head
 
 
-def decode(data: bytes) -> str:
-    """Decode by byte-order mark, else UTF-8 with single bytes of cp1252; every kind of line end becomes newline."""
-    for mark, encoding in _BOMS:
+def utf16_of(head: bytes) -> str | None:
+    """Name the encoding of a text in UTF-16 by its mark, None for any other."""
+    return next((name for mark, name in _BOMS if name != "utf-8" and head.startswith(mark)), None)
+
+
+def decode(data: bytes, start: bool = True) -> str:
+    """Decode by byte-order mark (at the start of a log), else UTF-8 with single bytes of cp1252; line ends: newline."""
+    for mark, encoding in _BOMS if start else ():
         if data.startswith(mark):
             text = data[len(mark) :].decode(encoding, errors="data_io.cp1252" if encoding == "utf-8" else "replace")
             break

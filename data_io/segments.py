@@ -1,0 +1,187 @@
+"""A text log as a stream of whole lines: in segments to be walked, or in runs of pure numbers handed to pandas."""
+
+import codecs
+import io
+from dataclasses import dataclass
+from functools import cached_property
+from typing import IO, Final
+
+from data_io.layout import is_row
+from data_io.source import Request, Source
+from data_io.text import DELIMITERS, TEXT_LINE, decode, split, utf16_of
+
+FIRST: Final = 1 << 18
+"""Bytes of a segment: enough for any preamble, and soon walked."""
+BLOCK: Final = 1 << 23
+"""Bytes of a segment where words stand in every row, so that pandas is not called too often."""
+RUN: Final = 1 << 26
+"""Bytes of the longest run of numbers; they are kept until it is known that pandas could read them."""
+LONGEST_LINE: Final = 1 << 20
+LARGEST: Final = 1 << 26
+"""Bytes after which a segment ends even where words stand near its end."""
+MOST_ZEROS: Final = 1 << 26
+_ROWS_AT_END: Final = 32
+_TAIL: Final = 1 << 16
+_NUMBERS: Final = b"0123456789+-.eE,;\t \r\n"
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Whole lines of a log, the number of the first one, and whether the log ends with them."""
+
+    raw: bytes
+    first_line: int
+    at_end: bool
+
+    @cached_property
+    def text(self) -> str:
+        """The lines decoded, each ended by a newline; the last may be open at the end of the log."""
+        return decode(self.raw, start=self.first_line == 1)
+
+
+class Lines:
+    """A log being read from front to back. `segment` and `run` each go on where the other stopped."""
+
+    def __init__(self, source: Source, request: Request, handle: IO[bytes], longest: int = LONGEST_LINE) -> None:
+        self._longest = longest
+        self._source, self._request, self._handle = source, request, handle
+        self._encoding = utf16_of(source.head)
+        self._decoder = codecs.getincrementaldecoder(self._encoding)("replace") if self._encoding else None
+        self._expected = source.size * (1 if source.packing is None else 10)
+        self._pending, self._zeros, self._done = b"", 0, 0
+        self._ended = False
+        self.line = 1
+        self.size = FIRST
+
+    @property
+    def at_end(self) -> bool:
+        """Whether everything has been handed out."""
+        return self._ended and not self._pending
+
+    def segment(self) -> Segment:
+        """Return the next lines: a segment that ends among rows of numbers, so that no header is torn apart.
+
+        Raises the source's `LogError` where a line does not end within a MiB.
+        """
+        want = max(self.size - len(self._pending), FIRST // 2)
+        while not self._ended:
+            self._pending += self._fresh(want)
+            want = FIRST if len(self._pending) < self.size else BLOCK
+            cut = _line_end(self._pending)
+            if len(self._pending) - cut > self._longest:
+                raise self._source.error(
+                    f"no line ends within a MiB below line {self.line}; lines of numbers were expected; check the file"
+                )
+            if len(self._pending) >= self.size and (len(self._pending) > LARGEST or _safe(self._pending[:cut])):
+                break
+        cut = len(self._pending) if self._ended else cut
+        segment = Segment(self._pending[:cut], self.line, self._ended)
+        self._pending = self._pending[cut:]
+        self.line += _count_lines(segment.raw)
+        return segment
+
+    def run(self, delimiter: str) -> "Run":
+        """Return the run of numbers that follows, perhaps an empty one."""
+        return Run(self, delimiter)
+
+    def take_clean(self, size: int) -> bytes:
+        """Return the next whole lines if they hold numbers and delimiters only, else those up to the first that do not.
+
+        Nothing where the next line holds something else, or is the open last one.
+        """
+        raw = self._pending
+        if len(raw) < size and not self._ended:
+            raw += self._fresh(size)
+        dirt = raw.translate(None, _NUMBERS)
+        clean = raw.find(dirt[:1]) if dirt else len(raw)
+        cut = _line_end(raw, clean)
+        self._pending = raw[cut:]
+        return raw[:cut]
+
+    def give_back(self, raw: bytes) -> None:
+        """Take lines back that were handed out last; their numbers were not yet counted."""
+        self._pending = raw + self._pending
+
+    def _fresh(self, size: int) -> bytes:
+        """Return about `size` bytes more, as UTF-8 or what is near it; zero bytes at the end of the log stay away."""
+        raw = self._handle.read(size)
+        self._done += len(raw)
+        self._request.progress(min(self._done / max(self._expected, 1), 1.0))
+        self._ended = len(raw) < size
+        if self._decoder is not None:
+            return self._decoder.decode(raw, self._ended).encode("utf-8", "replace")
+        body = raw.rstrip(b"\0")
+        if not body:
+            self._zeros += len(raw)
+        else:
+            body, self._zeros = bytes(self._zeros) + body, len(raw) - len(body)
+        if self._zeros > MOST_ZEROS or (body and len(body) - len(raw) > FIRST):
+            raise self._source.error(
+                "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
+            )
+        return body
+
+
+class Run(io.RawIOBase):
+    """Consecutive lines of numbers as a file that pandas reads; keeps them until they are known to be sound."""
+
+    def __init__(self, lines: Lines, delimiter: str) -> None:
+        self._lines, self._delimiter = lines, delimiter.encode() if len(delimiter) == 1 else b""
+        self._taken: list[bytes] = []
+        self._size = 0
+        self._next = lines.take_clean(FIRST)
+        self.empty = not self._next
+        self.delimiters = 0
+        self.commas = False
+
+    def readable(self) -> bool:
+        """Tell pandas that this can be read."""
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        """Return the next lines; `size` is not heeded, because lines stay whole."""
+        block = self._next
+        self._next = b"" if self._size > RUN or not block else self._lines.take_clean(FIRST)
+        if block:
+            self._taken.append(block)
+            self._size += len(block)
+            if self._delimiter:
+                self.delimiters += block.count(self._delimiter)
+            self.commas = self.commas or b"," in block
+        return block
+
+    def segment(self) -> Segment:
+        """Return the lines read so far, to be walked instead."""
+        return Segment(b"".join(self._taken), self._lines.line, False)
+
+    def finish(self) -> None:
+        """Count the lines read and give back those that nobody read."""
+        self._lines.give_back(self._next)
+        self._next = b""
+        self._lines.line += sum(map(_count_lines, self._taken))
+
+
+def _count_lines(raw: bytes) -> int:
+    ends = raw.count(b"\n")
+    return ends if b"\r" not in raw else ends + raw.count(b"\r") - raw.count(b"\r\n")
+
+
+def _line_end(raw: bytes, stop: int | None = None) -> int:
+    """Return the position behind the last line end before `stop`; a CR at the very end may belong to an LF to come."""
+    stop = len(raw) if stop is None else stop
+    newline = raw.rfind(b"\n", 0, stop)
+    if newline == stop - 1 >= 0:
+        return stop
+    return max(newline, raw.rfind(b"\r", max(newline, 0), min(stop, len(raw) - 1))) + 1
+
+
+def _safe(raw: bytes) -> bool:
+    """Tell whether lines end with many rows of numbers; where words keep standing between rows, few have to do."""
+    tail = decode(raw[-_TAIL:], start=False).split("\n")[-_ROWS_AT_END - 1 : -1]
+    if len(raw) > LARGEST // 2:
+        tail = tail[-3:]
+    return all(_is_numbers(line) for line in tail)
+
+
+def _is_numbers(line: str) -> bool:
+    return TEXT_LINE.match("\n" + line) is None or any(is_row(split(line, delimiter)) for delimiter in DELIMITERS)

@@ -1,0 +1,194 @@
+"""Walking the words of a text log: where a table begins, where words stand between its rows, where it ends."""
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from data_io.columns import EXAMPLES, parse_name, shown, words
+from data_io.frozen import Finding
+from data_io.layout import COMMENT, Head, head_at, is_row, line_at, lines_from, numbered_head
+from data_io.opened_table import OpenTable, Table, wanted_columns
+from data_io.rows import read_numbers
+from data_io.segments import Segment
+from data_io.source import Request, Source
+from data_io.text import DELIMITERS, TEXT_LINE, is_number_like, split
+
+MOST_TABLES: Final = 5000
+"""Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
+MOST_WORDS: Final = 1 << 20
+"""Characters without a table after which no log is expected any more."""
+
+
+class Walk:
+    """The tables found so far, the one whose rows are being read, and text that waits for what follows it."""
+
+    def __init__(
+        self, source: Source, request: Request, breaks: re.Pattern[str] | None = None, keep: Sequence[str] = ()
+    ) -> None:
+        self._source, self._request, self._breaks, self._keep = source, request, breaks, keep
+        self._tables: list[Table] = []
+        self._text, self._first_line, self._at_end = "", 1, False
+        self._marks: list[int] = []
+        self._above = 0
+        self.table: OpenTable | None = None
+        self.carry = ""
+
+    def take(self, segment: Segment) -> None:
+        """Walk the next segment. Raises the source's `LogError`."""
+        self._first_line = segment.first_line - self.carry.count("\n")
+        self._text, self._at_end = self.carry + segment.text, segment.at_end
+        self._marks = [match.start() for match in TEXT_LINE.finditer("\n" + self._text)]
+        self._above, self.carry = 0, ""
+        i = self._rows(0, 0) if self.table is not None else 0
+        while i < len(self._marks) and self.table is None and not self.carry:
+            head = head_at(self._source, self._text, self._marks[i], self._request)
+            i = i + 1 if head is None else self._begin(head, i)
+        if self.table is None and not self._tables and (head := numbered_head(self._text, self._request.columns)):
+            self._begin(head, -1)
+        if self.table is None:
+            self._carry_on()
+
+    def finish(self) -> tuple[list[Table], tuple[str, ...]]:
+        """Return the tables and the lines below the last one. Raises the source's `LogError` where there is none."""
+        self._close()
+        if not self._tables:
+            raise self._source.error(_why_no_table(self.carry, self._request))
+        footer = _lines(self.carry)
+        if rows := [line for line in footer if _is_lost_row(line)]:
+            text = f"{len(rows)} line(s) of numbers below the last table were left out: {rows[0]!r:.60}"
+            self._tables[-1] = _with_remark(self._tables[-1], Finding("rows_left_out", "warning", text))
+        return self._tables, footer
+
+    def _begin(self, head: Head, i: int) -> int:
+        """Begin the table whose header is mark `i` and read what follows; return the mark at which to go on."""
+        above = _lines(self._text[self._above : self._marks[i] if i >= 0 else 0])
+        first_line = self._line(head.start)
+        wanted = wanted_columns(head.header, self._request, self._keep)
+        self.table = OpenTable(head, above, first_line, wanted)
+        if self._tables and (rows := [line for line in above if _is_lost_row(line)]):
+            text = f"{len(rows)} line(s) of numbers above line {first_line} fit no header and were left out"
+            self.table.remarks.append(Finding("rows_left_out", "warning", text))
+        if len(self._tables) >= MOST_TABLES:
+            raise self._source.error(
+                f"more than {MOST_TABLES} header rows were found; one per step was expected; drop repeated ones"
+            )
+        i += 1
+        if head.width == 0:
+            self._above = head.start
+            self._close()
+            return i
+        while i < len(self._marks) and self._marks[i] < head.start:
+            i += 1
+        return self._rows(head.start, i)
+
+    def _rows(self, begin: int, i: int) -> int:
+        """Read rows of the open table from `begin` on; close it where it ends; return the mark at which to go on."""
+        table, text = self.table, self._text
+        assert table is not None
+        first_line, pieces, ended = self._line(begin), [], False
+        while not ended:
+            stop, i = self._next_interruption(table.head, i)
+            pieces.append(text[begin:stop])
+            resume = self._resume(table.head, i)
+            ended = resume is None
+            if resume is not None:
+                begin, i = resume
+                if skipped := _lines(COMMENT.sub("", text[stop:begin])):
+                    text_left = f"text between the rows was left out: {skipped[0]!r:.60}"
+                    table.remarks.append(Finding("text_in_rows", "warning", text_left))
+        rows, at_end = "".join(pieces), stop >= len(text) and self._at_end
+        table.add(read_numbers(self._source, rows, first_line, table.head, at_end, table.decimal))
+        if stop >= len(text):
+            self._above = len(text)
+        elif not self._at_end and i >= len(self._marks):
+            self.carry = text[stop:]  # rows may follow these words
+        else:
+            self._above = stop
+            self._close()
+        return i
+
+    def _close(self) -> None:
+        if self.table is not None:
+            self._tables.append(self.table.close())
+            self.table = None
+
+    def _carry_on(self) -> None:
+        """Keep the text that belongs to no table yet, unless it is too long for words above a table."""
+        self.carry = self._text[self._above :]
+        if len(self.carry) <= MOST_WORDS or self._at_end:
+            return
+        if not self._tables:
+            raise self._source.error(_why_no_table(self.carry, self._request))
+        self.carry = self.carry[self.carry.rfind("\n", 0, len(self.carry) - MOST_WORDS // 4) + 1 :]
+
+    def _next_interruption(self, head: Head, i: int) -> tuple[int, int]:
+        """Return position and mark of the next text line that is no row with a word in it."""
+        while i < len(self._marks):
+            fields = split(line_at(self._text, self._marks[i])[0], head.delimiter)
+            if len(fields) != head.width or not is_row(fields):
+                return self._marks[i], i
+            i += 1
+        return len(self._text), i
+
+    def _resume(self, head: Head, i: int) -> tuple[int, int] | None:
+        """Return where the rows of the same table go on behind text, and the next mark; None if the table ended."""
+        while i < len(self._marks):
+            line, after = line_at(self._text, self._marks[i])
+            if self._breaks is not None and self._breaks.match(line):
+                return None
+            if head_at(self._source, self._text, self._marks[i], self._request) is not None:
+                return None
+            i += 1
+            limit = self._marks[i] if i < len(self._marks) else len(self._text)
+            position, row = next(lines_from(self._text, after), (limit, ""))
+            if position < limit:
+                fields = split(row, head.delimiter)
+                return (position, i) if len(fields) == head.width and is_row(fields) else None
+        return None
+
+    def _line(self, position: int) -> int:
+        return self._first_line + self._text.count("\n", 0, position)
+
+
+def _with_remark(table: Table, remark: Finding) -> Table:
+    return Table(table.header, table.columns, table.preamble, table.first_line, (*table.remarks, remark))
+
+
+def _is_lost_row(line: str) -> bool:
+    """Tell a line of two numbers or more and nothing else."""
+    return any(len(f := split(line, d)) > 1 and is_row(f) and all(map(is_number_like, f)) for d in DELIMITERS)
+
+
+def _lines(text: str) -> tuple[str, ...]:
+    return tuple(line.strip() for line in text.split("\n") if line.strip())
+
+
+def _why_no_table(text: str, request: Request) -> str:
+    """Say what is missing: rows of numbers, a header row, or the columns the user named."""
+    above: list[str] = []
+    for _, line in lines_from(text, 0):
+        width = max((len(split(line, d)) for d in DELIMITERS if is_row(split(line, d))), default=0)
+        if width > 1:
+            return _why_no_header(above, width, request)
+        above = [*above[-4:], line]
+    return "no rows of numbers were found; a header row with a time and a force, then numbers, were expected; check it"
+
+
+def _why_no_header(above: list[str], width: int, request: Request) -> str:
+    for line in above:
+        for delimiter in DELIMITERS:
+            fields = split(COMMENT.sub("", line, count=1), delimiter)
+            if len(fields) == width:
+                there = shown((parse_name(name).name for name in fields), most=12)
+                if request.columns:
+                    asked = ", ".join(f"{name!r}" for name in request.columns.values())
+                    return f"the columns {there} were found, none of {asked}; give the names as the file has them"
+                return (
+                    f"no time column and no force column were recognised among {there}; names such as "
+                    f"{EXAMPLES['time']} and {EXAMPLES['friction_force']} were expected; say which is which with "
+                    "--columns time=...,friction_force=..."
+                )
+    return (
+        f"rows of {width} numbers were found, but no header row that names them; a {words('time')} and a force column "
+        "were expected; number them with --columns time=1,friction_force=2 and give --units"
+    )
