@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from identify.calculable import check_calculable
 from identify.comparison import ClosedForms, beyond, closed_forms, contact, judged, number
 from identify.cycle import CycleMap
+from identify.drawn import POINT
 from identify.errors import SimulationError
 from identify.groups import MEANING
 from identify.model import Model
@@ -50,7 +51,7 @@ def outlook(
 
     Args:
         values, drive_speed, normal_force, covariance: as in `OperatingPoint`.
-        names: the parameters of the covariance.
+        names: what the covariance is of: parameters, "drive_speed", "normal_force".
 
     Returns:
         {"operating_point", "stability", "amplitude", "closed_forms", "groups", "text"}; every number is
@@ -86,7 +87,7 @@ def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[s
     check_calculable(model)
     maps = [_map(model, point) for point in points]
     speeds = [abs(float(point.drive_speed)) for point in points]
-    unknown = [n for n in names if n not in model.parameter_names]
+    unknown = [n for n in names if n not in model.parameter_names and n not in POINT]
     if unknown:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
     return [
@@ -135,7 +136,8 @@ class _Intervals:
     def __init__(self, map_: CycleMap, answer: Prospect, covariance: ArrayLike | None, names: tuple[str, ...]) -> None:
         self._map, self._answer, self._names = map_, answer, names
         matrix = None if covariance is None or not names else np.asarray(covariance, float)
-        self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix)
+        point = dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
+        self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix, point)
 
     def orbit(self, values: Array) -> list[Interval | None]:
         orbit = self._answer.orbit

@@ -69,13 +69,14 @@ def end_slopes(map_: CycleMap, branch: Branch, names: Sequence[str]) -> Array:
 
 
 def growth_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> Array:
-    """Derivatives of the growth rate of steady sliding [1/s] by parameters, by central differences."""
-    columns = _columns(map_, names)
-    steps = STEP * np.where(map_.p == 0.0, LEAST, np.abs(map_.p))[columns]
-    moved = np.zeros((len(columns), map_.p.size))
-    moved[np.arange(len(columns)), columns] = steps
-    p = np.concatenate([map_.p + moved, map_.p - moved])
-    if not columns:
+    """Derivatives of the growth rate of steady sliding [1/s] by parameters, "drive_speed" or "normal_force", by
+    central differences."""
+    if not names:
         return np.zeros(0)
-    rates = growth_rates(map_.model, p, np.full(p.shape[0], drive_speed), map_.normal_force)
+    columns, w = _columns(map_, names), map_.setting(drive_speed)
+    steps = STEP * np.where(w == 0.0, LEAST, np.abs(w))[columns]
+    moved = np.zeros((len(columns), w.size))
+    moved[np.arange(len(columns)), columns] = steps
+    each = np.concatenate([w + moved, w - moved])
+    rates = growth_rates(map_.model, each[:, :-2], each[:, -1], each[:, -2])
     return np.asarray((rates[: len(columns)] - rates[len(columns) :]) / (2.0 * steps))

@@ -8,7 +8,7 @@ interval, and the reason names the parameters.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,15 +43,19 @@ class Spread:
 
     Args:
         p: every parameter of the model (n_p,). Variances may be huge, infinite or NaN: not identifiable.
+        point: values [SI] of what the covariance names beside the parameters: "drive_speed", "normal_force".
     """
 
-    def __init__(self, model: Model, p: Array, names: Sequence[str], covariance: Array) -> None:
+    def __init__(
+        self,
+        model: Model,
+        p: Array,
+        names: Sequence[str],
+        covariance: Array,
+        point: Mapping[str, float] | None = None,
+    ) -> None:
         self.names = tuple(names)
-        declared = [model.parameter(name) for name in self.names]
-        values = np.abs([p[model.parameter_names.index(name)] for name in self.names])
-        least = np.array([q.spread if q.scale == "linear" else 0.0 for q in declared])
-        size = np.maximum(values, least)
-        self._size = np.where(size > 0.0, size, np.abs([q.default for q in declared]))
+        self._size = np.array([_size(model, p, name, point or {}) for name in self.names])
         known = np.all(np.isfinite(covariance), axis=0) & (np.diag(covariance) >= 0.0)
         if not np.all(known):  # what is only correlated with the unknown stays
             known = np.isfinite(np.diag(covariance)) & (np.diag(covariance) >= 0.0)
@@ -61,6 +65,11 @@ class Spread:
         scaled = (covariance / np.outer(self._size, self._size))[np.ix_(known, known)]
         variances, self._directions = np.linalg.eigh(0.5 * (scaled + scaled.T))
         self._sd = np.sqrt(np.maximum(variances, 0.0))
+
+    def deviation(self, value: float, slopes: Array) -> float | None:
+        """Standard deviation of a quantity over |value|, to first order; None where it is open."""
+        width, reason = self._width(slopes, abs(value))
+        return None if reason or not np.isfinite(width) else width / NORMAL
 
     def positive(self, value: float, slopes: Array) -> Interval:
         """Interval of a positive quantity with derivatives `slopes` (f,), by its logarithm."""
@@ -96,6 +105,15 @@ class Spread:
             which = [name for name, said in zip(self.names, named, strict=True) if said]
             return np.nan, f"these data do not tell {_listed(which)}, on which it depends"
         return NORMAL * float(np.linalg.norm(parts)), ""
+
+
+def _size(model: Model, p: Array, name: str, point: Mapping[str, float]) -> float:
+    """Typical size of a quantity, in which its moves are measured."""
+    if name in point:
+        return abs(point[name])
+    declared, value = model.parameter(name), abs(float(p[model.parameter_names.index(name)]))
+    size = max(value, declared.spread if declared.scale == "linear" else 0.0)
+    return size if size > 0.0 else abs(declared.default)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -21,7 +21,7 @@ noise pooling zigzag local_fits waveform slips segment strokes classical suspici
 bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread drawn calculable choice price selection_numbers comparison
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance outlook_words outlook
 guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start lay_out hints
-equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation gate profile_line profile search nested screening selection result
+equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation gate profile_line profile search nested screening selection_words selection result
 identification
 report
 comparing
