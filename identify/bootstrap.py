@@ -29,13 +29,11 @@ FEWEST_FREEDOM = 2.0
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Replicates (r, f) of the parameters that settled, how many did not, and intervals (f, 2): NaN with too few.
-
-    `freedom` (f,) is the number of independent pieces of residuals behind each spread.
-    """
+    """Replicates (r, f) of the parameters, those that settled of all that were asked (`settled`), and intervals (f, 2):
+    NaN with too few. `freedom` (f,) is the number of independent pieces of residuals behind each spread."""
 
     replicates: Array
-    failed: int
+    settled: NDArray[np.bool_]
     interval: Array
     freedom: Array
 
@@ -64,16 +62,17 @@ def bootstrap(
     drawn = _drawn(known, count, random)
     answer = (z * problem.layout.scale)[known.kept]
     moved = weights @ known.moves + drawn
+    settled = np.ones(count, bool)
     if refine:
         solver = _Replicates(problem, z, known, cycles)
-        kept = []
         for number in range(count):
             if progress is not None:
-                progress("bootstrap", number / count)
+                progress("bootstrap", None)
             found = solver.solve(weights[number], drawn[number])
+            settled[number] = found is not None
             if found is not None:
-                kept.append(found - answer)
-        moved = np.array(kept).reshape(-1, answer.size)
+                moved[number] = found - answer
+        moved = moved[settled]
     freedom = _freedom(known)
     interval = np.full((answer.size, 2), np.nan)
     if moved.shape[0] >= FEWEST:
@@ -81,7 +80,7 @@ def bootstrap(
         ends = np.quantile(moved, tails, axis=0, method="weibull").T
         wider = t.ppf(tails[1], freedom) / norm.ppf(tails[1])
         interval = answer[:, None] + wider[:, None] * ends
-    return Bootstrap(answer + moved, count - moved.shape[0], interval, freedom)
+    return Bootstrap(answer + moved, settled, interval, freedom)
 
 
 def _noise(known: Influence) -> float:

@@ -20,8 +20,9 @@ quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_traje
 noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality judgement draft
 bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread drawn stated calculable choice price selection_numbers comparison
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance outlook_words outlook
+axes outline plane crossings flood chart
 guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start lay_out hints
-equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation gate profile_line profile search nested screening selection_words selection result
+equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation gate accuracy combinations profile_line profile search nested screening selection_words selection result
 identification
 report
 comparing

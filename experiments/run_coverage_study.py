@@ -1,0 +1,233 @@
+"""Do 95 % intervals hold the truth in 95 % of repeats? Covariance, profile likelihood, cycle-block bootstrap.
+
+Every repeat draws new noise (white, or with a memory: an autoregression of first order) on the same simulated logs and
+solves again. Repeats start from the truth's motion, which a search would find as well: what is counted is the interval,
+not the search. The normal force is exact, and the fit is told so; the noise level is given. The bootstrap is the one
+linear in the residuals; a line shows how far replicates move when each is solved again.
+
+    python experiments/run_coverage_study.py [repeats] [of which with profile and bootstrap] [seed]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from data_io import Record
+from experiments.machine import describe
+from experiments.study_problem import DEMO, NORMAL_FORCE, RIG
+from identify.bootstrap import bootstrap
+from identify.coloured import colour, coloured_covariance
+from identify.drive import NormalForce
+from identify.effects import MAIN
+from identify.equilibrated import Factors, optimality_matrix
+from identify.guess import Guess, LogData
+from identify.identification import find
+from identify.influence import Influence, influence, sample_moves
+from identify.model import assemble
+from identify.passes import Solved, solve_in_passes
+from identify.prepare import Prepared
+from identify.profile import profile
+from identify.scene import Scene
+from identify.search import Clock
+from identify.shooting import Problem
+from identify.simulate import run
+from identify.unknowns import Unknowns
+from identify.warm import Warm
+
+Array = NDArray[np.float64]
+
+# Drive speed [m/s], duration [s], sampling rate [Hz]: fewer samples than the study problem has; a repeat is cheap.
+SPEEDS = ((1e-4, 14.0, 250.0), (1e-3, 2.2, 1000.0), (5e-3, 0.7, 2000.0))
+NOISE = 5e-3
+MEMORY = 0.8  # correlation from sample to sample of the coloured noise
+QUANTILE = 1.959964
+METHODS = ("covariance", "white covariance", "profile", "bootstrap")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The problem without noise, solved: what every repeat starts from."""
+
+    prepared: tuple[Prepared, ...]
+    unknowns: Unknowns
+    solved: Solved
+    clean: list[Array]
+    truth: Array
+
+
+def setting(fast: bool) -> Setting:
+    """Simulate the logs without noise, find their events once, solve."""
+    speeds = SPEEDS[1:] if fast else SPEEDS
+    model, records, clean = assemble(MAIN), [], []
+    for number, (speed, duration, rate) in enumerate(speeds):
+        times = np.arange(round(duration * rate) + 1) / rate
+        force = run(model, DEMO | RIG, speed, NORMAL_FORCE, duration).sample(times)["force"]
+        noise = NOISE * np.random.default_rng(1000 + number).standard_normal(times.size)
+        clean.append(force)
+        records.append(Record(times, np.full(times.size, NORMAL_FORCE), force + noise))
+    document = {
+        "effects": [*MAIN, "varying_normal_force"],
+        "rig": RIG | {"noise": NOISE},
+        "logs": [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, _, _) in enumerate(speeds, 1)],
+    }
+    _, found = find(Scene.from_document(document, Path()), records, clock=Clock(), progress=lambda _stage, _share: None)
+    assert found.attempt is not None, found.message
+    logs = tuple(
+        replace(
+            log, data=replace(log.data, force=force, normal_force_sd=0.0, normal_force=NormalForce.of(NORMAL_FORCE))
+        )
+        for log, force in zip(found.attempt.prepared, clean, strict=True)
+    )
+    data = [log.data for log in logs]
+    solved = solve_in_passes(data, found.attempt.solved.guesses, found.unknowns.softened())
+    unknowns = replace(found.unknowns, start=solved.theta)
+    base = unknowns.base(RIG)
+    truth = unknowns.theta(np.array([(DEMO | RIG)[n] for n in unknowns.names]), base)[unknowns.free]
+    return Setting(logs, unknowns, solved, clean, truth)
+
+
+def noisy(setting: Setting, random: np.random.Generator, memory: float) -> list[LogData]:
+    """New noise on every log."""
+    out = []
+    for log, clean in zip(setting.prepared, setting.clean, strict=True):
+        new = random.standard_normal(clean.size + 200) * np.sqrt(1 - memory**2)
+        out.append(replace(log.data, force=clean + NOISE * lfilter([1.0], [1.0, -memory], new)[200:]))
+    return out
+
+
+def repeat(setting: Setting, random: np.random.Generator, memory: float, deep: bool) -> dict[str, Array] | None:
+    """One repeat: per method whether the interval of each parameter holds the truth (f,); None: it did not settle."""
+    solved, data = setting.solved, noisy(setting, random, memory)
+    layout = solved.problem.layout
+    problem = Problem(data, layout)
+    start = solved.solution.z
+    size = np.sqrt(np.maximum(np.diag(_covariance(problem, start)), 1e-300))
+    f = layout.free.size
+    settled = Warm(problem, start, np.arange(f), size).settle(start, within=1e-3)
+    if settled is None:
+        return None
+    theta = (settled.z * layout.scale)[:f]
+    cycles = [guess.cycles for guess in solved.guesses]
+    known = influence(problem, settled.z, cycles)
+    fitted = problem.fitted(settled.z)
+    colours = [colour(log.force - curve) for log, curve in zip(data, fitted, strict=True)]
+    moves = sample_moves(problem, settled.z, known.columns)
+    allowed = coloured_covariance(moves, [NOISE**2] * len(data), colours) + known.prior
+    off = np.abs(theta - setting.truth)
+    out = {
+        "covariance": off <= QUANTILE * np.sqrt(np.diag(allowed)),
+        "white covariance": off <= QUANTILE * np.sqrt(np.diag(known.covariance)),
+    }
+    if deep:
+        out |= _deep(setting, problem, settled.z, known, allowed, data, random)
+    return out
+
+
+def _covariance(problem: Problem, z: Array) -> Array:
+    point = problem.evaluate(z, derivatives=True)
+    assert point.hessian is not None and point.jacobian is not None
+    layout = problem.layout
+    right = np.zeros((layout.size + layout.rows, layout.free.size))
+    right[: layout.free.size] = np.diag(layout.scale[: layout.free.size])
+    solved = Factors(optimality_matrix(point.hessian, point.jacobian)).solve(right)
+    return np.asarray(layout.scale[: layout.free.size, None] * solved[: layout.free.size])
+
+
+def _deep(
+    setting: Setting,
+    problem: Problem,
+    z: Array,
+    known: Influence,
+    allowed: Array,
+    data: list[LogData],
+    random: np.random.Generator,
+) -> dict[str, Array]:
+    solved, layout = setting.solved, problem.layout
+    x = z * layout.scale
+    guesses: list[Guess] = [p.read(g, x) for p, g in zip(layout.places, solved.formed_from, strict=True)]
+    theta = setting.unknowns.start.copy()
+    theta[layout.free] = x[: layout.free.size]
+    here = replace(solved, problem=problem, guesses=guesses, theta=theta)
+    logs = tuple(replace(log, data=d) for log, d in zip(setting.prepared, data, strict=True))
+    memory = np.diag(allowed) / np.diag(known.covariance)
+    unknowns = replace(setting.unknowns, start=theta)
+    walked = profile(logs, here, unknowns, known.covariance, lambda _stage, _share: None, memory=memory)
+    held = np.zeros(layout.free.size, bool)
+    for i, index in enumerate(layout.free.tolist()):
+        if walked.better is None:
+            low, high = (side.end for side in walked.ends[unknowns.names[index]])
+            above = low is None or low <= setting.truth[i]
+            held[i] = above and (high is None or setting.truth[i] <= high)
+    seed = int(random.integers(2**31))
+    cycles = [guess.cycles for guess in solved.guesses]
+    made = bootstrap(problem, z, known, 200, cycles=cycles, seed=seed, refine=False)
+    inside = (made.interval[:, 0] <= setting.truth) & (setting.truth <= made.interval[:, 1])
+    return {"profile": held, "bootstrap": inside}
+
+
+def study(setting: Setting, repeats: int, deep: int, seed: int, memory: float) -> dict[str, Array]:
+    """Counts of intervals that hold the truth: per method (f,), and how many repeats; prints the table."""
+    random, began = np.random.default_rng(seed), time.perf_counter()
+    hits: dict[str, list[Array]] = {name: [] for name in METHODS}
+    failed = 0
+    for number in range(repeats):
+        seen = repeat(setting, random, memory, number < deep)
+        failed += seen is None
+        for name, inside in (seen or {}).items():
+            hits[name].append(inside)
+    names = [setting.unknowns.names[i] for i in np.flatnonzero(setting.unknowns.free)]
+    kind = "white noise" if memory == 0.0 else f"noise with a memory ({memory:g} from sample to sample)"
+    spent = (time.perf_counter() - began) / max(repeats, 1)
+    print(f"\n{kind}; {repeats} repeats, {failed} did not settle; {spent:.2f} s each")
+    print(f"{'':18s} {'repeats':>8s} " + " ".join(f"{name:>12s}" for name in names))
+    for name, rows in hits.items():
+        if rows:
+            count = np.sum(rows, axis=0)
+            cells = " ".join(f"{n:5d} {100 * n / len(rows):5.1f}%" for n in count)
+            print(f"{name:18s} {len(rows):8d} {cells}", flush=True)
+    return {name: np.array(rows) for name, rows in hits.items()}
+
+
+def refinement(setting: Setting) -> float:
+    """Largest difference, in standard errors, between replicates solved again and those linear in the residuals."""
+    random = np.random.default_rng(9)
+    problem = Problem(noisy(setting, random, 0.0), setting.solved.problem.layout)
+    cycles = [guess.cycles for guess in setting.solved.guesses]
+    z = setting.solved.solution.z
+    known = influence(problem, z, cycles)
+    f = np.arange(known.kept.size)
+    settled = Warm(problem, z, f, np.sqrt(np.diag(known.covariance))).settle(z, within=1e-3)
+    assert settled is not None
+    known = influence(problem, settled.z, cycles)
+    made = [bootstrap(problem, settled.z, known, 50, cycles=cycles, refine=refine) for refine in (True, False)]
+    size = np.sqrt(np.diag(known.covariance))
+    return float(np.max(np.abs(made[0].replicates - made[1].replicates[made[0].settled]) / size))
+
+
+def main(fast: bool = False, repeats: int = 2000, deep: int = 400, seed: int = 1) -> dict[str, dict[str, Array]]:
+    """The whole study, white and coloured; fast: a few repeats of two logs."""
+    if fast:
+        repeats, deep = 6, 2
+    made = setting(fast)
+    print(describe())
+    print(f"{len(made.clean)} logs, {sum(x.size for x in made.clean)} samples, ", end="")
+    print(f"{sum(g.cycles for g in made.solved.guesses)} cycles")
+    print(f"replicates solved again differ by at most {refinement(made):.3f} standard errors from linear ones")
+    return {
+        "white": study(made, repeats, deep, seed, 0.0),
+        "coloured": study(made, repeats, deep, seed + 1, MEMORY),
+    }
+
+
+if __name__ == "__main__":
+    said = [int(word) for word in sys.argv[1:]]
+    main(False, *said)
