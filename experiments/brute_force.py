@@ -43,7 +43,7 @@ class Pair:
     def of(values: Mapping[str, float], load: float = 1.0) -> Pair:
         """From named values."""
         names = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr", "mass", "stiffness", "damping")
-        return Pair(*(values[name] for name in names), load)
+        return Pair(**{name: values[name] for name in names}, load=load)
 
     @property
     def c(self) -> float:
@@ -169,25 +169,31 @@ def stick(pair: Pair, state: State, drive: float) -> float:
     return float(brentq(excess, 0.0, 1.0000001 * longest + 1e-12, xtol=1e-16, rtol=1e-13))
 
 
-def slide(pair: Pair, y: Any, drive: float, patience: float = SLIDES_AFTER) -> tuple[State, float, float] | None:
-    """(rest state, duration [s], largest speed [m/s]) of a motion from (elongation, speed, gamma); None: it slides on.
+def _slide(pair: Pair, y: Any, drive: float, room: float) -> tuple[Any, float, float, bool]:
+    """(state, duration [s], largest speed [m/s], whether it rests) of a motion of at most `room` [s].
 
     A mass that stops but is not held slides back.
     """
-    t, peak, sign, room = 0.0, 0.0, 1.0, patience * 2.0 * math.pi * pair.time
+    t, peak, sign = 0.0, 0.0, 1.0
     ageing = not (y[2] <= 0.0 and y[1] * pair.t_cr >= pair.D)
-    while t < room:
+    while True:
         y, length, how, top = _leg(pair, y, drive, sign, ageing, room - t)
         t, peak = t + length, max(peak, top)
-        if how == "time":
-            return None
+        if how == "time" or t >= room:
+            return y, t, peak, False
         if how == "rest":
             pull = pair.stiffness * y[0] + pair.c * drive
             if abs(pull) <= pair.grip(y[2]):
-                return (float(y[0]), float(y[2])), t, peak
+                return y, t, peak, True
             sign = math.copysign(1.0, pull)
         ageing = how != "worn"
-    return None
+
+
+def slide(pair: Pair, y: Any, drive: float, patience: float = SLIDES_AFTER) -> tuple[State, float, float] | None:
+    """(rest state, duration [s], largest speed [m/s]) of a motion from (elongation, speed, gamma); None: it slides on
+    for `patience` natural periods."""
+    y, t, peak, rests = _slide(pair, y, drive, patience * 2.0 * math.pi * pair.time)
+    return ((float(y[0]), float(y[2])), t, peak) if rests else None
 
 
 def jump(pair: Pair, state: State, drive: float, patience: float = SLIDES_AFTER) -> Jump | None:
@@ -238,9 +244,19 @@ def bracket(pair: Pair, drive: float, width: float = 2e-3, fastest: float = math
     return low, high
 
 
-def slides_on(pair: Pair, drive: float, share: float = 0.02, patience: float = SLIDES_AFTER) -> bool:
-    """Whether steady sliding, its speed disturbed by `share`, goes on without coming to rest."""
+def slides_on(pair: Pair, drive: float, share: float = 0.02, periods: int = 10, rounds: int = 8) -> bool:
+    """Whether steady sliding, its speed disturbed by `share`, does not come to rest and its swing dies down.
+
+    A swing that grows by a millionth in each natural period comes to rest too, but only after more than anybody
+    simulates: so the first and the last of `rounds` stretches of so many natural periods are compared.
+    """
     gamma = max(0.0, 1.0 - drive * pair.t_cr / pair.D)
     mu = pair.mu_k0 - pair.delta_mu_k * math.expm1(-pair.a * drive)
-    x = pair.load * (mu + (pair.mu_s - mu) * gamma) / pair.stiffness
-    return slide(pair, (x, (1.0 + share) * drive, gamma), drive, patience) is None
+    y: Any = (pair.load * (mu + (pair.mu_s - mu) * gamma) / pair.stiffness, (1.0 + share) * drive, gamma)
+    swings = []
+    for _ in range(rounds):
+        y, _, peak, rests = _slide(pair, y, drive, periods * 2.0 * math.pi * pair.time)
+        if rests:
+            return False
+        swings.append(peak / drive - 1.0)
+    return swings[-1] < swings[1] or swings[-1] < 1e-6 * share

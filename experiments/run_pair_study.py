@@ -3,8 +3,8 @@
 Per pair: drop, period and peak speed at four drive speeds, the outcome there and at two random ones, and the drive
 speed at which stick-slip ends. Plain simulation: `brute_force` (scipy's DOP853, no line of the package in it); its
 outcome is "sticks" where the motion from a rested contact, or one brought from slower drives, goes on sticking, and
-"slides" where steady sliding disturbed by 2 % goes on. Every closed form that an answer calls valid is held against
-the simulation too.
+"slides" where a disturbance of steady sliding by 2 % dies down. Every closed form that an answer calls valid is held
+against the simulation too.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def main(fast: bool = False) -> float:
     print(f"demo pair and {len(pairs)} random pairs ({rejected} draws rejected), F_n = 1 N, m, k, h nominal")
     tally = Tally()
     for i, pair in enumerate([DEMO, *pairs]):
-        extra = np.exp(rng.uniform(*np.log(EXTRA), 1 if fast else 2)).tolist()
+        extra = np.exp(rng.uniform(np.log(EXTRA[0]), np.log(EXTRA[1]), 1 if fast else 2)).tolist()
         check(pair, [*(SPEEDS[1:3] if fast else SPEEDS), *extra], tally, f"pair {i}")
         if not fast and i % 20 == 0:
             print(f"  {i} of {len(pairs)} pairs after {time.perf_counter() - begun:.0f} s", flush=True)

@@ -147,15 +147,19 @@ def follow_course(
     """
     done = Followed((start,), (place,), None)
     for _ in range(JUMPS):
-        found = trace(map_.at(course.setting(done.places[-1])), done.orbits[-1], course, done.places[-1], last)
-        done = Followed((*done.orbits, *found.orbits[1:]), (*done.places, *found.places[1:]), found.end)
-        if found.lost:
-            done = _advance(map_, done, course, last, patience)
+        done = piece(map_, done, course, last, patience)
         beyond = None if done.ending is None else _beyond(map_, done, course, last, patience)
         if beyond is None:
             break
         done = Followed((*done.orbits, beyond[0]), (*done.places, beyond[1]), None)
     return done
+
+
+def piece(map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience) -> Followed:
+    """What was followed, and the branch of its last orbit up to where that ends, or up to coordinate `last`."""
+    found = trace(map_.at(course.setting(done.places[-1])), done.orbits[-1], course, done.places[-1], last)
+    done = Followed((*done.orbits, *found.orbits[1:]), (*done.places, *found.places[1:]), found.end)
+    return _advance(map_, done, course, last, patience) if found.lost else done
 
 
 def _beyond(

@@ -59,7 +59,8 @@ def typical_speed(map_: CycleMap) -> float:
     return float(fall * map_.normal_force / np.sqrt(values["mass"] * values["stiffness"]))
 
 
-def _outcome(orbit: Orbit | None, sticks: bool, stable: bool) -> Outcome:
+def outcome_of(orbit: Orbit | None, sticks: bool, stable: bool) -> Outcome:
+    """By the orbit there, whether the mass sticks at all, and whether steady sliding is stable."""
     if orbit is not None and orbit.stable:
         return Outcome.BISTABLE if stable else Outcome.ALWAYS_STICKS
     if orbit is not None or sticks:
@@ -70,10 +71,10 @@ def _outcome(orbit: Orbit | None, sticks: bool, stable: bool) -> Outcome:
 def patience(map_: CycleMap, speed: float) -> float:
     """Half periods after which a mass that has not come to rest at this drive speed [m/s] is taken to slide on."""
     rates = growth_rates(map_.model, map_.p, np.array([speed]), map_.normal_force)
-    return _long_enough(float(rates[0]) * map_.half_period)
+    return long_enough(float(rates[0]) * map_.half_period)
 
 
-def _long_enough(growth: float) -> float:
+def long_enough(growth: float) -> float:
     """Half periods until a disturbance of steady sliding that grows by e^`growth` in each has come to rest."""
     return float(np.clip(GROWN / growth, SLIDES_AFTER, LONGEST_PATIENCE)) if growth > 0 else SLIDES_AFTER
 
@@ -100,7 +101,7 @@ def prospects(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> list[P
     loads = np.array([m.normal_force for m in maps])
     steady = slidings(maps[0].model, np.stack([m.p for m in maps]), np.asarray(drive_speeds, float), loads)
     settled = [
-        _refined(m, settle(m, s.drive_speed, patience=_long_enough(s.growth * m.half_period)))
+        _refined(m, settle(m, s.drive_speed, patience=long_enough(s.growth * m.half_period)))
         for m, s in zip(maps, steady, strict=True)
     ]
     branches: list[Branch | None] = [None] * len(maps)
@@ -163,4 +164,4 @@ def _prospect(map_: CycleMap, steady: Sliding, here: Settled, branch: Branch | N
             orbit = again.orbit
     searched = (1e-3 * min(typical, drive_speed), 10.0 * max(typical, drive_speed, (branch and branch.end) or 0.0))
     unstable = unstable_speeds(map_.model, map_.p, map_.normal_force, *searched)
-    return Prospect(_outcome(orbit, here.sticks, steady.stable), orbit, steady, branch, unstable, searched)
+    return Prospect(outcome_of(orbit, here.sticks, steady.stable), orbit, steady, branch, unstable, searched)

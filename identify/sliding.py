@@ -142,18 +142,27 @@ def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> 
     return slidings(model, np.asarray(p, float)[None, :], np.array([drive_speed]), np.array([normal_force]))[0]
 
 
-def growth_rates(model: Model, p: Array, drive_speed: Array, normal_force: float) -> Array:
+def growth_rates(model: Model, p: Array, drive_speed: Array, normal_force: float | Array) -> Array:
     """Growth rates of the least stable disturbance of steady sliding [1/s], shape (n,).
 
     Args:
-        p: parameters (n_p,) or (n, n_p). drive_speed: (n,) [m/s]. normal_force: [N].
+        p: parameters (n_p,) or (n, n_p). drive_speed: (n,) [m/s]. normal_force: [N], one or (n,).
 
     Raises:
         SimulationError: no finite steady state.
     """
-    u = _inputs(drive_speed, np.full(drive_speed.size, normal_force))
+    u = _inputs(drive_speed, np.broadcast_to(normal_force, drive_speed.shape))
     values = _slidings(model, np.broadcast_to(p, (drive_speed.size, np.shape(p)[-1])), u)[2]
     return np.asarray(np.nanmax(values.real, axis=1))
+
+
+def clearances(model: Model, p: Array, drive_speed: Array, normal_force: Array) -> Array:
+    """How far the bounded state of steady sliding stays from its bound, shape (n,); negative where the contact is worn
+    out (there it is what it would be without the bound). Arguments as of `growth_rates`."""
+    if model.clamped is None:
+        return np.full(drive_speed.shape, np.inf)
+    x, _ = _steady(model, np.ascontiguousarray(p), _inputs(drive_speed, normal_force), worn=False)
+    return np.asarray(x[:, model.clamped] - (model.states[model.clamped].lower or 0.0))
 
 
 def unstable_speeds(

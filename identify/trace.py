@@ -24,7 +24,7 @@ TOLERANCE = 1e-5  # of the equations, scaled
 SHRINKING = 0.7  # by which a correction has to shrink the residual
 CORRECTIONS = 6
 POINTS = 60
-SHORTEST, WIDEST = 1e-4, 2.5  # arc lengths of a step
+SHORTEST, LENGTH, WIDEST = 1e-4, 0.7, 2.5  # arc lengths of a step: least, first, largest
 STRAIGHT = 0.8  # cosine of the turn of the branch that one step may take
 REFINEMENTS = 12
 TURN = 0.5  # of the direction, expected from one step [rad]
@@ -151,7 +151,7 @@ def trace(map_: CycleMap, start: Orbit, course: Course, place: float, last: floa
     walk = _Walk(map_, course)
     first = walk.start(start, place)
     here = None if start.cycle.glide.turns else _solve(walk, first, np.eye(first.size)[-1])
-    length, bend = 0.7, np.zeros(first.size)
+    length, bend = min(LENGTH, 2.0 * (last - place)), np.zeros(first.size)
     for _ in range(POINTS):
         if here is None or length < SHORTEST:
             return Trace(tuple(orbits), tuple(places), None, lost=True)

@@ -1,0 +1,137 @@
+"""Stick-slip orbits at every node of a grid, each sought where its neighbour's derivatives expect it.
+
+The sea of orbits spreads from a few motions that settled; where no orbit is found next to one, the branch is followed
+along the edge between them, through the fold where stick-slip ends.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.branch import Followed, expected, piece
+from identify.cycle import CycleMap
+from identify.orbit import Orbit, close, settle
+from identify.outline import Edge
+from identify.plane import Plane
+from identify.prospect import long_enough, patience
+from identify.trace import End
+
+Array = NDArray[np.float64]
+Node = tuple[int, int]  # row, column
+
+SEEDS = 8  # along each axis: nodes from which a motion is started from a rested contact
+HOVERS = 30  # cycles after which a motion near an unstable orbit is given up
+
+
+@dataclass
+class Sea:
+    """What was found: orbits by node (with the map of each), nodes that stick without settling, ends by edge."""
+
+    orbits: dict[Node, Orbit] = field(default_factory=dict)
+    maps: dict[Node, CycleMap] = field(default_factory=dict)
+    irregular: set[Node] = field(default_factory=set)
+    ends: dict[Edge, End] = field(default_factory=dict)
+
+
+class Flood:
+    """Spreads orbits over a plane; growth (n_y, n_x): rates of steady sliding [1/s] at its nodes."""
+
+    def __init__(self, plane: Plane, map_: CycleMap, growth: Array) -> None:
+        self._plane, self._growth, self._origin = plane, growth, map_
+        self.sea = Sea()
+
+    def run(self) -> Sea:
+        """Orbits at every node that has one: from a coarse grid of starts, and from wherever sliding does not last."""
+        rows, columns = (np.unique(np.linspace(0, n - 1, min(n, SEEDS)).astype(int)) for n in self._plane.shape)
+        for j in rows.tolist():
+            for i in columns.tolist():
+                self._seed((j, i))
+        for j, i in np.argwhere(self._growth >= 0.0).tolist():
+            self._seed((j, i))
+        return self.sea
+
+    def _seed(self, node: Node) -> None:
+        if not self._plane.admitted[node] or node in self.sea.orbits or node in self.sea.irregular:
+            return
+        there = self._map(node)
+        found = settle(there, self._speed(node), patience=self._patience(there, node))
+        if found.orbit is not None:
+            self._take(node, there, found.orbit)
+            self._spread(node)
+        elif found.sticks:
+            self.sea.irregular.add(node)
+
+    def _spread(self, start: Node) -> None:
+        queue = deque([start])
+        while queue:
+            here = queue.popleft()
+            for there, edge in self._neighbours(here):
+                if there not in self.sea.orbits and edge not in self.sea.ends and self._reached(here, there, edge):
+                    queue.append(there)
+
+    def _reached(self, here: Node, there: Node, edge: Edge) -> bool:
+        """Whether the orbit of one node leads to one of the next; else the end between them is noted."""
+        if there in self.sea.irregular:
+            return False
+        map_ = self._map(there)
+        orbit = self._near(map_, there, self.sea.orbits[here], self.sea.maps[here].scale)
+        if orbit is None and there not in self.sea.irregular:
+            orbit = self._along(map_, here, there, edge)
+        if orbit is not None:
+            self._take(there, map_, orbit)
+        return orbit is not None
+
+    def _near(self, map_: CycleMap, node: Node, orbit: Orbit, scale: Array) -> Orbit | None:
+        """The stable orbit at a node that the derivatives of another one expect."""
+        w, long = self._plane.settings[node], self._patience(map_, node)
+        found = close(map_, expected(orbit, scale, map_, w), self._speed(node), patience=long)
+        if found is None or found.stable:
+            return found
+        settled = settle(map_, self._speed(node), found.y, patience=long, cycles=HOVERS)
+        if settled.orbit is None and settled.sticks:
+            self.sea.irregular.add(node)
+        return settled.orbit
+
+    def _along(self, map_: CycleMap, here: Node, there: Node, edge: Edge) -> Orbit | None:
+        """The orbit at the far end of an edge by following the branch along it; None where it ends before."""
+        course, begin, finish = self._plane.way(edge)
+        forwards = there > here
+        if not forwards:
+            course, begin, finish = course.reversed(), -finish, -begin
+        start = Followed((self.sea.orbits[here],), (begin,), None)
+        found = piece(self.sea.maps[here], start, course, finish, patience)
+        last = found.orbits[-1]
+        if found.ending is not None and found.ending.place < finish:
+            sign = 1.0 if forwards else -1.0
+            self.sea.ends[edge] = End(sign * found.ending.place, sign * found.ending.slopes)
+            return None
+        return self._near(map_, there, last, map_.at(last.cycle.setting).scale)
+
+    def _take(self, node: Node, map_: CycleMap, orbit: Orbit) -> None:
+        self.sea.orbits[node], self.sea.maps[node] = orbit, map_
+
+    def _neighbours(self, node: Node) -> Iterator[tuple[Node, Edge]]:
+        j, i = node
+        (n_y, n_x), admitted = self._plane.shape, self._plane.admitted
+        if i + 1 < n_x and admitted[j, i + 1]:
+            yield (j, i + 1), ("x", j, i)
+        if i > 0 and admitted[j, i - 1]:
+            yield (j, i - 1), ("x", j, i - 1)
+        if j + 1 < n_y and admitted[j + 1, i]:
+            yield (j + 1, i), ("y", j, i)
+        if j > 0 and admitted[j - 1, i]:
+            yield (j - 1, i), ("y", j - 1, i)
+
+    def _map(self, node: Node) -> CycleMap:
+        return self._origin.at(self._plane.settings[node])
+
+    def _speed(self, node: Node) -> float:
+        return float(self._plane.settings[node][-1])
+
+    def _patience(self, map_: CycleMap, node: Node) -> float:
+        return long_enough(float(self._growth[node]) * map_.half_period)
