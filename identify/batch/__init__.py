@@ -28,7 +28,9 @@ job.json: {"schema": 1, "kind": "job", "group", "folder", "key", "numerics", "st
 
 status of a group: the status of its fit (converged, solver_failed, wrong_event_count, model_misfit,
     better_start_found, no_cycles, at_bound: result.json is there), or, without result.json: failed (the sentence of
-    the error: an unreadable log, say), timed_out, crashed, defect (an error of ours; `detail` has the traceback).
+    the error: an unreadable log, say), timed_out, crashed (its process died, or its files could not be reached), defect
+    (an error of ours; `detail` has the traceback), outdated (a log or the program changed while the batch ran). A
+    resumed batch tries the last four again.
     labels of a group: a label its logs agree on, else the different texts joined by "; ". labels of a log are exact.
 
 index.csv: group, status, message, result (relative path of result.json, empty without one), folder, logs (number),

@@ -8,9 +8,10 @@ from typing import Any
 
 CONVERGED = "converged"
 FAILED, TIMED_OUT, CRASHED, DEFECT = "failed", "timed_out", "crashed", "defect"
+OUTDATED = "outdated"  # a log or the program changed while the batch ran
 UNWRITTEN = "unwritten"  # the disk is full or may not be written to: no end of a fit, but of the batch
 WAITING = "waiting"
-TRY_AGAIN = (TIMED_OUT, CRASHED, DEFECT)  # ends that the content does not decide: a resumed batch tries again
+TRY_AGAIN = (TIMED_OUT, CRASHED, DEFECT, OUTDATED)  # ends that the content does not decide: a resumed batch tries again
 
 
 @dataclass(frozen=True)

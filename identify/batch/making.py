@@ -6,14 +6,14 @@ import platform
 import shutil
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from data_io.errors import LogError, UnitError
-from identify.batch.job import DEFECT, FAILED, UNWRITTEN, End, Job
-from identify.batch.key import numerics
+from identify.batch.job import CRASHED, DEFECT, FAILED, OUTDATED, UNWRITTEN, End, Job
+from identify.batch.key import file_sha256, numerics
 from identify.batch.store import is_full, write_job
 from identify.errors import IdentifyError
 
@@ -27,7 +27,7 @@ def make(job: Job, part: Path) -> End:
     """
     if job.numerics != numerics():
         return End(
-            FAILED,
+            OUTDATED,
             f"this process has other numerics ({numerics()}) than the batch was planned with ({job.numerics}); "
             "install the same versions everywhere",
         )
@@ -39,10 +39,11 @@ def guarded(work: Make, job: Job, part: Path) -> End:
     try:
         return work(job, part)
     except (IdentifyError, LogError, UnitError) as error:
-        return End(FAILED, " ".join(str(error).split()))
+        changed = _changed(job, [_digest(log.path) for log in job.logs])
+        return End(FAILED, " ".join(str(error).split())) if changed is None else End(OUTDATED, changed)
     except OSError as error:
         words = f"{error.filename or part}: {error.strerror or error}"
-        return End(UNWRITTEN if is_full(error) else FAILED, words)
+        return End(UNWRITTEN if is_full(error) else CRASHED, words)
     except MemoryError:
         return End(DEFECT, "the fit ran out of memory; give the batch fewer jobs at a time", traceback.format_exc())
     except Exception as error:  # noqa: BLE001 - a defect in one fit must not stop the others
@@ -56,9 +57,9 @@ def _fitted(job: Job, part: Path) -> End:
 
     began, used = time.perf_counter(), time.process_time()
     outcome = fit(Scene.from_document(job.scene))
-    changed = _changed(job, outcome.result)
+    changed = _changed(job, [str(log["sha256"]) for log in outcome.result["logs"]])
     if changed is not None:
-        return End(FAILED, changed)
+        return End(OUTDATED, changed)
     fitted = time.perf_counter()
     outcome = replace(outcome, result=with_provenance(outcome.result, job))
     part.mkdir()
@@ -82,9 +83,16 @@ def with_provenance(result: Mapping[str, Any], job: Job) -> dict[str, Any]:
     return {**result, "provenance": {**result["provenance"], "batch": batch, "machine": where}}
 
 
-def _changed(job: Job, result: Mapping[str, Any]) -> str | None:
-    """A sentence where a log is not the one that was hashed when the batch began."""
-    for planned, read in zip(job.logs, result["logs"], strict=True):
-        if planned.sha256 != read["sha256"]:
-            return f"{planned.path}: the log was changed while the batch ran; run again with --resume"
+def _changed(job: Job, found: Sequence[str | None]) -> str | None:
+    """A sentence where a log is not the one that was hashed when the batch began; `found`: SHA-256 of each log."""
+    for planned, digest in zip(job.logs, found, strict=True):
+        if planned.sha256 != digest:
+            return f"{planned.path}: the log was changed or taken away while the batch ran; run again with --resume"
     return None
+
+
+def _digest(path: str) -> str | None:
+    try:
+        return file_sha256(Path(path))
+    except OSError:
+        return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -14,6 +15,8 @@ from identify.batch.planning import Plan
 
 OWN = ("group", "status", "message", "result", "folder", "logs", "seconds")
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "|", "%")  # a text that begins so is a formula to some spreadsheet
+
+TURNING = "\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"  # marks that turn the direction of text
 
 
 @dataclass(frozen=True)
@@ -89,5 +92,6 @@ def label_columns(jobs: Sequence[Job], first: Sequence[str]) -> list[str]:
 
 def harmless(text: str) -> str:
     """The text as one line that no spreadsheet takes for a formula."""
-    line = " ".join(text.split("\n")).replace("\r", " ").replace("\0", "")
+    line = " ".join(text.splitlines())
+    line = "".join(c for c in line if unicodedata.category(c) != "Cc" and c not in TURNING)
     return f"'{line}" if line.lstrip().startswith(FORMULA) or line.startswith(FORMULA) else line
