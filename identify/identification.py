@@ -4,36 +4,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import LogError, Record, read_log
+from identify.asked import NOTHING_MORE, Asked
+from identify.certainty import certainty
 from identify.choice import Choice
-from identify.discretisation import discretisation_error
 from identify.errors import FitError
-from identify.hints import hints
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Fit, LogCurves, Status
 from identify.prepare import Prepared, prepare
-from identify.profile import profile
 from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import Findings, document
 from identify.scene import Scene
-from identify.search import UNEQUAL, Attempt, Clock, Sources, resolve, search
+from identify.search import UNEQUAL, Attempt, Clock, Sources, search
 from identify.selection import choose_from_data
-from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns, from_scene, user_start
-from identify.vibration import rhythmic, tuned
+from identify.vibration import tuned
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
-BETTER_TRIES = 3  # how often a profile may hand back a better optimum
-DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
-DISCRETISED = 0.1  # of a standard error: what the steps may cost at most
-REFINEMENTS = 2  # how often the steps are halved for that
 AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
@@ -44,6 +37,7 @@ def fit(
     progress: Progress | None = None,
     starts: Sources | None = None,
     seed: int = 0,
+    asked: Asked = NOTHING_MORE,
 ) -> Fit:
     """Identify the parameters of a scene from all its logs together.
 
@@ -53,7 +47,8 @@ def fit(
         progress: called as progress(stage, share of the whole).
         starts: where the search starts: "data", "user" (the scene's `start` values), "both"; default both where the
             scene gives a start, else the data.
-        seed: of the random starts, which are only used where the data's own do not fit.
+        seed: of the random starts, which are only used where the data's own do not fit, and of the bootstrap.
+        asked: how finely, and which further looks at how sure the answer is.
 
     Raises:
         FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
@@ -68,7 +63,7 @@ def fit(
         choice = choose_from_data(scene, records, told)
         scene = scene.with_effects(choice.effects)
         clock.add("choose", since)
-    prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed)
+    prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings.unknowns, findings.attempt)
     return Fit(document(scene, prepared, findings, clock, began, seed, choice), curves)
@@ -82,6 +77,7 @@ def find(
     progress: Progress,
     starts: Sources | None = None,
     seed: int = 0,
+    asked: Asked = NOTHING_MORE,
 ) -> tuple[list[Prepared], Findings]:
     """The identification without report and outlook; arguments and errors as `fit`."""
     began = time.perf_counter()
@@ -102,7 +98,7 @@ def find(
     attempt, left_out = search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     since = time.perf_counter()
     progress("intervals", 0.9)
-    findings = _findings(scene, prepared, unknowns, attempt, left_out, progress)
+    findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, asked, seed)
     clock.add("intervals", since)
     return prepared, findings
 
@@ -140,6 +136,8 @@ def _findings(
     attempt: Attempt | None,
     left_out: dict[int, str],
     progress: Progress,
+    asked: Asked,
+    seed: int,
 ) -> Findings:
     """Status, estimates and what else the result document is made of."""
     if attempt is None:
@@ -148,8 +146,18 @@ def _findings(
     if not np.all(np.isfinite(attempt.solved.theta)):
         status, message = _status(attempt, {})
         return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
-    attempt, known, discretised = _fine_enough(attempt, unknowns)
-    if not np.all(np.isfinite(known.total)):
+    base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
+    sure = certainty(
+        attempt,
+        unknowns,
+        base,
+        asked,
+        lambda theta: _at_bounds(unknowns, theta),
+        speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
+        seed=seed,
+        progress=progress,
+    )
+    if sure is None:
         return Findings(
             Status.SOLVER_FAILED,
             f"the answer ends where the model has no derivatives (misfit {attempt.gate.chi2_per_sample:.3g} times the "
@@ -162,63 +170,20 @@ def _findings(
             left_out,
             {},
         )
-    tolerance = scene.rig.tolerances.get("drive_speed", 0.0)
-    bounds = _at_bounds(unknowns, attempt.solved.theta)
-    base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
-    told = hints(attempt.prepared, attempt.solved.guesses, unknowns, attempt.solved.theta)
-    profiles: dict[str, Interval] = {}
-    for _ in range(1 + BETTER_TRIES):
-        by_speed = known.drive_speed_shift()
-        covariance = known.covariance() + tolerance**2 * np.outer(by_speed, by_speed)
-        found = estimates(
-            unknowns, attempt.solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=profiles
-        )
-        if profiles or attempt.gate.status is not Status.CONVERGED or not _doubtful(unknowns, covariance, found):
-            break
-        walked = profile(attempt.prepared, attempt.solved, unknowns, covariance, progress)
-        if walked.better is None:
-            profiles = {name: Interval(*(side.end for side in sides)) for name, sides in walked.ends.items()}
-            continue
-        attempt = resolve(attempt, replace(unknowns, start=walked.better))
-        known = _information(attempt, unknowns)
-    status, message = _status(attempt, bounds)
-    return Findings(status, message, unknowns, attempt, known, covariance, found, left_out, profiles, discretised)
-
-
-def _doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bool:
-    """Whether some parameter is so uncertain that the curvature at one point says little about its interval."""
-    beside = rhythmic(unknowns)
-    wide = np.sqrt(np.diag(covariance)) > DOUBTFUL
-    asked = {name for name, aside in zip(unknowns.names, beside, strict=True) if not aside}
-    return bool(np.any(wide & (unknowns.logarithmic & ~beside)[unknowns.free])) or any(
-        e.verdict == "not identifiable" and e.name in asked for e in found
-    )
-
-
-def _fine_enough(attempt: Attempt, unknowns: Unknowns) -> tuple[Attempt, Information, dict[str, float]]:
-    """The answer with steps so fine that their error is a small part of each standard error, and that part by name."""
-    known = _information(attempt, unknowns)
-    shares: dict[str, float] = {}
-    for _ in range(1 + REFINEMENTS):
-        if attempt.gate.status is not Status.CONVERGED or not np.all(np.isfinite(known.total)):
-            break
-        error = discretisation_error(attempt.solved) / np.sqrt(np.diag(known.covariance()))
-        free = np.flatnonzero(unknowns.free).tolist()
-        shares = {unknowns.names[i]: float(np.nan_to_num(e)) for i, e in zip(free, error, strict=True)}
-        if not shares or max(abs(e) for e in shares.values()) <= DISCRETISED:
-            break
-        finer = 2 * attempt.solved.grid.steps
-        attempt = resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=finer)
-        known = _information(attempt, unknowns)
-    return attempt, known, shares
-
-
-def _information(attempt: Attempt, unknowns: Unknowns) -> Information:
-    """The information of the data on all parameters, those held fixed too, at the answer."""
-    solved = attempt.solved
-    at_answer = replace(unknowns, start=solved.theta)
-    return information(
-        *solved.problem.with_all_parameters(solved.formed_from, at_answer, solved.grid, solved.solution.z)
+    attempt = sure.attempt
+    status, message = _status(attempt, _at_bounds(unknowns, attempt.solved.theta))
+    return Findings(
+        status,
+        message,
+        unknowns,
+        attempt,
+        sure.information,
+        sure.covariance,
+        sure.estimates,
+        left_out,
+        {} if sure.profiles is None else dict(sure.profiles.ends),
+        sure.discretisation,
+        sure,
     )
 
 

@@ -46,11 +46,12 @@ class Influence:
         return np.asarray(self.white.sum(axis=0) + self.prior)
 
 
-def influence(problem: Problem, z: Array, cycles: list[int]) -> Influence:
+def influence(problem: Problem, z: Array, cycles: list[int], *, absorbed: bool = True) -> Influence:
     """The influence of the data on the parameters at a solution z (n,) scaled.
 
     Args:
         cycles: of every log; what follows the last slip counts to its last cycle.
+        absorbed: False leaves that part at nought, which saves most of the time.
     """
     layout = problem.layout
     point = problem.evaluate(z, derivatives=True)
@@ -64,7 +65,7 @@ def influence(problem: Problem, z: Array, cycles: list[int]) -> Influence:
     count = sum(cycles)
     f = kept.size
     moves, white = np.zeros((count, f)), np.zeros((count, f, f))
-    pulled = np.zeros((layout.size, count * f)) if count * f <= MOST_COLUMNS else None
+    pulled = np.zeros((layout.size, count * f)) if absorbed and count * f <= MOST_COLUMNS else None
     x = z * layout.scale
     for family, moments, group in zip(layout.families, problem.moments, groups, strict=True):
         bend, slope, pull, d_curve = _family(problem, family, moments, x, columns)
@@ -78,8 +79,9 @@ def influence(problem: Problem, z: Array, cycles: list[int]) -> Influence:
     sd = layout.prior_sd
     prior = columns.T @ (columns / sd[:, None] ** 2)
     log = np.repeat(np.arange(len(cycles)), cycles)
-    absorbed = _absorbed(factors, layout, pulled, white, white.sum(axis=0) + prior)
-    return Influence(factors, kept, columns, moves, white, absorbed, prior, log)
+    covariance = white.sum(axis=0) + prior
+    taken = _absorbed(factors, layout, pulled, white, covariance) if absorbed else np.zeros_like(white)
+    return Influence(factors, kept, columns, moves, white, taken, prior, log)
 
 
 def kept_parameters(layout: Layout) -> Indices:

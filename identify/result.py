@@ -13,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from identify.certainty import Certainty
 from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
+from identify.depth import depth_document, noise_note
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Status
 from identify.outlook import OperatingPoint, outlooks
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.search import Attempt, Clock
-from identify.uncertainty import LEVEL, Estimate, Information, Interval
+from identify.uncertainty import LEVEL, Estimate, Information
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -45,8 +47,9 @@ class Findings:
     covariance: Array | None
     estimates: list[Estimate]
     left_out: Mapping[int, str]
-    profiles: Mapping[str, Interval]
+    profiles: Mapping[str, object]
     discretisation: Mapping[str, float] = field(default_factory=dict)
+    sure: Certainty | None = None
 
 
 def document(
@@ -82,6 +85,7 @@ def document(
     }
     if converged:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
+        result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
     else:
         iterate = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
         untold = {name: {"value": None, "unit": entry["unit"]} for name, entry in result["parameters"].items()}
@@ -95,6 +99,11 @@ def document(
         "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
     return result
+
+
+def _base(scene: Scene, found: Findings) -> Array:
+    """Base values (n_p,) of the rig the parameters are given for."""
+    return found.unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
 
 
 def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> dict[str, Any]:
@@ -321,6 +330,8 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]
     guessed = [log.name for log in prepared if log.noise_estimated]
     if guessed:
         notes.append("The noise was estimated from straight lines through the stick phases, not given.")
+    coloured = noise_note(found.sure) if found.sure is not None and found.status is Status.CONVERGED else ""
+    notes += [coloured] if coloured else []
     rig = (*RIG_PARAMETERS, "drive_speed")
     exact = [name for name in rig if name not in scene.parameters and name not in scene.rig.tolerances]
     if exact and found.status is Status.CONVERGED:

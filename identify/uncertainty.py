@@ -159,7 +159,8 @@ def estimates(
             out.append(Estimate(name, unit, value, None, None, None, "at bound", at_bound[name]))
             continue
         interval = profiles.get(name, Interval(theta[i] - quantile * sd[i], theta[i] + quantile * sd[i]))
-        low, high = (_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
+        interval, walled = _within_walls(unknowns, i, interval)
+        low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
         size = step if name == "delta_mu_k" else abs(value)
         verdict = _verdict(value, low, high, size, declared.scale == "log")
         prior = _prior_share(unknowns, i, sd[i])
@@ -168,7 +169,7 @@ def estimates(
             ends = (_open(low, declared.lower, above=True), _open(high, declared.upper, above=False))
             out.append(Estimate(name, unit, value, None, *ends, verdict, reason))
             continue
-        reason = prior
+        reason = prior = "; ".join(filter(None, (prior, walled)))
         if verdict != "identified":
             reason = "; ".join(filter(None, (hints.get(name, "more cycles would tell"), prior)))
         assert low is not None and high is not None
@@ -179,7 +180,18 @@ def estimates(
     return out
 
 
-def _value(unknowns: Unknowns, i: int, theta: float | None, base: float) -> float | None:
+def _within_walls(unknowns: Unknowns, i: int, interval: Interval) -> tuple[Interval, str]:
+    """The interval without what the scene's own bounds exclude, and a sentence where they do."""
+    lower, upper, said = interval.lower, interval.upper, []
+    if unknowns.walls[0, i] and (lower is None or lower <= unknowns.lower[i]):
+        lower, said = float(unknowns.lower[i]), ["lower"]
+    if unknowns.walls[1, i] and (upper is None or upper >= unknowns.upper[i]):
+        upper, said = float(unknowns.upper[i]), [*said, "upper"]
+    words = f"its interval ends at the {' and '.join(said)} bound of the scene" if said else ""
+    return Interval(lower, upper), words
+
+
+def parameter_value(unknowns: Unknowns, i: int, theta: float | None, base: float) -> float | None:
     """The parameter value at a theta; None for an open end."""
     if theta is None:
         return None

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # nonlinear model, the fit, the report, the command line. A new room gets a place here; a folder stands for its files.
 ROOMS = """
 errors quantities speeds typical signal outcome examples
-effects model scene
+effects base composition chain model scene
 native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts stepper plan machine phases
 samples averaging trajectory initial admission
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
@@ -22,7 +22,7 @@ bracket twofold dual slip_slopes steady ageing amplitude groups jump critical st
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance outlook_words outlook
 axes outline plane crossings flood chart
 guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start lay_out hints
-equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation gate accuracy combinations profile_line profile search nested screening selection_words selection result
+equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation consistency gate accuracy combinations asked profile_line profile search certainty nested screening selection_words selection depth result
 identification
 report
 comparing

@@ -1,0 +1,210 @@
+"""How sure an accepted answer is: its steps, covariance for the noise there is, profiles, bootstrap, intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.accuracy import AccuracyRow, accuracy_table
+from identify.asked import Asked
+from identify.bootstrap import Bootstrap, bootstrap
+from identify.coloured import Colour, colour, coloured_covariance
+from identify.combinations import Combination, Direction, combinations, directions
+from identify.discretisation import discretisation_error
+from identify.hints import hints
+from identify.influence import Influence, influence, sample_moves
+from identify.outcome import Status
+from identify.profile import Profiles, profile
+from identify.search import Attempt, resolve
+from identify.uncertainty import Estimate, Information, Interval, estimates, information
+from identify.unknowns import Unknowns
+from identify.vibration import rhythmic
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float | None], None]
+
+BETTER_TRIES = 3  # how often a profile may hand back a better optimum
+DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
+CURVE_STEPS = 4  # of each side of a profile that is drawn
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What is known of the free parameters (f,) at an answer.
+
+    attempt: the answer, in a better optimum where a profile met one; information of all parameters; covariance (f, f)
+    of theta with all that is allowed for, `white` (f, f) without the memory of the noise; colours: of the noise of
+    each log; estimates; profiles, bootstrap, accuracy_table: None where not run; discretisation by name, in standard
+    errors; combinations and directions: of the covariance.
+    """
+
+    attempt: Attempt
+    information: Information
+    covariance: Array
+    white: Array
+    colours: list[Colour]
+    estimates: list[Estimate]
+    profiles: Profiles | None
+    bootstrap: Bootstrap | None = None
+    accuracy_table: list[AccuracyRow] | None = None
+    discretisation: Mapping[str, float] = field(default_factory=dict)
+    combinations: list[Combination] = field(default_factory=list)
+    directions: list[Direction] = field(default_factory=list)
+
+
+def certainty(
+    attempt: Attempt,
+    unknowns: Unknowns,
+    base: Array,
+    asked: Asked,
+    at_bound: Callable[[Array], Mapping[str, str]],
+    *,
+    speed_tolerance: float,
+    seed: int,
+    progress: Progress,
+) -> Certainty | None:
+    """All that is said of how sure an answer is; None where the model has no derivatives there.
+
+    Args:
+        base: (n_p,) of the rig the values are given for; at_bound: sentence per parameter that sits at a bound, from
+            theta; speed_tolerance: relative error of all drive speeds together.
+    """
+    attempt, known, discretised = fine_enough(attempt, unknowns, asked)
+    if not np.all(np.isfinite(known.total)):
+        return None
+    accepted = attempt.gate.status is Status.CONVERGED
+    walked: Profiles | None = None
+    for tries in range(1 + BETTER_TRIES):
+        solved = attempt.solved
+        bounds = at_bound(solved.theta)
+        told = hints(attempt.prepared, solved.guesses, unknowns, solved.theta)
+        by_speed = known.drive_speed_shift()
+        white = known.covariance()
+        colours = noise_colours(attempt)
+        reached = _reached(attempt) if accepted and not all(c.white for c in colours) else None
+        covariance = white + speed_tolerance**2 * np.outer(by_speed, by_speed)
+        if reached is not None:
+            covariance = covariance + _excess(attempt, reached, colours)[: len(white), : len(white)]
+        ends = _intervals(walked)
+        found = estimates(unknowns, solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=ends)
+        asks = asked.profile or bool(bounds) or doubtful(unknowns, covariance, found)
+        if walked is not None or not accepted or not asks or tries == BETTER_TRIES:
+            break
+        memory = np.diag(covariance) / np.diag(white)
+        steps = CURVE_STEPS if asked.profile else 1
+        walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps)
+        if walked.better is not None:
+            attempt = resolve(attempt, replace(unknowns, start=walked.better))
+            known, walked = information_at(attempt, unknowns), None
+            accepted = attempt.gate.status is Status.CONVERGED
+    out = Certainty(attempt, known, covariance, white, colours, found, walked, discretisation=discretised)
+    return _deeper(out, unknowns, base, asked, reached, seed, progress) if accepted else out
+
+
+def _deeper(
+    out: Certainty,
+    unknowns: Unknowns,
+    base: Array,
+    asked: Asked,
+    reached: Influence | None,
+    seed: int,
+    progress: Progress,
+) -> Certainty:
+    """Combinations always; bootstrap and accuracy table where they are asked for."""
+    solved = out.attempt.solved
+    free = np.flatnonzero(unknowns.free).tolist()
+    names, logs = [unknowns.names[i] for i in free], [bool(unknowns.logarithmic[i]) for i in free]
+    values = dict(zip(unknowns.names, unknowns.values(solved.theta, base).tolist(), strict=True))
+    out = replace(
+        out,
+        combinations=combinations(names, logs, values, out.covariance),
+        directions=directions(names, logs, values, out.covariance),
+    )
+    cycles = [guess.cycles for guess in solved.guesses]
+    if asked.bootstrap:
+        progress("bootstrap", None)
+        known = influence(solved.problem, solved.solution.z, cycles)
+        z = solved.solution.z
+        out = replace(
+            out,
+            bootstrap=bootstrap(solved.problem, z, known, asked.bootstrap, cycles=cycles, seed=seed, progress=progress),
+        )
+    if asked.accuracy_table:
+        progress("table of accuracies", None)
+        size = np.sqrt(np.diag(out.covariance))
+        out = replace(out, accuracy_table=accuracy_table(out.attempt.prepared, solved, unknowns, size))
+    return out
+
+
+def doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bool:
+    """Whether some parameter is so uncertain that the curvature at one point says little about its interval."""
+    beside = rhythmic(unknowns)
+    wide = np.sqrt(np.diag(covariance)) > DOUBTFUL
+    asked = {name for name, aside in zip(unknowns.names, beside, strict=True) if not aside}
+    return bool(np.any(wide & (unknowns.logarithmic & ~beside)[unknowns.free])) or any(
+        e.verdict == "not identifiable" and e.name in asked for e in found
+    )
+
+
+def fine_enough(attempt: Attempt, unknowns: Unknowns, asked: Asked) -> tuple[Attempt, Information, dict[str, float]]:
+    """The answer with steps so fine that their error is a small part of each standard error, and that part by name."""
+    level = asked.accuracy
+    if attempt.gate.status is Status.CONVERGED and attempt.solved.grid.steps > level.most:
+        attempt = resolve(attempt, replace(unknowns, start=attempt.solved.theta), most=level.most)
+    known = information_at(attempt, unknowns)
+    shares: dict[str, float] = {}
+    for _ in range(1 + level.refinements):
+        if attempt.gate.status is not Status.CONVERGED or not np.all(np.isfinite(known.total)):
+            break
+        error = discretisation_error(attempt.solved) / np.sqrt(np.diag(known.covariance()))
+        free = np.flatnonzero(unknowns.free).tolist()
+        shares = {unknowns.names[i]: float(np.nan_to_num(e)) for i, e in zip(free, error, strict=True)}
+        if not shares or max(abs(e) for e in shares.values()) <= level.share:
+            break
+        finer = 2 * attempt.solved.grid.steps
+        if finer > level.most:
+            break
+        attempt = resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=finer)
+        known = information_at(attempt, unknowns)
+    return attempt, known, shares
+
+
+def information_at(attempt: Attempt, unknowns: Unknowns) -> Information:
+    """The information of the data on all parameters, those held fixed too, at the answer."""
+    solved = attempt.solved
+    at_answer = replace(unknowns, start=solved.theta)
+    return information(
+        *solved.problem.with_all_parameters(solved.formed_from, at_answer, solved.grid, solved.solution.z)
+    )
+
+
+def noise_colours(attempt: Attempt) -> list[Colour]:
+    """The colour of the residuals of every log of an attempt."""
+    fitted = attempt.solved.problem.fitted(attempt.solved.solution.z)
+    return [
+        colour(np.where(log.data.weight > 0, log.data.force - curve, np.nan))
+        for log, curve in zip(attempt.prepared, fitted, strict=True)
+    ]
+
+
+def _reached(attempt: Attempt) -> Influence:
+    solved = attempt.solved
+    cycles = [guess.cycles for guess in solved.guesses]
+    return influence(solved.problem, solved.solution.z, cycles, absorbed=False)
+
+
+def _excess(attempt: Attempt, known: Influence, colours: list[Colour]) -> Array:
+    """What the memory of the noise adds to the covariance of white noise."""
+    problem = attempt.solved.problem
+    moves = sample_moves(problem, attempt.solved.solution.z, known.columns)
+    variances = [1.0 / max(float(np.max(log.weight)), 1e-300) for log in problem.logs]
+    return coloured_covariance(moves, variances, colours) - known.white.sum(axis=0)
+
+
+def _intervals(walked: Profiles | None) -> dict[str, Interval]:
+    if walked is None:
+        return {}
+    return {name: Interval(*(side.end for side in sides)) for name, sides in walked.ends.items()}
