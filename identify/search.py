@@ -200,11 +200,11 @@ def _solve(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cloc
     return Attempt(tuple(numbers), tuple(logs), solved, gate)
 
 
-def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0) -> Attempt:
+def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
     """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
-    so many steps per interval."""
-    logs = attempt.prepared
-    solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, unknowns.softened(), steps=steps)
+    and at most so many steps per interval."""
+    logs, soft = attempt.prepared, unknowns.softened()
+    solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, soft, steps=steps, most=most)
     gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
     return replace(attempt, solved=solved, gate=gate)
 
