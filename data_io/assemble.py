@@ -1,6 +1,7 @@
 """Steps to a `Record`: one clock, one sign of the normal force, and the account of where everything came from."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
 from data_io.part import Contents, Part, check_request, chosen, of_run
 from data_io.record import Record
 from data_io.source import Request, Source
+
+_ENOUGH: Final = 200_000
+"""Rows by which the sign of the normal force is told."""
 
 
 def assemble(
@@ -37,16 +41,16 @@ def assemble(
     notes += remarks
     start = float(steps[0].time[0])
     shifts = [offset - start if offset else -start for offset in offsets]
-    normal = np.concatenate([step.roles["normal_force"] for step in steps])
+    normal = _one([step.roles["normal_force"] for step in steps])
     if not settled and request.normal_force is None and _pressed_negative(run):
-        normal = -normal
+        normal = _one([-normal])
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
     channels, units = _channels(steps)
     return Record(
-        time=np.concatenate([step.time + shift for step, shift in zip(steps, shifts, strict=True)]),
+        time=_one([step.time + shift if shift else step.time for step, shift in zip(steps, shifts, strict=True)]),
         normal_force=normal,
-        friction_force=np.concatenate([step.roles["friction_force"] for step in steps]),
+        friction_force=_one([step.roles["friction_force"] for step in steps]),
         drive_speed=contents.drive_speed if (along := _joined_drive(steps)) is None else along,
         channels=channels,
         channel_units=units,
@@ -54,6 +58,14 @@ def assemble(
         metadata=_account(source, request, picked[0], contents, start),
         findings=tuple(dict.fromkeys(notes)),
     )
+
+
+def _one(pieces: Sequence[FloatArray]) -> FloatArray:
+    """Join columns; a single one that is our own is frozen, so that the record need not copy it."""
+    joined = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    if joined.base is None:
+        joined.flags.writeable = False
+    return joined
 
 
 def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
@@ -67,8 +79,11 @@ def _account(source: Source, request: Request, part: Part, contents: Contents, s
 
 def _pressed_negative(run: Sequence[Part]) -> bool:
     """Tell whether the loaded rows of a run press with a negative sign; a small offset before loading says nothing."""
-    raw = np.concatenate([part.columns[part.header.roles["normal_force"]] for part in run
-                          if part.rows and "normal_force" in part.header.roles])  # fmt: skip
+    raw = _one([part.columns[part.header.roles["normal_force"]] for part in run
+                if part.rows and "normal_force" in part.header.roles])  # fmt: skip
+    if np.min(raw, initial=0.0) >= 0:
+        return False
+    raw = raw[:: max(raw.size // _ENOUGH, 1)]
     raw = raw[np.isfinite(raw)]
     if raw.size == 0:
         return False
@@ -88,14 +103,14 @@ def _channels(steps: Sequence[SiStep]) -> tuple[dict[str, FloatArray], dict[str,
         for step in steps:
             values, own = step.channels.get(name, (None, unit))
             pieces.append(values if values is not None and own == unit else np.full(step.time.size, np.nan))
-        columns[name] = np.concatenate(pieces)
+        columns[name] = _one(pieces)
     return columns, units
 
 
 def _joined_drive(steps: Sequence[SiStep]) -> FloatArray | None:
     if not all("drive_speed" in step.roles for step in steps):
         return None
-    return np.concatenate([step.roles["drive_speed"] for step in steps])
+    return _one([step.roles["drive_speed"] for step in steps])
 
 
 def _bounds(picked: Sequence[Part], steps: Sequence[SiStep]) -> tuple[Step, ...]:

@@ -77,9 +77,9 @@ def check_clock(fail: Fail, time: FloatArray) -> None:
         raise fail(f"the time in row {row + 1} is no finite number; a clock without gaps is needed; repair it")
     if time[0] != 0:
         raise fail(f"the time starts at {time[0]:g} s; 0 was expected; subtract the start")
-    steps = np.diff(time)
-    if (steps <= 0).any():
-        row = int(np.argmax(steps <= 0))
+    rises = time[1:] > time[:-1]
+    if not rises.all():
+        row = int(np.argmin(rises))
         raise fail(
             f"the clock does not rise from row {row + 1} ({time[row]:.9g} s) to row {row + 2} ({time[row + 1]:.9g} s); "
             "a rising clock was expected; cut or repair the log there"

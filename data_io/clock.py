@@ -20,6 +20,10 @@ _NUMBER_DATE = re.compile(r"\b(\d{1,2})/(\d{1,2})/(\d{2,4})\b")
 _REPEATS_ALLOWED: Final = 0.01
 
 
+Rows = npt.NDArray[np.intp] | slice
+"""Which rows of a step are kept; a slice where it is all of them, which copies nothing."""
+
+
 @dataclass(frozen=True)
 class StepClock:
     """The clock of one step [s] as the file has it, shape (n,), with NaN where it fails; when the step was started.
@@ -50,7 +54,7 @@ def read_date(text: str) -> datetime | None:
         return None
 
 
-def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, npt.NDArray[np.intp], list[Finding]]:
+def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, list[Finding]]:
     """Return a rising time, the rows of the step it belongs to, and what was noticed.
 
     Up to five rows in a row without a time get one by interpolation (their forces must be blanked: NaN rows of
@@ -60,6 +64,8 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, npt.NDArr
     findings: list[Finding] = []
     of_step = f" of {clock.label}" if clock.label else ""
     finite = np.isfinite(clock.time)
+    if finite.all() and (clock.time[1:] > clock.time[:-1]).all():
+        return clock.time, slice(None), findings
     known = np.flatnonzero(finite)
     if known.size == 0:
         raise source.error(f"the time column{of_step} holds no number; a clock in every row was expected; check it")

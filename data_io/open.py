@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +11,7 @@ from data_io.errors import LogError, UnitError
 from data_io.frozen import COLUMN_ROLES
 from data_io.readers import READERS
 from data_io.record import Record
-from data_io.source import Request, load
+from data_io.source import Request, load, no_progress
 from data_io.units import parse_quantity
 
 ROLES: Final = (*COLUMN_ROLES, "position")
@@ -25,6 +25,8 @@ def read_log(
     columns: Mapping[str, str] | None = None,
     normal_force: float | str | None = None,
     run: int | None = None,
+    channels: Sequence[str] | None = None,
+    progress: Callable[[float], None] = no_progress,
 ) -> Record:
     """Read a log as one record in SI.
 
@@ -36,7 +38,15 @@ def read_log(
     """
     path = Path(path)
     _check_roles(path, columns or {})
-    request = Request(step, run, dict(units or {}), dict(columns or {}), _load_force(path, normal_force))
+    request = Request(
+        step,
+        run,
+        dict(units or {}),
+        dict(columns or {}),
+        _load_force(path, normal_force),
+        None if channels is None else tuple(channels),
+        progress,
+    )
     source = load(path)
     for reader in READERS:
         if reader.can_read(source.head):

@@ -60,13 +60,14 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
             decimal=decimal or ".",
             dtype=np.float64,
             na_filter=False,
+            quoting=csv.QUOTE_NONE,
             skipinitialspace=True,
             engine="c",
             **_EXACT,
         )
     except (ValueError, OverflowError):  # an empty or foreign field, a long row
         return None
-    if head.delimiter != BLANKS and run.delimiters != (head.width - 1) * len(frame):
+    if use is not None and run.delimiters != (head.width - 1) * len(frame):
         return None
     if decimal is None and head.delimiter != "," and run.commas:
         return None

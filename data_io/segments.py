@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import IO, Final
 
+import numpy as np
+
 from data_io.layout import is_row
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, decode, split, utf16_of
@@ -22,6 +24,9 @@ LARGEST: Final = 1 << 26
 MOST_ZEROS: Final = 1 << 26
 _ROWS_AT_END: Final = 32
 _TAIL: Final = 1 << 16
+_HIGHEST_DIGIT: Final = ord("9")
+_UNSEEN: Final = (b"\0", b'"', b"#")
+"""What pandas would take for the end of a number, a quotation, or part of a column that nobody reads."""
 _NUMBERS: Final = b"0123456789+-.eE,;\t \r\n"
 
 
@@ -80,23 +85,28 @@ class Lines:
         self.line += _count_lines(segment.raw)
         return segment
 
-    def run(self, delimiter: str) -> "Run":
-        """Return the run of numbers that follows, perhaps an empty one."""
-        return Run(self, delimiter)
+    def run(self, delimiter: str, count: bool) -> "Run":
+        """Return the run of numbers that follows, perhaps an empty one; `count` its delimiters."""
+        return Run(self, delimiter, count)
 
-    def take_clean(self, size: int) -> bytes:
-        """Return the next whole lines if they hold numbers and delimiters only, else those up to the first that do not.
+    def take_clean(self, size: int) -> tuple[bytes, bytes]:
+        """Return the next whole lines, in two pieces, if they hold numbers and delimiters only, else up to others.
 
         Nothing where the next line holds something else, or is the open last one.
         """
-        raw = self._pending
-        if len(raw) < size and not self._ended:
-            raw += self._fresh(size)
-        dirt = raw.translate(None, _NUMBERS)
-        clean = raw.find(dirt[:1]) if dirt else len(raw)
-        cut = _line_end(raw, clean)
+        start, raw = self._pending, b""
+        if len(start) < size and not self._ended:
+            raw = self._fresh(size)
+        if not raw or not _is_clean(start):
+            start, raw = b"", start + raw
+        cut = _line_end(raw)
+        if not _is_clean(raw) and (dirt := raw[:cut].translate(None, _NUMBERS)):
+            cut = _line_end(raw, raw.find(dirt[:1]))
+        if cut == 0:
+            self._pending = start + raw
+            return b"", b""
         self._pending = raw[cut:]
-        return raw[:cut]
+        return start, raw[:cut]
 
     def give_back(self, raw: bytes) -> None:
         """Take lines back that were handed out last; their numbers were not yet counted."""
@@ -125,11 +135,11 @@ class Lines:
 class Run(io.RawIOBase):
     """Consecutive lines of numbers as a file that pandas reads; keeps them until they are known to be sound."""
 
-    def __init__(self, lines: Lines, delimiter: str) -> None:
-        self._lines, self._delimiter = lines, delimiter.encode() if len(delimiter) == 1 else b""
+    def __init__(self, lines: Lines, delimiter: str, count: bool) -> None:
+        self._lines, self._delimiter = lines, delimiter.encode()[0] if count else None
         self._taken: list[bytes] = []
         self._size = 0
-        self._next = lines.take_clean(FIRST)
+        self._next = [piece for piece in lines.take_clean(FIRST) if piece]
         self.empty = not self._next
         self.delimiters = 0
         self.commas = False
@@ -140,25 +150,41 @@ class Run(io.RawIOBase):
 
     def read(self, size: int = -1) -> bytes:
         """Return the next lines; `size` is not heeded, because lines stay whole."""
-        block = self._next
-        self._next = b"" if self._size > RUN or not block else self._lines.take_clean(FIRST)
-        if block:
-            self._taken.append(block)
-            self._size += len(block)
-            if self._delimiter:
-                self.delimiters += block.count(self._delimiter)
-            self.commas = self.commas or b"," in block
+        if not self._next:
+            return b""
+        block = self._next.pop(0)
+        self._taken.append(block)
+        self._size += len(block)
+        if self._delimiter is not None:
+            self.delimiters += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == self._delimiter))
+        self.commas = self.commas or b"," in block
+        if not self._next and self._size <= RUN:
+            self._next = [piece for piece in self._lines.take_clean(FIRST) if piece]
         return block
 
     def segment(self) -> Segment:
         """Return the lines read so far, to be walked instead."""
         return Segment(b"".join(self._taken), self._lines.line, False)
 
-    def finish(self) -> None:
-        """Count the lines read and give back those that nobody read."""
-        self._lines.give_back(self._next)
-        self._next = b""
-        self._lines.line += sum(map(_count_lines, self._taken))
+    def finish(self, rows: int | None = None) -> None:
+        """Count the lines read (as many as `rows`, blank ones aside), and give back those that nobody read."""
+        self._lines.give_back(b"".join(self._next))
+        self._next = []
+        self._lines.line += sum(map(_count_lines, self._taken)) if rows is None else rows
+
+
+def _is_clean(raw: bytes) -> bool:
+    """Tell lines without words, faster than by looking at every character: letters stand above the digits.
+
+    What else is no number (brackets, percent signs) pandas will refuse.
+    """
+    if any(mark in raw for mark in _UNSEEN):
+        return False
+    codes = np.frombuffer(raw, dtype=np.uint8)
+    if codes.size == 0 or codes.max() <= _HIGHEST_DIGIT:
+        return True
+    high = np.count_nonzero(codes > _HIGHEST_DIGIT)
+    return bool(high == sum(np.count_nonzero(codes == code) for code in b";eE"))
 
 
 def _count_lines(raw: bytes) -> int:

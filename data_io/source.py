@@ -2,9 +2,11 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from threading import Thread
 from typing import IO, Final
 
 from data_io.errors import LogError
@@ -26,11 +28,19 @@ class Source:
     head: bytes = field(repr=False)
 
     @cached_property
+    def hashing(self) -> "Future[str]":
+        """The SHA-256 being computed in a thread of its own; first asked for where reading begins."""
+        future: Future[str] = Future()
+        Thread(target=_hash, args=(split_member(self.path)[0], future), daemon=True).start()
+        return future
+
+    @property
     def sha256(self) -> str:
         """SHA-256 of the file as it lies on disk."""
-        archive, _ = split_member(self.path)
-        with archive.open("rb") as handle:
-            return hashlib.file_digest(handle, "sha256").hexdigest()
+        try:
+            return self.hashing.result()
+        except OSError as error:
+            raise self.error(f"the file cannot be read to its end ({error.strerror}); copy it again") from error
 
     @cached_property
     def data(self) -> bytes:
@@ -50,11 +60,20 @@ class Source:
 
     def open(self) -> IO[bytes]:
         """Open the unpacked bytes for reading, from the start. A file that is not packed can be sought."""
+        assert self.hashing is not None  # begins beside the reading
         return unpacked(split_member(self.path)[0], self.packing)
 
     def error(self, sentence: str) -> LogError:
         """Return the error of this log with its path in front."""
         return LogError(f"{self.path}: {' '.join(sentence.split())}")
+
+
+def _hash(path: Path, future: "Future[str]") -> None:
+    try:
+        with path.open("rb") as handle:
+            future.set_result(hashlib.file_digest(handle, "sha256").hexdigest())
+    except OSError as error:
+        future.set_exception(error)
 
 
 def no_progress(_share: float) -> None:

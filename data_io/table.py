@@ -8,6 +8,7 @@ from data_io.opened_table import OpenTable, Table, wanted_columns
 from data_io.rows import read_run
 from data_io.segments import BLOCK, FIRST, Lines, Segment
 from data_io.source import Request, Source
+from data_io.text import BLANKS
 from data_io.walk import Walk
 
 
@@ -46,17 +47,18 @@ def _read_fast(walk: Walk, lines: Lines) -> bool:
     table = walk.table
     if table is None or walk.carry:
         return False
-    run = lines.run(table.head.delimiter)
+    run = lines.run(table.head.delimiter, table.wanted is not None and table.head.delimiter != BLANKS)
     if run.empty:
         run.finish()
         lines.size = BLOCK  # words in every row: fewer calls of pandas
         return False
     numbers = read_run(run, table.head, table.decimal, table.wanted)
-    segment = None if numbers is not None else run.segment()
-    run.finish()
     if numbers is not None:
+        run.finish(numbers.rows)
         table.add(numbers)
-    elif segment is not None:
+    else:
+        segment = run.segment()
+        run.finish()
         walk.take(segment)
     lines.size = FIRST
     return True

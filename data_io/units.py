@@ -105,6 +105,8 @@ def _fits(unit: str, si_unit: str) -> bool:
 
 def _scaled(values: Any, scale: float) -> Any:
     # 40 um is 40 / 1e6 m: the division rounds once, 40 * 1e-6 twice
+    if scale == 1.0:
+        return values
     inverse = round(1 / scale) if scale < 1 else 0
     return values / inverse if inverse and 1 / inverse == scale else values * scale
 
