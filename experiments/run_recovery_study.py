@@ -2,31 +2,38 @@
 
 Recovered: converged, no parameter called not identifiable, and all six within 5 % or joint distance
 (theta - truth)' C^-1 (theta - truth) <= 22.5. False success: converged while the joint distance exceeds 40 and
-a parameter is off by more than 10 %. Prints one line per case and the table.
+a parameter is off by more than 10 %. Every case follows from the study and its number, so a study can be run in parts:
+one line of JSON per case goes to FILE, and the table is made of the file.
 
-    python experiments/run_recovery_study.py [cases] [seed] [data|user] [noise factor] [rate factor]
+    python experiments/run_recovery_study.py usual|wide data|user NOISE_FACTOR RATE_FACTOR FIRST LAST FILE
+    python experiments/run_recovery_study.py table FILE...
 """
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
-from experiments.study_problem import NOISE, Case, random_case, scene_of, wrong_start
+from experiments.study_problem import NOISE, USUAL, WIDE, Case, random_case, scene_of, wrong_start
 from identify.identification import find
 from identify.outcome import Status
 from identify.search import Clock, Sources
 
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 CLOSE, FAR = 22.5, 40.0
+RANGES = {ranges.name: ranges for ranges in (USUAL, WIDE)}
+CASES, SEED = 200, 4
 
 
 @dataclass(frozen=True)
@@ -73,16 +80,28 @@ def fit_case(case: Case, start: dict[str, float] | None, sources: Sources) -> Ou
     return Outcome(found.status, verdicts, errors, distance, seconds, found.message)
 
 
-def study(cases: int, seed: int, sources: Sources, noise: float, rate: float) -> list[Outcome]:
-    """Fit random cases; prints a line for each."""
-    random = np.random.default_rng(seed)
-    outcomes, rejected = [], 0
-    for number in range(1, cases + 1):
-        case, passed_over = random_case(random, noise=noise * NOISE, rate=rate)
-        rejected += passed_over
-        start = wrong_start(random, case.truth) if sources == "user" else None
-        outcome = fit_case(case, start, sources)
-        outcomes.append(outcome)
+@dataclass(frozen=True)
+class Study:
+    """From which ranges the pairs come, where the fit starts, factors on noise and sampling rate."""
+
+    ranges: str
+    sources: Literal["data", "user"] = "data"
+    noise: float = 1.0
+    rate: float = 1.0
+
+    def case(self, number: int) -> tuple[Case, dict[str, float] | None, int]:
+        """Case, user's start and rejected draws of a number: the same pairs whatever the start."""
+        random = np.random.default_rng([SEED, number])
+        case, rejected = random_case(random, RANGES[self.ranges], noise=self.noise * NOISE, rate=self.rate)
+        return case, wrong_start(random, case.truth) if self.sources == "user" else None, rejected
+
+    def run(self, first: int, last: int, file: Path | None = None) -> list[dict[str, Any]]:
+        """Fit the cases first to last; prints a line for each."""
+        return [self._run(number, file) for number in range(first, last + 1)]
+
+    def _run(self, number: int, file: Path | None) -> dict[str, Any]:
+        case, start, rejected = self.case(number)
+        outcome = fit_case(case, start, self.sources)
         word = "recovered" if outcome.recovered else "FALSE SUCCESS" if outcome.false_success else "not recovered"
         worst = max(outcome.errors, key=lambda n: abs(outcome.errors[n]))
         print(
@@ -91,37 +110,64 @@ def study(cases: int, seed: int, sources: Sources, noise: float, rate: float) ->
             flush=True,
         )
         if not outcome.recovered:
-            pair = "  ".join(f"{n} {v:.4g}" for n, v in case.truth.items())
+            pair = "  ".join(f"{n} {v:.4g}" for n, v in (case.truth | case.rig).items())
             print(f"       {pair}\n       {outcome.verdicts}\n       {outcome.message}", flush=True)
-    table(outcomes, rejected, sources, noise, rate)
-    return outcomes
+        line = asdict(self) | {
+            "number": number,
+            "rejected": rejected,
+            "status": outcome.status.value,
+            "recovered": outcome.recovered,
+            "false_success": outcome.false_success,
+            "distance": outcome.distance,
+            "seconds": outcome.seconds,
+            "verdicts": outcome.verdicts,
+        }
+        if file is not None:
+            with file.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(line) + "\n")
+        return line
 
 
-def table(outcomes: list[Outcome], rejected: int, sources: Sources, noise: float, rate: float) -> None:
-    """Counts and times of a study."""
-    seconds = [o.seconds for o in outcomes]
-    counts = Counter(o.status.value for o in outcomes)
-    verdicts = Counter(v for o in outcomes for v in o.verdicts.values())
-    print(f"\n{describe()}")
-    print(f"start from: {sources}; noise {noise:g} x {NOISE:g} N; sampling rate x {rate:g}")
-    print(f"cases          {len(outcomes):5d}   (draws rejected: {rejected})")
-    print(f"recovered      {sum(o.recovered for o in outcomes):5d}")
-    print(f"false success  {sum(o.false_success for o in outcomes):5d}")
-    print("status         " + ", ".join(f"{k} {v}" for k, v in counts.most_common()))
-    print("verdicts       " + ", ".join(f"{k} {v}" for k, v in verdicts.most_common()))
-    print(f"seconds        median {np.median(seconds):.2f}, worst {max(seconds):.2f}")
+def table(lines: Sequence[dict[str, Any]]) -> None:
+    """Counts and times, a row per study."""
+    print(f"\n{describe()}\n")
+    print("| pairs | start | noise | rate | cases | recovered | false success | status | seconds, median / worst |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    studies = sorted({tuple(line[k] for k in ("ranges", "sources", "noise", "rate")) for line in lines}, key=str)
+    for study in studies:
+        mine = [line for line in lines if study == tuple(line[k] for k in ("ranges", "sources", "noise", "rate"))]
+        ranges, sources, noise, rate = study
+        seconds = [line["seconds"] for line in mine]
+        counts = ", ".join(f"{k} {v}" for k, v in Counter(line["status"] for line in mine).most_common())
+        print(
+            f"| {ranges} | {sources} | × {noise:g} | × {rate:g} | {len(mine)} "
+            f"({sum(line['rejected'] for line in mine)} draws rejected) | {sum(line['recovered'] for line in mine)} "
+            f"| {sum(line['false_success'] for line in mine)} | {counts} "
+            f"| {np.median(seconds):.1f} / {max(seconds):.0f} |"
+        )
 
 
-def main(fast: bool = False) -> list[Outcome]:
-    """The whole study: 60 cases from the data alone and 60 from a user's start alone; fast: 2 of each."""
-    count = 2 if fast else 60
-    return study(count, 1, "data", 1.0, 1.0) + study(count, 2, "user", 1.0, 1.0)
+def main(fast: bool = False) -> list[dict[str, Any]]:
+    """The whole study: 200 cases of each kind; fast: 2 from the data and 2 from a user's start."""
+    if fast:
+        lines = Study("usual").run(1, 2) + Study("usual", "user").run(3, 4)
+    else:
+        kinds = (
+            *(Study(r, s) for r in RANGES for s in ("data", "user")),
+            Study("usual", noise=4.0),
+            Study("usual", rate=0.25),
+        )
+        lines = [line for kind in kinds for line in kind.run(1, CASES)]
+    table(lines)
+    return lines
 
 
 if __name__ == "__main__":
-    arguments = sys.argv[1:]
-    if not arguments:
+    said = sys.argv[1:]
+    if not said:
         main()
+    elif said[0] == "table":
+        table([json.loads(line) for path in said[1:] for line in Path(path).read_text(encoding="utf-8").splitlines()])
     else:
-        said = [*arguments, *("60", "1", "data", "1", "1")[len(arguments) :]]
-        study(int(said[0]), int(said[1]), "user" if said[2] == "user" else "data", float(said[3]), float(said[4]))
+        sources: Literal["data", "user"] = "user" if said[1] == "user" else "data"
+        Study(said[0], sources, float(said[2]), float(said[3])).run(int(said[4]), int(said[5]), Path(said[6]))

@@ -23,12 +23,14 @@ SPEEDS = ((1e-4 / 60, 800.0, 20.0), (1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5
 
 @dataclass(frozen=True)
 class Case:
-    """One simulated pair: true parameters, rig, the records, and how many cycles each shows in truth."""
+    """One simulated pair: true parameters, rig, the records, how many cycles each shows in truth, and whether the mass
+    ever slips backwards."""
 
     truth: dict[str, float]
     rig: dict[str, float]
     records: tuple[Record, ...]
     cycles: tuple[int, ...]
+    reverses: bool
 
 
 def simulated_case(
@@ -40,32 +42,55 @@ def simulated_case(
         noise: standard deviation [N]; rate: factor on all sampling rates.
     """
     model, random = assemble(NAMES), np.random.default_rng(seed)
-    records, cycles = [], []
+    records, cycles, reverses = [], [], False
     for speed, duration, hertz in SPEEDS:
         motion = run(model, truth | rig, speed, NORMAL_FORCE, duration)
         times = np.arange(round(duration * hertz * rate) + 1) / (hertz * rate)
         force = motion.sample(times)["force"] + noise * random.standard_normal(times.size)
         records.append(Record(times, np.full(times.size, NORMAL_FORCE), force))
         cycles.append(int(motion.arrests.size))
-    return Case(dict(truth), dict(rig), tuple(records), tuple(cycles))
+        reverses |= any(phase.situated.direction < 0.0 for phase in motion.phases)
+    return Case(dict(truth), dict(rig), tuple(records), tuple(cycles), reverses)
 
 
-def random_case(random: np.random.Generator, *, noise: float = NOISE, rate: float = 1.0) -> tuple[Case, int]:
-    """A random pair of the first-row ranges; and how many draws were rejected on the way to it.
+@dataclass(frozen=True)
+class Ranges:
+    """Random pairs: uniform mu_s, mu_s - mu_k0 and delta_mu_k; log-uniform a [s/m], D [m] and t_cr [s],
+    and factors on mass, stiffness and damping up to `rig` in either direction."""
 
-    Rejected: kinetic friction below 0.05 at speed, reverse slip (mu_s > 3 mu_k0), or fewer than two logs with
-    three cycles.
+    name: str
+    mu_s: tuple[float, float]
+    step: tuple[float, float]
+    delta_mu_k: tuple[float, float]
+    a: tuple[float, float]
+    D: tuple[float, float]
+    t_cr: tuple[float, float]
+    rig: float
+
+
+USUAL = Ranges("usual", (0.4, 0.8), (0.1, 0.25), (-0.15, -0.02), (100.0, 1000.0), (15e-6, 60e-6), (0.1, 2.0), 1.5)
+WIDE = Ranges("wide", (0.2, 1.0), (0.05, 0.4), (-0.15, -0.02), (40.0, 2500.0), (6e-6, 120e-6), (0.03, 6.0), 2.0)
+
+
+def random_case(
+    random: np.random.Generator, ranges: Ranges, *, noise: float = NOISE, rate: float = 1.0
+) -> tuple[Case, int]:
+    """A random pair on a random rig; and how many draws were rejected on the way to it.
+
+    Rejected: kinetic friction below 0.05 at speed, reverse slip (mu_s > 3 mu_k0, or seen in the simulation), or fewer
+    than two logs with three cycles.
     """
     rejected = 0
     while True:
-        mu_s, step = random.uniform(0.4, 0.8), random.uniform(0.1, 0.25)
-        truth = {"mu_s": mu_s, "mu_k0": mu_s - step, "delta_mu_k": random.uniform(-0.15, -0.02)}
-        for name, low, high in (("a", 100.0, 1000.0), ("D", 15e-6, 60e-6), ("t_cr", 0.1, 2.0)):
+        mu_s, step = random.uniform(*ranges.mu_s), random.uniform(*ranges.step)
+        truth = {"mu_s": mu_s, "mu_k0": mu_s - step, "delta_mu_k": random.uniform(*ranges.delta_mu_k)}
+        for name, (low, high) in (("a", ranges.a), ("D", ranges.D), ("t_cr", ranges.t_cr)):
             truth[name] = float(np.exp(random.uniform(np.log(low), np.log(high))))
+        rig = {name: value * ranges.rig ** random.uniform(-1.0, 1.0) for name, value in RIG.items()}
         seed = int(random.integers(2**31))
-        if truth["mu_k0"] + truth["delta_mu_k"] > 0.05 and mu_s <= 3 * truth["mu_k0"]:
-            case = simulated_case(truth, seed, noise=noise, rate=rate)
-            if sum(n >= 3 for n in case.cycles) >= 2:
+        if truth["mu_k0"] > 0.0 and truth["mu_k0"] + truth["delta_mu_k"] > 0.05 and mu_s <= 3 * truth["mu_k0"]:
+            case = simulated_case(truth, seed, rig=rig, noise=noise, rate=rate)
+            if not case.reverses and sum(n >= 3 for n in case.cycles) >= 2:
                 return case, rejected
         rejected += 1
 

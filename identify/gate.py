@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.consistency import inconsistency
 from identify.outcome import Status
 from identify.passes import SETTLED, Solved
 
@@ -60,6 +61,10 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     spread = np.sqrt(2 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
     z = (squares - counts) / spread
     status, message = _judge(solved, chi2, allowed, z, log, cycle, names)
+    if status is Status.CONVERGED:
+        problem = solved.problem
+        broken = inconsistency(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, names)
+        status, message = (status, message) if broken is None else (Status.WRONG_EVENT_COUNT, broken)
     return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message)
 
 

@@ -176,8 +176,9 @@ def _starts(
 
 def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
     seen: list[Array] = []
+    free = unknowns.free
     for start in starts:
-        if all(np.max(np.abs(start.theta - s) / unknowns.spread) > SAME for s in seen):
+        if all(np.max(np.abs(start.theta - s)[free] / unknowns.spread[free], initial=0.0) > SAME for s in seen):
             seen.append(start.theta)
             yield start.theta
 

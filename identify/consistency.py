@@ -1,0 +1,74 @@
+"""Does the motion of a solution obey the inequalities that its mode sequence takes for granted?
+
+The rows of the shooting problem hold what is equal: continuity, guards. What must be greater or smaller is checked
+here: a mass that arrests stays at rest (nothing pulls it on or back), and slips go forward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.guess import Guess, LogData
+from identify.model import SPEED
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.5  # standard deviations of the force noise: closer to being pulled back, the answer may hide that it is
+BACKWARDS = 1e-3  # of the fastest speed of a slip
+
+
+def inconsistency(
+    logs: Sequence[LogData], guesses: Sequence[Guess], unknowns: Unknowns, theta: Array, names: Sequence[str]
+) -> str | None:
+    """The first cycle whose motion breaks an inequality, in words with what to do; None where there is none.
+
+    Args:
+        theta: (n_p,) the solution; names: of the logs.
+    """
+    for log, guess, name in zip(logs, guesses, names, strict=True):
+        p = unknowns.values(guess.theta(theta), log.base)
+        pulled, back = _at_arrests(log, guess, unknowns, p)
+        noise = float(1.0 / np.sqrt(np.max(log.weight)))
+        for excess, what, allowed in ((back, "back", -MARGIN * noise), (pulled, "on", MARGIN * noise)):
+            worst = int(np.argmax(excess)) if excess.size else 0
+            if excess.size and excess[worst] > allowed:
+                return (
+                    f"{name}, cycle {worst + 1}: at this answer the mass is pulled {what} as soon as it stops, or all "
+                    f"but ({excess[worst]:+.2g} N against what the contact holds, noise {noise:.2g} N), a motion that "
+                    "the fit does not follow; leave this log out, or measure with more damping or less normal force"
+                )
+        cycle = _goes_back(guess)
+        if cycle is not None:
+            return (
+                f"{name}, cycle {cycle + 1}: at this answer the slip runs backwards on its way, which the fit does not "
+                "follow; exclude that stretch, or give start values"
+            )
+    return None
+
+
+def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tuple[Array, Array]:
+    """By how much the pull exceeds what the contact holds at every arrest (c,) [N], forward and back."""
+    model, count = unknowns.model, guess.cycles
+    ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1]).copy()
+    ends[:, SPEED] = 0.0
+    load = np.asarray(log.normal_force.at(guess.arrest)) + guess.deviation
+    u = np.column_stack([np.full(count, log.drive_speed), load, np.ones(count), guess.arrest])
+    lanes = [ends.T, np.repeat(p[:, None], count, axis=1), u.T]
+    pull = np.array(model.driving_force(*lanes)).ravel()
+    grip = np.array(model.grip(*lanes)).ravel()
+    return pull - grip, -pull - grip
+
+
+def _goes_back(guess: Guess) -> int | None:
+    """The first cycle with a node at which the mass moves backwards."""
+    for nodes in (guess.slip, guess.saturated):
+        speed = nodes[..., SPEED]
+        fastest = np.nanmax(np.abs(guess.slip[..., SPEED]), axis=1, initial=0.0)
+        wrong = np.any(speed < -BACKWARDS * fastest[:, None], axis=1)
+        if np.any(wrong):
+            return int(np.argmax(wrong))
+    return None
