@@ -8,17 +8,36 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from identify.cli.common import CommandLineError
 from identify.cli.interrupt import check_interrupted
 
-OURS = frozenset(
-    {"result.json", "report.html", "result.h5", "figures", "classical.csv", "scene.toml", "at_50_Hz", ".DS_Store"}
+
+@dataclass(frozen=True)
+class Kind:
+    """What a folder of ours holds: the document that tells it, and the names of everything in it."""
+
+    document: str
+    names: frozenset[str]
+
+
+RESULT = Kind(
+    "result.json",
+    frozenset(
+        {"result.json", "report.html", "result.h5", "figures", "classical.csv", "scene.toml", "at_50_Hz", ".DS_Store"}
+    ),
+)
+COMPARISON = Kind(
+    "comparison.json",
+    frozenset(
+        {"comparison.json", "report.html", "comparison.xlsx", "comparison.tex", "comparison.h5", "tables", ".DS_Store"}
+    ),
 )
 
 
-def check_replaceable(out: Path) -> None:
+def check_replaceable(out: Path, kind: Kind = RESULT) -> None:
     """Refuse a path that must not be replaced; cheap, so that it can be asked before the work.
 
     Raises:
@@ -31,9 +50,9 @@ def check_replaceable(out: Path) -> None:
     _check_place(out)
     if not out.is_dir() or not any(out.iterdir()):
         return
-    if not _holds_a_result(out):
+    if not _holds_a_result(out, kind):
         raise CommandLineError(f"--out {out} exists and holds no result of ours; choose another folder or empty it")
-    foreign = sorted(item.name for item in out.iterdir() if item.name not in OURS)
+    foreign = sorted(item.name for item in out.iterdir() if item.name not in kind.names)
     if foreign:
         raise CommandLineError(
             f"--out {out} holds {foreign[0]!r}, which is not part of a result; move it away or choose another folder"
@@ -49,22 +68,22 @@ def _check_place(out: Path) -> None:
         raise CommandLineError(f"--out {out}: nothing may be written in {place}; choose another folder")
 
 
-def _holds_a_result(folder: Path) -> bool:
+def _holds_a_result(folder: Path, kind: Kind) -> bool:
     try:
-        document = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+        document = json.loads((folder / kind.document).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
     return isinstance(document, dict) and "schema" in document and "status" in document
 
 
 @contextmanager
-def result_folder(out: Path) -> Iterator[Path]:
+def result_folder(out: Path, kind: Kind = RESULT) -> Iterator[Path]:
     """A temporary folder beside `out` to write into; it takes the place of `out` when all went well.
 
     Raises:
         CommandLineError: `out` must not be replaced.
     """
-    check_replaceable(out)
+    check_replaceable(out, kind)
     out = Path(os.path.realpath(out))
     out.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))

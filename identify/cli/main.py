@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, NoReturn
 
-from identify.cli import amplitude, batch, convert, demo, fit, inspect, scene, simulate, stability, verify
+from identify.cli import amplitude, batch, compare, convert, demo, fit, inspect, scene, simulate, stability, verify
 from identify.cli.common import (
     DEFECT,
     INTERRUPTED,
@@ -25,7 +25,19 @@ from identify.cli.common import (
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible
 from identify.errors import IdentifyError
 
-COMMANDS: tuple[ModuleType, ...] = (demo, inspect, scene, fit, verify, batch, simulate, stability, amplitude, convert)
+COMMANDS: tuple[ModuleType, ...] = (
+    demo,
+    inspect,
+    scene,
+    fit,
+    verify,
+    batch,
+    compare,
+    simulate,
+    stability,
+    amplitude,
+    convert,
+)
 
 STOPPED = "interrupted; no half-written result is left behind"
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."

@@ -59,7 +59,7 @@ def cell(value: object) -> str | float | int | None:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):
-        return value
+        return int(value) if isinstance(value, int) else float(value)
     text = visible(str(value), CELL)
     return f"'{text}" if text.startswith(FORMULA) else text
 

@@ -86,7 +86,7 @@ def _known(tables: Sequence[Mapping[str, float | None]], name: str) -> bool:
     return all(table.get(name) is not None for table in tables)
 
 
-def _differ(column: np.ndarray) -> bool:  # type: ignore[type-arg]
+def _differ(column: np.ndarray) -> bool:
     return bool(np.ptp(column) > 0.02 * np.max(np.abs(column)))
 
 

@@ -1,0 +1,99 @@
+"""`stickslip compare`: tables, plots and verdicts over finished fits, by any label."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from identify.cli.common import Answer, CommandLineError, Terminal, quantity
+
+NAME = "compare"
+HELP = "comparison tables and plots over finished fits (fit or batch folders), by a label"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The arguments of this command."""
+    parser.add_argument("folders", nargs="+", metavar="DIR", help="folders of fits or batches")
+    parser.add_argument("--by", required=True, metavar="LABEL", help="the label whose groups are compared")
+    parser.add_argument("--out", metavar="DIR", help="folder of the answer (default: stickslip-by-<label>)")
+    parser.add_argument(
+        "--subject",
+        metavar="LABEL",
+        help='the label that says whose fit it is (default: volunteer, subject, participant or person; "none": no one)',
+    )
+    parser.add_argument(
+        "--adjust",
+        metavar="LABEL,…",
+        help='labels to adjust for, numbers or names (default: order, trial, hydration where all have them; "none")',
+    )
+    parser.add_argument("--without", action="append", default=[], metavar="FIT", help="leave out a fit by name")
+    parser.add_argument(
+        "--speeds", metavar="SPEED,…", help='common drive speeds: "0.1 mm/s,1 mm/s" (default: of the logs)'
+    )
+    parser.add_argument("--load", metavar="FORCE", help='common normal force: "1 N" (default: median of the logs)')
+
+
+def run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Compare, write the folder, say what differs.
+
+    Raises:
+        CommandLineError, CompareError, OSError: one sentence each.
+    """
+    from identify.cli.folder import COMPARISON, check_replaceable, result_folder
+    from identify.comparing.clean import visible
+    from identify.comparing.compare import compare
+    from identify.comparing.fits import read_fits
+    from identify.comparing.labels import Question
+    from identify.comparing.page import answered
+    from identify.comparing.write import all_sheets, document, write_comparison
+
+    speeds, load = _point(arguments)
+    out = Path(arguments.out or f"stickslip-by-{_file_name(arguments.by)}")
+    _check_folders(arguments.folders)
+    check_replaceable(out, COMPARISON)
+    adjust = None if arguments.adjust is None else tuple(n.strip() for n in arguments.adjust.split(",") if n.strip())
+    question = Question(arguments.by, arguments.subject, adjust, tuple(arguments.without))
+    terminal.note("reading the fits")
+    comparison = compare(read_fits(arguments.folders), question)
+    terminal.note("stability and amplitude at common operating points")
+    answers = answered(comparison, speeds, load)
+    terminal.note("writing the tables and the page")
+    with result_folder(out, COMPARISON) as folder:
+        write_comparison(comparison, answers, folder, home=out)
+    told = document(comparison, all_sheets(comparison, answers))
+    terminal.say(
+        f"{told['compared']} of {told['fits']} fits compared by {visible(comparison.question.by)}: "
+        + ", ".join(visible(g, 30) for g in comparison.groups[:10])
+        + (f" and {len(comparison.groups) - 10} more" if len(comparison.groups) > 10 else "")
+    )
+    for name, words in told["in_words"].items():
+        terminal.say(f"  {visible(name, 20)}: {visible(words, 400)}")
+    for name, reason in comparison.taken.left_out[:10]:
+        terminal.say(f"  left out: {visible(name, 60)} ({visible(reason, 120)})")
+    for odd in comparison.odd[:10]:
+        terminal.say(f"  does not belong? {visible(odd.name, 60)}: {odd.quantity} is off by {odd.z:+.1f} sd")
+    terminal.say(f"page: {out / 'report.html'}")
+    return Answer(document={**told, "out": str(out)})
+
+
+def _point(arguments: Namespace) -> tuple[tuple[float, ...], float | None]:
+    """The common drive speeds [m/s] and normal force [N] that are asked for."""
+    texts = [text.strip() for text in (arguments.speeds or "").split(",") if text.strip()]
+    speeds = tuple(quantity(text, "m/s", "--speeds") for text in texts)
+    load = None if arguments.load is None else quantity(arguments.load, "N", "--load")
+    for value, option in (*((v, "--speeds") for v in speeds), *(((load, "--load"),) if load is not None else ())):
+        if not value > 0.0:
+            raise CommandLineError(f"{option} has {value:g}; expected a number above zero: change it")
+    return speeds, load
+
+
+def _check_folders(folders: list[str]) -> None:
+    for folder in map(Path, folders):
+        if not folder.is_dir():
+            what = "is no folder" if folder.exists() else "does not exist"
+            raise CommandLineError(f"{folder}: this {what}; give the folder of a fit or of a batch")
+
+
+def _file_name(label: str) -> str:
+    """A label as part of a file name."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in label)[:40] or "label"

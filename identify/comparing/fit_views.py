@@ -1,0 +1,147 @@
+"""The fits on the page: their table with links, those left out, those that do not belong, and a picture of each."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from markupsafe import Markup
+
+from identify.comparing.compare import Comparison
+from identify.comparing.figures import thumbnail
+from identify.comparing.fits import CONVERGED, PAGE, FitEntry, natural
+from identify.comparing.multiples import excerpt
+from identify.comparing.quantities import number
+from identify.comparing.views import Cell, Table, table
+from identify.report.quantity_text import DASH, Scale, decimals, places_for, scale_for
+from identify.report.quantity_text import number as shown_number
+from identify.report.words import VERDICT_MARK, plain_symbol
+
+MOST_LABELS = 6
+MOST_PARAMETERS = 8
+MOST_PICTURES = 400
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One fit in small: name, link to its page, status with its kind, drawing (empty without curves), words."""
+
+    name: str
+    link: str
+    status: str
+    kind: str
+    drawing: Markup
+    words: str
+
+
+def link(entry: FitEntry, home: Path) -> str:
+    """The address of a fit's page from a page in `home`; empty where there is none."""
+    page = entry.folder / PAGE
+    if not entry.document or not page.is_file():
+        return ""
+    return quote(Path(os.path.relpath(os.path.realpath(page), os.path.realpath(home))).as_posix())
+
+
+def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> Table:
+    """Every fit with its status, labels and parameters; flagged where it does not belong."""
+    labels = _labels(entries, comparison)
+    names = list(dict.fromkeys(str(n) for e in entries for n in e.document.get("parameters", {})))[:MOST_PARAMETERS]
+    units = {name: _unit(entries, name) for name in names}
+    odd = {o.name for o in comparison.odd} if comparison else set()
+    heads = ["fit", "status", *labels, "misfit"]
+    heads += [f"{plain_symbol(n)}{f' [{units[n].unit}]' if units[n].unit else ''}" for n in names]
+    rows = []
+    for entry in entries:
+        flag = "does not belong?" if entry.name in odd else ""
+        row = [Cell(entry.name, flag, link=link(entry, home), sort=entry.name), _status(entry)]
+        row += [Cell(entry.labels.get(label, DASH), sort=entry.labels.get(label)) for label in labels]
+        chi2 = number((entry.document.get("gate") or {}).get("chi2_per_sample"))
+        row.append(Cell(shown_number(chi2, 3), sort=chi2))
+        row += [_parameter(entry, name, units[name].factor) for name in names]
+        rows.append(row)
+    return table("fits", heads, rows)
+
+
+def _labels(entries: Sequence[FitEntry], comparison: Comparison | None) -> list[str]:
+    """Labels worth a column: those of the question first, then those that differ between fits."""
+    names = list(dict.fromkeys(name for e in entries for name in e.labels))
+    asked = [comparison.question.by, comparison.taken.subject, *comparison.taken.adjusted] if comparison else []
+    differing = [n for n in names if len({e.labels.get(n) for e in entries}) > 1]
+    return list(dict.fromkeys(str(n) for n in [*asked, *differing] if n in names))[:MOST_LABELS]
+
+
+def _unit(entries: Sequence[FitEntry], name: str) -> Scale:
+    told = [p for e in entries if isinstance(p := e.document.get("parameters", {}).get(name), dict)]
+    values = sorted(abs(v) for p in told if (v := number(p.get("value"))) is not None)
+    return scale_for(values[len(values) // 2] if values else None, next((p["unit"] for p in told if p.get("unit")), ""))
+
+
+def _status(entry: FitEntry) -> Cell:
+    kind = "good" if entry.converged else "bad"
+    words = entry.status.replace("_", " ")
+    return Cell(words, "" if entry.status == CONVERGED else entry.message, chip=kind, sort=words)
+
+
+def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
+    told = entry.document.get("parameters", {}).get(name)
+    value = number(told.get("value")) if isinstance(told, dict) else None
+    if not isinstance(told, dict) or value is None:
+        return Cell(DASH)
+    error = number(told.get("standard_error"))
+    places = places_for(error / factor, value / factor) if error else places_for(None, value / factor) - 1
+    mark = VERDICT_MARK.get(str(told.get("verdict")), "")
+    note = f"± {decimals(error / factor, places)}" if error else str(told.get("verdict") or "")
+    return Cell(decimals(value / factor, places) + (f" {mark}" if mark not in ("", "✓") else ""), note, sort=value)
+
+
+def left_out(comparison: Comparison, home: Path) -> Table:
+    """Fits that took no part, with the reason."""
+    by_name = {entry.name: entry for entry in comparison.entries}
+    rows = [
+        [Cell(name, link=link(by_name[name], home), sort=name), Cell(reason, sort=reason)]
+        for name, reason in sorted(comparison.taken.left_out, key=lambda item: natural(item[0]))
+    ]
+    return table("left-out", ["fit", "reason"], rows)
+
+
+def rejected_logs(entries: Sequence[FitEntry]) -> Table:
+    """Logs that took no part in their fit, with the reason."""
+    rows = []
+    for entry in entries:
+        for log in entry.logs if entry.converged else ():
+            if log.get("reason_left_out"):
+                path = str(log.get("path", "")).replace("\\", "/").rsplit("/", 1)[-1]
+                rows.append(
+                    [Cell(path, sort=path), Cell(entry.name, sort=entry.name), Cell(str(log["reason_left_out"]))]
+                )
+    return table("rejected-logs", ["log", "fit", "reason"], rows)
+
+
+def odd_fits(comparison: Comparison, home: Path) -> Table:
+    """Fits that do not belong, by name."""
+    by_name = {entry.name: entry for entry in comparison.entries}
+    rows = [
+        [
+            Cell(o.name, link=link(by_name[o.name], home), sort=o.name),
+            Cell(plain_symbol(o.quantity), sort=o.quantity),
+            Cell(f"{shown_number(o.z, 3)} sd", sort=o.z),
+            Cell(f"{o.p:.2g}", sort=o.p),
+        ]
+        for o in comparison.odd
+    ]
+    return table("odd", ["fit", "parameter", "off by", "chance among all fits"], rows)
+
+
+def pictures(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> list[Picture]:
+    """A small picture of every fit, in the order of the table; at most MOST_PICTURES."""
+    odd = {o.name for o in comparison.odd} if comparison else set()
+    out = []
+    for entry in entries[:MOST_PICTURES]:
+        part = excerpt(entry)
+        words = "does not belong?" if entry.name in odd else "" if entry.converged else entry.status.replace("_", " ")
+        kind = "good" if entry.converged and not words else "fair" if entry.converged else "bad"
+        out.append(Picture(entry.name, link(entry, home), words, kind, thumbnail(part), part.words))
+    return out
