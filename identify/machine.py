@@ -44,7 +44,8 @@ class Machine:
         floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
         self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
         self._left = {mode: list(methods) for mode, methods in plan.methods.items()}
-        self._at_work: dict[Method, Stepper] = {}
+        self._steppers: dict[Method, Stepper] = {}
+        self._at_work: dict[ModeName, Stepper] = {}
         self.rests = resting.borrowed(model)
         self.through = self._one_method()
         fastest = growth(model, p, scale)
@@ -57,20 +58,25 @@ class Machine:
 
     def stepper(self, mode: ModeName) -> Stepper:
         """The one that is at work."""
-        method = self._left[mode][0]
-        if method not in self._at_work:
-            self._at_work[method] = stepper = borrowed(self.model, method)
-            scale = self.scale
-            longest = min(method.reach * scale.time, scale.longest)
-            bounds = (longest, SHORTEST * scale.time, scale.farthest, self.locate)
-            stepper.tune(self.p, self.tolerances, bounds)
-        return self._at_work[method]
+        if mode not in self._at_work:
+            method = self._left[mode][0]
+            if method not in self._steppers:
+                self._steppers[method] = self._tuned(method)
+            self._at_work[mode] = self._steppers[method]
+        return self._at_work[mode]
+
+    def _tuned(self, method: Method) -> Stepper:
+        stepper, scale = borrowed(self.model, method), self.scale
+        longest = min(method.reach * scale.time, scale.longest)
+        stepper.tune(self.p, self.tolerances, (longest, SHORTEST * scale.time, scale.farthest, self.locate))
+        return stepper
 
     def close(self) -> None:
         """Give back what others can use: the run is over."""
         resting.give_back(self.rests)
-        while self._at_work:
-            give_back(self._at_work.popitem()[1])
+        self._at_work.clear()
+        while self._steppers:
+            give_back(self._steppers.popitem()[1])
 
     def begins(self, situated: Situated, x: Array) -> ModeName:
         """The mode in which a mass that moves begins: a fresh contact that would age below nothing is clamped."""
@@ -101,6 +107,7 @@ class Machine:
         for methods in self._left.values():
             if methods[0] is held_back and len(methods) > 1:
                 del methods[0]
+        self._at_work.clear()
         self.through = self._one_method()
         return True
 

@@ -220,7 +220,8 @@ class _Track:
 
     def _close(self, ended_by: GuardName | None) -> None:
         times, states, since = self.times, self.states, self._since
-        speeds = [abs(state[SPEED]) for state in states]
+        forwards = self.situated.direction
+        speeds = [forwards * state[SPEED] for state in states]
         fastest = max(speeds)
         if fastest > self._fastest[0]:
             i = speeds.index(fastest)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identify import native
 from identify.bursts import DIPS, MODES, Pace, burst
 from identify.compiled import Compiled, compiled
 from identify.methods import Method
@@ -14,6 +16,8 @@ from identify.situated import Situated
 from identify.stepping import N_GUARDS, coefficient, ends, trial
 
 Array = NDArray[np.float64]
+
+MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
 
 
 class Stepper:
@@ -37,8 +41,32 @@ class Stepper:
             self._ends[mode].bind([self._z[:n], self._constants, np.zeros(1)])
             self._coefficients[mode] = compiled(coefficient(model, mode))
             self._coefficients[mode].bind([x, self._constants, t])
-        self._burst: Compiled = compiled(burst(model, method))
-        self._burst.bind([self._z, self._bounds, self._constants, self._tolerances])
+        self._function = burst(model, method)
+        self._burst: Compiled = self._bound(self._function)
+        self._key = native.key(self._function)
+        self._bursts, self._ask = 0, 0
+        self.hasten()
+
+    def _bound(self, function: ca.Function) -> Compiled:
+        made = compiled(function)
+        made.bind([self._z, self._bounds, self._constants, self._tolerances])
+        return made
+
+    def hasten(self) -> None:
+        """Take the machine code of the bursts where it is there, and have it made where they are used much: the same
+        numbers sooner.
+        """
+        if self._key is None or self._bursts < self._ask:
+            return
+        found = native.find(self._key, self._function.name())
+        if found is not None:
+            self._burst, self._key = self._bound(found), None
+        elif self._bursts < MUCH:
+            self._ask = MUCH
+        else:
+            self._ask = self._bursts + MUCH
+            if not native.busy():
+                native.start([(self._function, self._key)])
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -59,10 +87,10 @@ class Stepper:
         """
         self._constants[-5:] = situated.numbers
         self._bounds[0], self._bounds[-1] = limit, through
-        self._z[: self.places.n] = x
-        self._z[self.places.ends] = self._ends[mode]()
-        n = self.places.n
-        self._z[n : n + 10] = (0.0, MODES.index(mode), 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS)
+        z, n = self._z, self.places.n
+        z[:n] = x
+        ends = self._ends[mode]().tolist()
+        z[n:] = [0.0, MODES.index(mode), 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS, *ends]
 
     @property
     def speeding(self) -> float:
@@ -72,6 +100,7 @@ class Stepper:
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows of state, time, mode, stop and h as in `Pace`, the last
         one where it stopped."""
+        self._bursts += 1
         rows = self._burst().reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
         stopped = int(np.count_nonzero(rows[:, self.places.stop]))
@@ -105,4 +134,22 @@ def borrowed(model: Model, method: Method) -> Stepper:
 
 def give_back(stepper: Stepper) -> None:
     """Let others use it."""
+    stepper.hasten()
     _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)
+
+
+def forget() -> None:
+    """Let go of the steppers nobody uses: new ones look again for machine code."""
+    _IDLE.clear()
+
+
+def hastened(model: Model, method: Method) -> bool:
+    """Wait until the bursts of a model and a method are machine code; False where there is no compiler."""
+    function = burst(model, method)
+    key = native.key(function)
+    if key is None:
+        return False
+    native.start([(function, key)])
+    native.wait()
+    _IDLE.pop((model, method), None)
+    return native.find(key, function.name()) is not None
