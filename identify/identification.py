@@ -58,7 +58,7 @@ def fit(
     told: Progress = progress or (lambda _stage, _share: None)
     choice: Choice | None = None
     if scene.effects == "auto":
-        records = _records(scene, records)
+        records = records_of(scene, records)
         since = time.perf_counter()
         choice = choose_from_data(scene, records, told)
         scene = scene.with_effects(choice.effects)
@@ -87,7 +87,7 @@ def find(
             "add inertia to effects and give the mass under [rig]"
         )
     progress("reading the logs", 0.0)
-    read = _records(scene, records)
+    read = records_of(scene, records)
     since = clock.add("read", began)
     progress("detecting cycles", 0.05)
     unknowns = from_scene(scene)
@@ -103,7 +103,7 @@ def find(
     return prepared, findings
 
 
-def _records(scene: Scene, records: Sequence[Record] | None) -> list[Record]:
+def records_of(scene: Scene, records: Sequence[Record] | None) -> list[Record]:
     """The records of a scene's logs: those given, else read."""
     if not scene.logs:
         raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")

@@ -21,6 +21,7 @@ from identify.cli.common import (
 from identify.errors import SceneError
 
 if TYPE_CHECKING:
+    from identify.asked import Asked
     from identify.outcome import Fit
     from identify.scene import Scene
 
@@ -34,7 +35,21 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--scene", required=True, metavar="SCENE.toml", help="rig, parameters and logs")
     parser.add_argument("--out", metavar="DIR", help="folder of the result (default: stickslip-<scene name>)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help='such as rig.mass="0.3 kg"')
+    add_depth_options(parser)
     add_log_options(parser)
+
+
+def add_depth_options(parser: ArgumentParser) -> None:
+    """The options that ask for more than values and intervals, or for less."""
+    group = parser.add_argument_group("how finely, and how sure")
+    group.add_argument("--preview", action="store_true", help="draw the cycles and the start over the data, and stop")
+    group.add_argument(
+        "--accuracy", metavar="X", help="coarse, default, tight, or the error of the steps in standard errors"
+    )
+    group.add_argument("--profile", action="store_true", help="profile likelihood of every parameter")
+    group.add_argument("--bootstrap", type=int, metavar="N", help="cycle-block bootstrap with N replicates")
+    group.add_argument("--accuracy-table", action="store_true", help="what each level of accuracy costs and changes")
+    group.add_argument("--effects-table", action="store_true", help="the fit with and without each effect")
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -48,9 +63,39 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     scene = scene_of(arguments)
     check_logs(scene)
     out = Path(arguments.out or f"stickslip-{scene.name}")
+    asked = asked_of(arguments)
+    if arguments.preview:
+        from identify.cli.preview import run_preview
+
+        return run_preview(scene, out, terminal)
     check_replaceable(out)
-    fit = fit_and_report(scene, out, terminal)
+    fit = fit_and_report(scene, out, terminal, asked)
     return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
+
+
+def asked_of(arguments: Namespace) -> Asked:
+    """What the command line asks of a fit beyond its values.
+
+    Raises:
+        CommandLineError, FitError: an accuracy or a number of replicates that cannot be.
+    """
+    from identify.accuracy import DEFAULT, accuracy_of
+    from identify.asked import Asked
+    from identify.bootstrap import FEWEST
+
+    replicates = arguments.bootstrap or 0
+    if arguments.bootstrap is not None and replicates < FEWEST:
+        raise CommandLineError(
+            f"--bootstrap {arguments.bootstrap} is too few for an interval; expected {FEWEST} replicates or more: "
+            "200 is usual"
+        )
+    return Asked(
+        accuracy=DEFAULT if arguments.accuracy is None else accuracy_of(arguments.accuracy),
+        profile=arguments.profile,
+        bootstrap=replicates,
+        accuracy_table=arguments.accuracy_table,
+        effects_table=arguments.effects_table,
+    )
 
 
 def scene_of(arguments: Namespace) -> Scene:
@@ -115,8 +160,9 @@ def check_there(path: Path) -> None:
         raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
 
 
-def fit_and_report(scene: Scene, out: Path, terminal: Terminal) -> Fit:
+def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
+    from identify.asked import NOTHING_MORE
     from identify.cli.folder import result_folder
     from identify.cli.progress import Progress
     from identify.cli.summary import say_files, say_fit
@@ -125,7 +171,7 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal) -> Fit:
     from identify.report import write_report
 
     with Progress(terminal.notes) as progress:
-        outcome = fit(scene, progress=progress)
+        outcome = fit(scene, progress=progress, asked=asked or NOTHING_MORE)
         with result_folder(out) as folder:
             progress("writing the report")
             write_report(outcome, folder)
