@@ -17,15 +17,18 @@ STROKES: Final = "strokes"
 """What stands in place of a number where crosstalk or tilt are to be taken from both stroke directions."""
 RAW: Final = {"friction_force": "raw friction force", "normal_force": "raw normal force"}
 """Channels of a corrected record that hold the forces as they were read [N]."""
+_UNLOADED: Final = 0.1
+"""Share of the load below which nothing presses."""
 _RESTLESS: Final = 5.0
 """Standard deviations of the noise that a quiet interval may drift or scatter by."""
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """What to cut and correct. Times in seconds of the record; applied in this order, the cuts apart.
+    """What to cut and correct. Times in seconds of the record.
 
-    tare, normal_tare: a force [N] to subtract, or the (start, stop) [s] over which the unloaded signal is averaged.
+    tare, normal_tare: a force [N] to subtract, or the (start, stop) [s] over which the signal is averaged while nothing
+    rubs; what crosstalk and tilt make of a load there is no part of the zero.
     crosstalk: share of the normal force that the friction sensor shows. tilt [rad]: by how much the surface climbs
     along positive friction force. Both may be "strokes": taken from the two directions of the record.
     window: the part to use; exclude: parts to leave out.
@@ -91,8 +94,8 @@ def correct(record: Record, corrections: Corrections) -> Corrected:
         raise _error(record, "crosstalk and tilt both from the strokes was asked for; at one load they look alike: "
                      "give one of them as a number")  # fmt: skip
     state = _State(record.friction_force, record.normal_force)
-    state = _tared(record, state, corrections.tare, "friction")
-    state = _tared(record, state, corrections.normal_tare, "normal")
+    state = _tared(record, state, corrections.normal_tare, "normal", 0.0)
+    state = _tared(record, state, corrections.tare, "friction", _shown_of_load(record, state, corrections))
     state = _without_crosstalk(record, state, corrections.crosstalk)
     state = _without_tilt(record, state, corrections.tilt)
     used, cuts, told = _cut(record, corrections)
@@ -104,10 +107,24 @@ def _error(record: Record, sentence: str) -> LogError:
     return LogError(f"{path}: {sentence}" if path else sentence)
 
 
-def _tared(record: Record, state: _State, tare: float | Span | None, which: str) -> _State:
+def _shown_of_load(record: Record, state: _State, given: Corrections) -> float:
+    """Return the share of the normal force that the friction sensor shows at rest, as far as it is given."""
+    shares = 0.0 if given.crosstalk in (None, STROKES) else float(given.crosstalk or 0.0)
+    shares += 0.0 if given.tilt in (None, STROKES) else float(np.tan(float(given.tilt or 0.0)))
+    if isinstance(given.tare, tuple) and STROKES in (given.crosstalk, given.tilt):
+        rows = (record.time >= given.tare[0]) & (record.time <= given.tare[1]) & np.isfinite(state.normal)
+        load = float(np.nanmedian(state.normal))
+        if rows.any() and float(np.mean(state.normal[rows])) > _UNLOADED * load:
+            raise _error(record, "crosstalk or tilt from the strokes needs a zero taken without load, and the tare "
+                         "interval is under load; choose another interval, or give the tare as a number")  # fmt: skip
+    return shares
+
+
+def _tared(record: Record, state: _State, tare: float | Span | None, which: str, share: float) -> _State:
     if tare is None:
         return state
     values = state.friction if which == "friction" else state.normal
+    at_rest = values - share * state.normal if share else values
     name = f"{which} force"
     if isinstance(tare, tuple):
         rows = (record.time >= tare[0]) & (record.time <= tare[1]) & np.isfinite(values)
@@ -117,10 +134,10 @@ def _tared(record: Record, state: _State, tare: float | Span | None, which: str)
                 f"the tare interval {tare[0]:g} to {tare[1]:g} s holds no sample; the record runs from 0 to "
                 f"{record.time[-1]:g} s: move it inside",
             )
-        zero, error = float(np.mean(values[rows])), float(np.std(values[rows]) / np.sqrt(np.count_nonzero(rows)))
+        zero, error = float(np.mean(at_rest[rows])), float(np.std(at_rest[rows]) / np.sqrt(np.count_nonzero(rows)))
         text = f"{zero:.4g} N taken off the {name}: its mean from {tare[0]:g} to {tare[1]:g} s"
         state = replace(state, cuts=(*state.cuts, Cut("tare", *tare)))
-        if doubt := _restless(record.time[rows], values[rows], values, name, tare):
+        if doubt := _restless(record.time[rows], at_rest[rows], at_rest, name, tare):
             state = replace(state, findings=(*state.findings, doubt))
     else:
         zero, error, text = float(tare), None, f"{tare:.4g} N taken off the {name}, as given"

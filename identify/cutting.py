@@ -54,7 +54,7 @@ def account(entry: LogEntry, raw: Record, corrected: Corrected, sign: int, first
         why = "as given" if entry.flip_sign is not None else "it slides with a negative force"
         changes.append(Change("flip_sign", f"the friction force was turned over: {why}"))
     if begin > first:
-        cycles = "1 cycle" if entry.skip_cycles == 1 else f"{entry.skip_cycles} cycles"
+        cycles = "cycle" if entry.skip_cycles == 1 else f"{entry.skip_cycles} cycles"
         text = f"the first {cycles} left out as given: the fit begins at {begin:.4g} s"
         if not entry.skip_cycles:
             text = f"the fit begins at {begin:.4g} s, where the first straight line of a stick does"

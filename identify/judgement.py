@@ -38,13 +38,16 @@ class Judgement:
     def document(self) -> dict[str, Any]:
         """Verdict, findings and figures as plain values, SI."""
         lag = next((s.lag for s in self.slips if s.lag is not None), None)
-        slopes = [s.slope for s in self.slips if s.slope is not None]
-        drifts = [s.drift for s in self.slips if s.drift is not None]
         figures = {name: {"value": value, "unit": unit} for name, (value, unit) in self.quality.figures.items()}
         figures["spikes"] = {"value": sum(s.spikes for s in self.slips), "unit": ""}
         figures["sensor_lag"] = {"value": None if lag is None else lag.lag, "unit": "s"}
-        figures["stick_slope_error"] = {"value": slopes[0] if slopes else None, "unit": ""}
-        figures["friction_drift"] = {"value": drifts[0] if drifts else None, "unit": ""}
+        for name, values in (
+            ("stick_slope_error", [s.slope for s in self.slips]),
+            ("friction_drift", [s.drift for s in self.slips]),
+            ("uneven_cycles", [s.scatter for s in self.slips]),
+            ("harmonic", [s.harmonic for s in self.slips]),
+        ):
+            figures[name] = {"value": next((value for value in values if value is not None), None), "unit": ""}
         findings = [asdict(finding) for finding in self.findings]
         return {"verdict": self.verdict, "findings": findings, "figures": figures}
 

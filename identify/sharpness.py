@@ -1,4 +1,4 @@
-"""How sharp the slips of a log are: the lag that a sensor and its amplifier have put on them, from their mean shape."""
+"""How sharp the slips of a log are: the lag that a sensor has put on them, and how near the swing is to a sine."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ FEWEST_SAMPLES = 5.0  # per slip: with fewer, its shape is not seen
 BEFORE, AFTER = 1.0, 2.0  # of a slip, that are looked at about its middle
 OF_STICK = 0.6  # of a stick, that may follow the slip
 PER_SAMPLE = 2  # points of the mean slip
+MOST_CYCLES = 60  # that are compared with a sine
 STARTS = (0.05, 0.3)  # of a slip: lags from which the search starts
 
 
@@ -51,6 +52,28 @@ def sharpness(time: Array, force: Array, found: Segmentation) -> Sharpness | Non
         return None
     seen = _mean_slip(time, force, found, float(np.median(slip)))
     return None if seen is None else _fitted(*seen, float(np.median(slip)), found.sample_interval)
+
+
+def harmonic_share(time: Array, force: Array, found: Segmentation) -> float | None:
+    """Which part of the swing is its first harmonic, 0.61 for a saw-tooth, 1 for a sine; None with too few slips.
+
+    The median over cycles, the noise taken off; arguments as `sharpness`.
+    """
+    fall = found.cycles.fall
+    shares = []
+    for i in range(0, fall.size - 1, max(fall.size // MOST_CYCLES, 1)):
+        rows = slice(*np.searchsorted(time, [fall[i], fall[i + 1]]).tolist())
+        good = np.isfinite(force[rows]) & ~found.spikes[rows]
+        t, swing = time[rows][good], force[rows][good]
+        if swing.size < 2 * FEWEST_SAMPLES:
+            continue
+        phase = 2 * math.pi * (t - fall[i]) / (fall[i + 1] - fall[i])
+        sine = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
+        left = swing - sine @ np.linalg.lstsq(sine, swing, rcond=None)[0]
+        noise = swing.size * found.noise**2
+        whole = float(np.sum((swing - np.mean(swing)) ** 2)) - noise
+        shares.append(1.0 - max(float(np.sum(left**2)) - noise, 0.0) / whole if whole > 0 else 0.0)
+    return float(np.median(shares)) if len(shares) >= FEWEST_SLIPS - 1 else None
 
 
 def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> tuple[Array, Array, int] | None:

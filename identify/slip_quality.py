@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from data_io.frozen import Finding
 from data_io.thresholds import Thresholds
 from identify.segment import Segmentation
-from identify.sharpness import Sharpness, sharpness
+from identify.sharpness import Sharpness, harmonic_share, sharpness
 
 Array = NDArray[np.float64]
 
 NAMED = 4  # times of spikes that are listed
 FOR_DRIFT = 6  # cycles from which on a drift can be told
+FOR_SCATTER = 4
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,15 @@ class Part:
 @dataclass(frozen=True)
 class SlipQuality:
     """spikes: samples that are no neighbour's; lag: see `Sharpness`, None where it cannot be told; slope: of the sticks
-    over stiffness times drive speed, less 1; drift: of the friction force, as share of it; findings."""
+    over stiffness times drive speed, less 1; drift: of the friction force, as share of it; harmonic: part of the swing
+    that is one sine; scatter: of the drop from one slip to the next, as share of it; findings."""
 
     spikes: int
     lag: Sharpness | None
     slope: float | None
     drift: float | None
+    harmonic: float | None
+    scatter: float | None
     findings: tuple[Finding, ...]
 
 
@@ -47,6 +51,7 @@ def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
     lag = sharpness(part.time, part.force, found)
     slope = _slope_error(part)
     drift = _drift(part)
+    harmonic = harmonic_share(part.time, part.force, found)
     notes = [_spikes(part, limits), *_samples(found, limits), _few(found, limits)]
     if lag is not None and (severity := limits.severity("sensor_lag", lag.share)):
         text = (
@@ -66,7 +71,22 @@ def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
             "last third of the slips: running-in, wear or a drifting zero? Cut it with skip_cycles or window"
         )
         notes.append(Finding("friction_drift", severity, text))
-    return SlipQuality(_spike_count(part), lag, slope, drift, tuple(note for note in notes if note is not None))
+    scatter = _scatter(found)
+    if scatter is not None and (severity := limits.severity("uneven_cycles", scatter)):
+        text = (
+            f"the slips differ: their drop scatters by {100 * scatter:.0f} % from one to the next, while the model "
+            "takes all cycles as alike; look for an uneven track, and judge by the classical table"
+        )
+        notes.append(Finding("uneven_cycles", severity, text))
+    if severity := limits.severity("harmonic", harmonic or 0.0):
+        text = (
+            "the force swings almost like a sine: it slides nearly all the time, and what depends on rest, mu_s, t_cr "
+            "and D, is hardly told; record slower as well"
+        )
+        notes.append(Finding("near_harmonic", severity, text))
+    return SlipQuality(
+        _spike_count(part), lag, slope, drift, harmonic, scatter, tuple(note for note in notes if note is not None)
+    )
 
 
 def _spike_count(part: Part) -> int:
@@ -119,6 +139,13 @@ def _slope_error(part: Part) -> float | None:
     if slope is None or not part.expected_slope or part.found.count == 0:
         return None
     return slope[0] / part.expected_slope - 1.0
+
+
+def _scatter(found: Segmentation) -> float | None:
+    drop = found.cycles.drop[1:]
+    if drop.size < FOR_SCATTER:
+        return None
+    return float(1.4826 * np.median(np.abs(np.diff(drop))) / np.sqrt(2.0) / np.mean(drop))
 
 
 def _drift(part: Part) -> float | None:

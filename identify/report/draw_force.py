@@ -30,23 +30,36 @@ from identify.report.table_csv import Columns
 OVERVIEW_STRETCHES, CLOSEUP_STRETCHES = 560, 300
 MOST_MARKS = 120
 CYCLES_IN_CLOSEUP = 3
+CUT_WORDS = {
+    "window": "outside the window",
+    "exclude": "left out",
+    "skip_cycles": "running-in",
+    "lead": "before the fit",
+    "tare": "tare",
+}
+RAW_COLOUR = "#d9b98c"
+LETTER = 0.0095  # width of a letter of a label, as share of the picture
+TARE_COLOUR = "#7fb3c8"
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class View:
-    """The signals of a stretch of a log, thinned for drawing; `fitted` and `residual` are None without a fit."""
+    """The signals of a stretch of a log, thinned for drawing; `fitted` and `residual` are None without a fit, `raw`
+    where nothing was corrected."""
 
     measured: Envelope
     normal: Envelope
     fitted: Envelope | None
     residual: Envelope | None
+    raw: Envelope | None = None
 
     def columns(self) -> Columns:
         """The drawn data, for the CSV behind the figure."""
         table: dict[str, Array] = {"time_s": self.measured.time}
         signals = {"measured": self.measured, "fitted": self.fitted, "residual": self.residual, "normal": self.normal}
+        signals["raw"] = self.raw
         for name, signal in signals.items():
             if signal is None:
                 continue
@@ -70,6 +83,7 @@ def view(curves: LogCurves, start: int, stop: int, stretches: int) -> View:
         normal=thin(curves.normal_force),
         fitted=thin(curves.fitted_force) if fitted else None,
         residual=thin(curves.friction_force - curves.fitted_force) if fitted else None,
+        raw=None if curves.raw_force is None else thin(curves.raw_force),
     )
 
 
@@ -118,7 +132,7 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
         name=f"log_{position}_force",
         figure=figure,
         alt=f"{what}, and normal force, of log {position} over time; {len(curves.cycles)} cycles are marked.",
-        caption=_caption(whole, fitted, accepted),
+        caption=_caption(whole, fitted, accepted, curves),
         wide=True,
         tables=tables,
     )
@@ -131,21 +145,31 @@ def _fill_column(
     low, high = span or (float(curves.time[0]), float(curves.time[-1]))
     force, normal = axes[0], axes[-1]
     force.locator_params(axis="y", nbins=6)
+    if seen.raw is not None:
+        _band(force, seen.raw, RAW_COLOUR, "as read", 0.8)
     _band(force, seen.measured, BEHIND if seen.fitted else MEASURED, "measured", 2.4 if seen.fitted else 0.9)
     if seen.fitted is not None:
         _band(force, seen.fitted, FITTED, "fitted" if accepted else "last iterate (not accepted)")
-    padded(force, np.concatenate([seen.measured.lower, seen.measured.upper]))
-    headroom(force, 0.16)
+    shown = [seen.measured] if seen.raw is None else [seen.measured, seen.raw]
+    padded(force, np.concatenate([end for signal in shown for end in (signal.lower, signal.upper)]))
+    headroom(force, 0.16 if seen.raw is None else 0.26)
     _marks(force, curves, low, high)
     frame(force, "", "friction force (N)" if overview else "", title)
     if overview:
-        force.legend(loc="upper right", ncols=4, handlelength=1.4, columnspacing=1.3, borderaxespad=0.1)
+        force.legend(
+            loc="upper right",
+            ncols=4 if seen.raw is None else 3,
+            handlelength=1.4,
+            columnspacing=1.3,
+            borderaxespad=0.1,
+        )
     if seen.residual is not None:
         _residuals(axes[1], seen.residual, curves.noise, overview)
     _band(normal, seen.normal, QUIET, "normal", 0.6)
     padded(normal, np.concatenate([seen.normal.lower, seen.normal.upper]), 0.3)
     normal.locator_params(axis="y", nbins=3)
     frame(normal, "time (s)", "Fₙ (N)" if overview else "")
+    _cuts(force, curves, low, high, labelled=overview)
     for panel in axes:
         panel.set_xlim(low, high)
         panel.locator_params(axis="x", nbins=8 if overview else 4)
@@ -215,8 +239,34 @@ def _shade_unused(axes: Axes, curves: LogCurves, low: float, high: float) -> Non
             axes.axvspan(max(start, low), min(stop, high), color="#f1ede4", linewidth=0, zorder=0)
 
 
-def _caption(whole: View, fitted: bool, accepted: bool) -> str:
+def _cuts(axes: Axes, curves: LogCurves, low: float, high: float, labelled: bool) -> None:
+    """A bar along the foot of the picture over every stretch that was cut, and over the interval of a tare."""
+    for kind, start, stop in curves.cuts:
+        begin, end = max(start, low), min(stop, high)
+        if end <= begin:
+            continue
+        colour, foot = (TARE_COLOUR, 0.1) if kind == "tare" else (QUIET, 0.0)
+        axes.axvspan(begin, end, ymin=foot, ymax=foot + 0.03, color=colour, linewidth=0, zorder=5)
+        words = CUT_WORDS.get(kind, kind)
+        if labelled and end - begin > 0.02 * (high - low):
+            axes.annotate(
+                words,
+                (0.5 * (begin + end), foot + 0.04),
+                xycoords=("data", "axes fraction"),
+                ha="center",
+                va="bottom",
+                fontsize=6.5,
+                color=colour,
+                rotation=0 if end - begin > LETTER * len(words) * (high - low) else 90,
+            )
+
+
+def _caption(whole: View, fitted: bool, accepted: bool, curves: LogCurves) -> str:
     parts = []
+    if curves.raw_force is not None:
+        parts.append("Behind the measured force: as it was read, before it was corrected.")
+    if curves.cuts:
+        parts.append("Bars at the foot: what was cut, and where a zero was taken.")
     if fitted:
         parts.append("Residual = measured − fitted; dashed: ± 2 standard deviations of the noise.")
         if not accepted:

@@ -83,6 +83,7 @@ class LogView:
     quality_class: str
     findings: tuple[tuple[str, str], ...]
     left_out: str
+    corrections: tuple[str, ...] = ()
 
 
 def banner(fit: Fit) -> Banner:
@@ -200,7 +201,14 @@ def _log(number_: int, log: Mapping[str, Any], converged: bool) -> LogView:
             (str(f.get("severity", "info")), str(f.get("message", ""))) for f in quality.get("findings", ())
         ),
         left_out=str(log.get("reason_left_out") or ""),
+        corrections=tuple(_correction(change) for change in log.get("corrections") or ()),
     )
+
+
+def _correction(change: Mapping[str, Any]) -> str:
+    error = finite(change.get("standard_error"))
+    spread = f" ± {quantity(error, str(change.get('unit') or ''), 2)}" if error else ""
+    return f"{change.get('text', '')}{spread}"
 
 
 def _facts(log: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
