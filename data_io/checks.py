@@ -20,11 +20,15 @@ def column(fail: Fail, name: str, values: Any, n: int | None = None) -> FloatArr
     if array.ndim != 1 or (n is not None and array.size != n):
         expected = "one column" if n is None else f"a column of {n} rows, as many as the time has,"
         raise fail(f"the {name} has shape {array.shape} where {expected} was expected; give equal lengths")
-    if array.base is None and not array.flags.writeable:
+    if not array.flags.writeable and (array.base is None or _is_frozen(array.base)):
         return array
     array = np.array(array, dtype=np.float64, order="C")
     array.flags.writeable = False
     return array
+
+
+def _is_frozen(base: Any) -> bool:
+    return isinstance(base, np.ndarray) and not base.flags.writeable and (base.base is None or _is_frozen(base.base))
 
 
 def force(fail: Fail, name: str, values: FloatArray) -> FloatArray:

@@ -74,7 +74,17 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
     columns = {
         int(index): frame[index].to_numpy() for index in frame if int(index) < names and (not use or index in use)
     }
+    if use is None:
+        for values in columns.values():
+            _freeze(values)
     return Numbers(columns, len(frame), decimal=decimal)
+
+
+def _freeze(values: Any) -> None:
+    """Freeze a column and the frame it is a view of, which nobody else has; so a record need not copy it."""
+    while isinstance(values, np.ndarray):
+        values.flags.writeable = False
+        values = values.base
 
 
 def read_numbers(
