@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from argparse import ArgumentParser, Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +16,13 @@ from identify.cli.results import read_result, scene_of
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
 ALLOWED = 0.01  # difference in standard errors that other library versions may make
+FIXED = 1e-9  # relative difference of what was not estimated
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The arguments of this command."""
     parser.add_argument("result", metavar="RESULT.json", help="the result.json of an earlier fit")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="where logs of that fit lie now, if they were moved")
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -34,10 +38,18 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.identification import fit
 
     scene = scene_of(stored, path)
-    for entry, log in zip(scene.logs, stored["logs"], strict=True):
-        check_unchanged(entry.path, log["sha256"])
+    check_unedited(path)
+    moved = {sha256_of(Path(log)): Path(log) for log in arguments.logs}
+    logs = [
+        replace(entry, path=unchanged(entry.path, log["sha256"], moved))
+        for entry, log in zip(scene.logs, stored["logs"], strict=True)
+    ]
+    seed = stored["provenance"].get("seed")
     with Progress(terminal.notes) as progress:
-        again = fit(scene, progress=progress).result
+        found = fit(replace(scene, logs=tuple(logs)), progress=progress, seed=seed if isinstance(seed, int) else 0)
+    again = found.result
+    for words in other_versions(stored["provenance"], again["provenance"]):
+        terminal.note(words)
     differences = compare(stored, again)
     for words in differences:
         terminal.say(words)
@@ -47,31 +59,68 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
 
 
-def check_unchanged(path: Path, sha256: str) -> None:
-    """Refuse a log that is not the one that was fitted.
+def check_unedited(path: Path) -> None:
+    """Refuse a result of a batch that is not, byte for byte, what the batch wrote.
+
+    Raises:
+        CommandLineError: it was edited.
+    """
+    try:
+        job = json.loads((path.parent / "job.json").read_text(encoding="utf-8"))
+        written = job["result_sha256"]
+    except (OSError, ValueError, KeyError, TypeError):  # not of a batch
+        return
+    if path.name == "result.json" and sha256_of(path) != written:
+        raise CommandLineError(f"{path}: the file was changed since the batch wrote it; run the batch with --resume")
+
+
+def unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
+    """Where the very log that was fitted lies: among those named, else where it lay.
+
+    Args:
+        moved: the logs named on the command line, by SHA-256.
 
     Raises:
         CommandLineError: gone or changed.
     """
+    if sha256 in moved:
+        return moved[sha256]
     if not path.is_file():
-        raise CommandLineError(f"{path}: the log of this result is no longer there; put it back")
-    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        raise CommandLineError(f"{path}: the log of this result is no longer there; put it back, or name it as LOG")
+    if sha256_of(path) != sha256:
         raise CommandLineError(f"{path}: the log has changed since that fit (other SHA-256); put the old one back")
+    return path
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file; OSError where it cannot be read."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def other_versions(before: Mapping[str, Any], now: Mapping[str, Any]) -> Sequence[str]:
+    """What the result was made with, where that was something else, one sentence each."""
+    told = {"stickslip": before.get("version"), **dict(before.get("packages") or {})}
+    here = {"stickslip": now["version"], **now["packages"]}
+    return [f"made with {n} {told[n]}, compared with {v}" for n, v in here.items() if told.get(n) not in (None, v)]
 
 
 def compare(stored: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
     """What differs, one sentence each."""
     if stored["status"] != again["status"]:
         return [f"the status was {stored['status']} and is {again['status']} now: {again['message']}"]
-    sentences = []
+    sentences = [f"{name} is new" for name in again["parameters"] if name not in stored["parameters"]]
     for name, before in stored["parameters"].items():
         now = again["parameters"].get(name, {})
+        value, error = now.get("value"), before["standard_error"]
         if before["verdict"] != now.get("verdict"):
             sentences.append(f"{name} was called {before['verdict']} and is called {now.get('verdict')} now")
-        elif before["value"] is not None and before["standard_error"]:
-            off = (now["value"] - before["value"]) / before["standard_error"]
-            if abs(off) > ALLOWED:
-                sentences.append(
-                    f"{name} was {before['value']:.6g} and is {now['value']:.6g} ({off:+.2g} standard errors)"
-                )
+        elif before["value"] is None or value is None:
+            if before["value"] is not value:
+                sentences.append(f"{name} was {before['value']} and is {value} now")
+        elif error:
+            off = (value - before["value"]) / error
+            if not abs(off) <= ALLOWED:
+                sentences.append(f"{name} was {before['value']:.6g} and is {value:.6g} ({off:+.2g} standard errors)")
+        elif before["verdict"] == "fixed" and abs(value - before["value"]) > FIXED * abs(before["value"]):
+            sentences.append(f"{name} was fixed at {before['value']:.9g} and is fixed at {value:.9g} now")
     return sentences
