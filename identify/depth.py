@@ -91,6 +91,7 @@ def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]
             "failed": [side.failed for side in sides],
             "at_bound": [side.walled for side in sides],
             "standard_error": math.sqrt(float(sure.covariance[k, k])),
+            "logarithmic": bool(unknowns.logarithmic[i]),
         }
     return {"level": LEVEL, "limit": CRITICAL, "parameters": out}
 

@@ -14,6 +14,7 @@ from identify.outcome import Fit
 from identify.report.draw_correlation import draw_correlation
 from identify.report.draw_cycles import draw_cycles
 from identify.report.draw_force import draw_force
+from identify.report.draw_profile import draw_profile
 from identify.report.draw_slip import draw_phase_plane, draw_slip
 from identify.report.style import Drawing, drawing_style, printable
 from identify.report.table_csv import Columns
@@ -63,6 +64,10 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
             yield position, draw_phase_plane(curves, curves.slip, position)
         if len(curves.cycles):
             yield position, draw_cycles(curves, position)
+    profile = fit.result.get("profile")
+    drawn = draw_profile(profile, fit.result.get("parameters", {})) if isinstance(profile, Mapping) else None
+    if drawn is not None:
+        yield None, drawn
     correlation = fit.result.get("correlation")
     if isinstance(correlation, Mapping) and len(correlation.get("names", ())) > 1:
         yield None, draw_correlation(*_named_matrix(correlation))

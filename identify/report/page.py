@@ -13,6 +13,13 @@ from markupsafe import Markup
 
 from identify.outcome import Fit
 from identify.report.answers import answer_table, said_once, sentences
+from identify.report.depth import (
+    accuracy_rows,
+    combination_table,
+    comparison_table,
+    direction_lines,
+    interval_table,
+)
 from identify.report.document import plain
 from identify.report.figures import Picture
 from identify.report.quantity_text import finite, quantity
@@ -64,7 +71,13 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         logs=logs,
         shared_labels=[label for label in logs[0].labels if all(label in log.labels for log in logs)] if logs else [],
         figures_of={view.number: [f for p, f in figures if p.log == view.number] for view in logs},
-        overall_figures=[f for p, f in figures if p.log is None],
+        overall_figures=[f for p, f in figures if p.log is None and p.name != "profile"],
+        depth_figures=[f for p, f in figures if p.name == "profile"],
+        intervals=interval_table(result),
+        combinations=combination_table(result),
+        directions=direction_lines(result),
+        accuracy=accuracy_rows(result),
+        compared=comparison_table(result),
         classical=classical_tables(result.get("logs", ())),
         derived=[
             table

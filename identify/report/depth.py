@@ -1,0 +1,136 @@
+"""How sure the answer is, as tables of the page: intervals by each method, combinations, accuracy, effects compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from identify.report.answers import interval_text
+from identify.report.quantity_text import DASH, finite, number, quantity
+from identify.report.tables import Cell, Row, Table
+from identify.report.words import plain_symbol
+
+Entries = Mapping[str, Any]
+
+
+def interval_table(result: Entries) -> Table | None:
+    """The 95 % intervals side by side: the result's own, by profile, by bootstrap; None where neither was run."""
+    methods = [(key, result.get(key) or {}) for key in ("profile", "bootstrap")]
+    run = [(key, document) for key, document in methods if document.get("parameters")]
+    if not run:
+        return None
+    heads = [Cell("result")]
+    for key, document in run:
+        note = ""
+        if key == "bootstrap":
+            failed = int(document.get("failed") or 0)
+            note = f"{document.get('replicates')} replicates" + (f", {failed} did not settle" if failed else "")
+        heads.append(Cell(key, note))
+    rows = []
+    for name, entry in (result.get("parameters") or {}).items():
+        mine = [document["parameters"].get(name) for _, document in run]
+        if not any(mine):
+            continue
+        value, unit = finite(entry.get("value")), str(entry.get("unit") or "")
+        cells = [Cell(interval_text(entry.get("interval"), value, unit) or "open")]
+        cells += [_interval_cell(part, value, unit) for part in mine]
+        rows.append(Row(plain_symbol(name), tuple(cells), note=quantity(value, unit, 5)))
+    return Table("parameter", tuple(heads), tuple(rows)) if rows else None
+
+
+def _interval_cell(part: Entries | None, value: float | None, unit: str) -> Cell:
+    if not part:
+        return Cell(DASH)
+    notes = []
+    if any(part.get("at_bound") or ()):
+        notes.append("ends at a bound of the scene")
+    if any(part.get("failed") or ()):
+        notes.append("a point failed")
+    spread = finite(part.get("spread_in_standard_errors"))
+    if spread is not None:
+        notes.append(f"spread {number(spread, 2)} SE")
+    return Cell(interval_text(part.get("interval"), value, unit) or "open", " · ".join(notes))
+
+
+def combination_table(result: Entries) -> Table | None:
+    """Combinations that are known better than their parts; None without any."""
+    natural = (result.get("combinations") or {}).get("natural") or ()
+    rows = [
+        Row(
+            str(entry["name"]),
+            (
+                Cell(quantity(finite(entry["value"]), str(entry["unit"]))),
+                Cell(interval_text(entry["interval"], finite(entry["value"]), str(entry["unit"]))),
+                Cell(f"{number(finite(entry['sharper']), 2)} ×"),
+            ),
+            note=str(entry["meaning"]),
+        )
+        for entry in natural
+    ]
+    heads = (Cell("value"), Cell("95 % interval"), Cell("sharper than its loosest part"))
+    return Table("combination", heads, tuple(rows)) if rows else None
+
+
+def direction_lines(result: Entries) -> tuple[str, ...]:
+    """The best and the worst known direction, in words."""
+    told = (result.get("combinations") or {}).get("directions") or ()
+    lines = [str(entry["text"]) for entry in told]
+    return tuple(line[:1].upper() + line[1:] + "." for line in (lines[:1] + lines[-1:] if len(lines) > 1 else lines))
+
+
+def accuracy_rows(result: Entries) -> Table | None:
+    """What each level of accuracy costs, and by how many standard errors it moves each parameter."""
+    table = result.get("accuracy_table") or ()
+    if not table:
+        return None
+    shifts = [entry.get("shift_in_standard_errors") or {} for entry in table]
+    names = list(dict.fromkeys(name for shift in shifts for name in shift))
+    heads = (Cell("seconds"), Cell("iterations"), Cell("steps"), *(Cell(plain_symbol(n), "shift in SE") for n in names))
+    rows = []
+    for entry, shift in zip(table, shifts, strict=True):
+        left = entry.get("left_in_standard_errors") or {}
+        cells = [
+            Cell(number(finite(entry.get("seconds")), 3)),
+            Cell(str(entry.get("iterations", DASH))),
+            Cell(str(entry.get("steps", DASH))),
+        ]
+        for name in names:
+            error = finite(left.get(name))
+            note = "" if error is None else f"error left {number(abs(error), 1)}"
+            cells.append(Cell(number(finite(shift.get(name)), 2), note))
+        rows.append(Row(str(entry.get("accuracy")), tuple(cells), note="" if shift else "did not solve"))
+    return Table("accuracy", heads, tuple(rows))
+
+
+def comparison_table(result: Entries) -> Table | None:
+    """The fit with and without each effect: information criteria and errors on what was left out."""
+    rows = []
+    for entry in result.get("effects_table") or ():
+        rows.append(
+            Row(
+                str(entry["model"]).replace("_", " "),
+                tuple(
+                    Cell(*cell)
+                    for cell in (
+                        (_count(entry.get("parameters")),),
+                        (number(finite(entry.get("chi2_per_sample")), 5),),
+                        (_signed(entry.get("delta_aic")),),
+                        (_signed(entry.get("delta_bic")),),
+                        (number(finite(entry.get("left_out_cycles")), 4),),
+                        (number(finite(entry.get("left_out_logs")), 4),),
+                        (str(entry.get("verdict") or ""), "", "words"),
+                    )
+                ),
+            )
+        )
+    heads = ("parameters", "χ² per sample", "ΔAIC", "ΔBIC", "error on cycles left out", "error on logs left out", "")
+    return Table("model", tuple(Cell(head) for head in heads), tuple(rows)) if rows else None
+
+
+def _count(value: Any) -> str:
+    return DASH if value is None else str(value)
+
+
+def _signed(value: Any) -> str:
+    shown = finite(value)
+    return DASH if shown is None else number(shown, 3) if shown <= 0 else f"+{number(shown, 3)}"
