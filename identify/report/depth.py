@@ -85,19 +85,20 @@ def accuracy_rows(result: Entries) -> Table | None:
         return None
     shifts = [entry.get("shift_in_standard_errors") or {} for entry in table]
     names = list(dict.fromkeys(name for shift in shifts for name in shift))
-    heads = (Cell("seconds"), Cell("iterations"), Cell("steps"), *(Cell(plain_symbol(n), "shift in SE") for n in names))
+    heads = (
+        *(Cell(head) for head in ("seconds", "iterations", "steps", "largest error left")),
+        *(Cell(plain_symbol(name)) for name in names),
+    )
     rows = []
     for entry, shift in zip(table, shifts, strict=True):
-        left = entry.get("left_in_standard_errors") or {}
+        left = [abs(error) for error in (entry.get("left_in_standard_errors") or {}).values() if error is not None]
         cells = [
             Cell(number(finite(entry.get("seconds")), 3)),
             Cell(str(entry.get("iterations", DASH))),
             Cell(str(entry.get("steps", DASH))),
+            Cell(f"{number(max(left), 2)} SE" if left else DASH),
+            *(Cell(number(finite(shift.get(name)), 2)) for name in names),
         ]
-        for name in names:
-            error = finite(left.get(name))
-            note = "" if error is None else f"error left {number(abs(error), 1)}"
-            cells.append(Cell(number(finite(shift.get(name)), 2), note))
         rows.append(Row(str(entry.get("accuracy")), tuple(cells), note="" if shift else "did not solve"))
     return Table("accuracy", heads, tuple(rows))
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from identify.report.quantity_text import finite, scale_for
 from identify.report.style import FITTED, MEASURED, QUIET, SHADE, WIDE, Drawing
@@ -14,6 +15,7 @@ from identify.report.table_csv import Columns
 from identify.report.words import plain_symbol
 
 PANELS = 3  # in a row
+TICKS = 4
 FEWEST = 5  # points that are a curve
 TOP = 1.6  # of the limit: the height of a panel
 
@@ -52,6 +54,7 @@ def draw_profile(document: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
         axes.plot(x, loss, "o-", color=FITTED, markersize=3, label="profile")
         axes.axhline(limit, color=MEASURED, linewidth=0.7)
         axes.set_ylim(0.0, TOP * limit)
+        axes.xaxis.set_major_locator(MaxNLocator(TICKS))
         axes.set_title(f"{plain_symbol(name)} [{scale.unit}]" if scale.unit else plain_symbol(name))
         if number % PANELS == 0:
             axes.set_ylabel("what the data lose")
