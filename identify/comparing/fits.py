@@ -14,10 +14,11 @@ from typing import Any
 INDEX = "index.csv"
 RESULT = "result.json"
 PAGE = "report.html"
-# Columns of a batch's index that say how a fit went; every other column is a label.
-NOT_LABELS = frozenset(
-    "group status message result path drive_speed seconds logs sha256 key started finished attempts worker".split()
-)
+# Columns of a batch's index that say how a fit went; every other column is a label ("label: status" is the label
+# that happens to be called as one of them).
+NOT_LABELS = frozenset("group status message result folder logs seconds path drive_speed".split())
+LABEL = "label: "
+GUARDED = ("=", "+", "-", "@", "\t", "\r", "|", "%")  # what a spreadsheet may take for a formula
 MANY = 4  # folders below a batch folder in which results are sought
 CONVERGED = "converged"
 UNREADABLE = "unreadable"
@@ -87,7 +88,8 @@ def _folder(folder: Path) -> list[FitEntry]:
             return listed
     depth = len(folder.parts)
     results = sorted(p for p in folder.rglob(RESULT) if len(p.parts) - depth <= MANY)
-    inner = [p for p in results if not any(q != p and q.parent in p.parents for q in results)]
+    holders = {path.parent for path in results}
+    inner = [path for path in results if holders.isdisjoint(path.parent.parents)]
     return [_read(path.parent, path.parent.relative_to(folder).as_posix(), {}) for path in inner]
 
 
@@ -96,7 +98,7 @@ def _index(path: Path) -> list[dict[str, str]]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as handle:
             return [
-                {str(k): _unguarded(v or "") for k, v in row.items() if k is not None and not isinstance(v, list)}
+                {_unguarded(str(k)): _unguarded(v or "") for k, v in row.items() if k and not isinstance(v, list)}
                 for row in csv.DictReader(handle)
             ]
     except (OSError, ValueError, csv.Error):
@@ -105,15 +107,15 @@ def _index(path: Path) -> list[dict[str, str]]:
 
 def _unguarded(text: str) -> str:
     """Text as it was before a spreadsheet was kept from taking it for a formula."""
-    return text[1:] if len(text) > 1 and text[0] == "'" and text[1] in "=+-@\t\r" else text
+    return text[1:] if text.startswith("'") and text[1:].lstrip().startswith(GUARDED) else text
 
 
 def _row(folder: Path, row: Mapping[str, str]) -> FitEntry:
     """One row of an index: its result where there is one, else the reason why there is none."""
     name = row.get("group") or "?"
-    labels = {key: value for key, value in row.items() if key not in NOT_LABELS and "." not in key and value}
+    labels = {key.removeprefix(LABEL): value for key, value in row.items() if key not in NOT_LABELS and value}
     told = row.get("result") or ""
-    path = folder / (told or f"{name}/{RESULT}")
+    path = folder / (told or f"{row.get('folder') or name}/{RESULT}")
     if path.is_dir():
         path = path / RESULT
     if path.is_file() and (told or row.get("status") in ("", CONVERGED)):
