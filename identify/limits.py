@@ -22,7 +22,7 @@ from identify.steady import QUANTITIES, FrictionLike, RigLike
 Array = NDArray[np.float64]
 
 WITHIN = 1e4  # factor either way in which a quantity is searched, where no range is given
-SCANNED = 2000  # values looked at; two crossings closer together than their spacing are overlooked
+SCANNED = 1000  # values looked at; two crossings closer together than their spacing are overlooked
 HALVINGS = 60
 
 
@@ -44,8 +44,11 @@ def slip_margin(q: Mapping[str, Any]) -> Any:
     """ln Phi_cr - ln Phi of `groups.settings` (or their `dual.variables`): positive where the slip goes on for ever."""
     g = formed(q)
     alpha, loading = plain(g["alpha"]), plain(g["loading"])
-    level, table = log_critical_loading(alpha, derivatives=True)
-    limit = lifted(level, [(g["alpha"], table["alpha"])])
+    if isinstance(g["alpha"], Dual):
+        level, table = log_critical_loading(alpha, derivatives=True)
+        limit = lifted(level, [(g["alpha"], table["alpha"])])
+    else:
+        limit = log_critical_loading(alpha)
     return where(loading > 0, limit - log(g["loading"]), np.where(alpha > -1, np.inf, np.nan))
 
 

@@ -20,6 +20,7 @@ from identify.outlook_words import amplitude_text, closed_form_text, stability_t
 from identify.prospect import Outcome, Prospect, prospects
 from identify.sensitivity import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
 from identify.spread import Interval, Spread
+from identify.stability import printed_form
 
 Array = NDArray[np.float64]
 
@@ -217,7 +218,7 @@ def _closed_forms(
         return number(value, unit, unaware or judged(value, other, forms.status, alpha))
 
     local = unaware or "exact for small disturbances of steady sliding"
-    printed = "as printed, up to a factor 2 too low (2 zeta misread as zeta in its determinant)"
+    printed = printed_form(forms.groups.zeta, forms.groups.tau_cr)
     return {
         "a_V_max": number(validity_number, "", "the closed forms of a slip need this to be far below 1"),
         "slip": forms.status,

@@ -14,9 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from identify.bracket import rising_root
 from identify.steady import eigenvalues
 
-__all__ = ["critical_frequency", "critical_friction", "critical_loading", "eigenvalues", "log_critical_loading"]
+__all__ = [
+    "critical_frequency",
+    "critical_friction",
+    "critical_loading",
+    "eigenvalues",
+    "log_critical_loading",
+    "printed_form",
+]
 
 Array = NDArray[np.float64]
+Form = Literal["derived", "printed"]
+DAMPERS = {"derived": 2.0, "printed": 1.0}  # z over zeta
 
 
 def _tangent_small(alpha: Array, n: Array) -> tuple[Array, Array]:
@@ -43,7 +52,9 @@ def _tangent_large(alpha: Array, n: Array) -> tuple[Array, Array]:
     b, start = alpha / w, np.arctan2(w, alpha)
     eta = start
     for _ in range(60):
-        eta = start + np.arcsin(np.minimum(w * np.exp(-b * ((2 * n - 1) * np.pi + eta)), 1.0))
+        before, eta = eta, start + np.arcsin(np.minimum(w * np.exp(-b * ((2 * n - 1) * np.pi + eta)), 1.0))
+        if np.array_equal(before, eta):
+            break
     psi = (2 * n - 1) * np.pi + eta
     return psi, b * psi + np.log(np.sin(eta) / w)
 
@@ -107,9 +118,24 @@ def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = 
         return value[()], {"alpha": slope[()]}
 
 
-def critical_friction(
-    zeta: ArrayLike, tau_cr: ArrayLike, form: Literal["derived", "printed"] = "derived", *, derivatives: bool = False
-) -> Any:
+def _factor(form: str) -> float:
+    if form not in DAMPERS:
+        raise ValueError(f"form was {form!r}; expected 'derived' or 'printed'")
+    return DAMPERS[form]
+
+
+def printed_form(zeta: float, tau_cr: float) -> str:
+    """What the paper's own eq. (25) gives here, by how much it differs from the derived form, and why; one sentence."""
+    printed, derived = (float(critical_friction(zeta, tau_cr, form)) for form in ("printed", "derived"))
+    if not derived > 0 or not printed > 0:
+        return "as printed: no different here, where there is no damping to be misread"
+    return (
+        f"as printed: {100 * (1 - printed / derived):.2g} % too low, as its determinant has zeta where 2 zeta belongs; "
+        "it calls sliding between the two unstable that is stable"
+    )
+
+
+def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:
     """Critical friction parameter Pi_fc (eqs. 21-25): steady sliding is stable below it.
 
     Derived: z (1 + T^2/(1 + z T)) with z = 2 zeta, T = tau_cr. Printed eq. (25) has z = zeta in its
@@ -128,33 +154,36 @@ def critical_friction(
     Raises:
         ValueError: an unknown form.
     """
-    factors = {"derived": 2.0, "printed": 1.0}
-    if form not in factors:
-        raise ValueError(f"form was {form!r}; expected 'derived' or 'printed'")
+    factor = _factor(form)
     zeta, T = (np.asarray(q, float) for q in np.broadcast_arrays(zeta, tau_cr))
-    z = factors[form] * zeta
+    z = factor * zeta
     with np.errstate(all="ignore"):
         share = T / (1 + z * T)
         value = (z * (1 + T * share))[()]
         if not derivatives:
             return value
-        by_zeta = factors[form] * (1 + share * share)
+        by_zeta = factor * (1 + share * share)
         by_time = z * share * (2 + z * T) / (1 + z * T)
     return value, {"zeta": by_zeta[()], "tau_cr": by_time[()]}
 
 
-def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, *, derivatives: bool = False) -> Any:
-    """Omega_c = 1/sqrt(1 + 2 zeta tau_cr): frequency at the boundary over omega_n (eqs. 23-25, derived).
+def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:
+    """Omega_c = 1/sqrt(1 + 2 zeta tau_cr): frequency at the boundary over omega_n (eqs. 23-25).
 
-    Args: as for `critical_friction`.
+    Args: as for `critical_friction`; the printed determinant has zeta for 2 zeta here too.
 
     Returns:
         Omega_c, broadcast; NaN where 1 + 2 zeta tau_cr <= 0 (no such boundary). With `derivatives` a pair.
+
+    Raises:
+        ValueError: an unknown form.
     """
+    factor = _factor(form)
     zeta, T = (np.asarray(q, float) for q in np.broadcast_arrays(zeta, tau_cr))
     with np.errstate(all="ignore"):
-        base = np.where(1 + 2 * zeta * T > 0, 1 + 2 * zeta * T, np.nan)
+        base = np.where(1 + factor * zeta * T > 0, 1 + factor * zeta * T, np.nan)
         value = (1 / np.sqrt(base))[()]
         if not derivatives:
             return value
-        return value, {"zeta": (-T * value / base)[()], "tau_cr": (-zeta * value / base)[()]}
+        half = 0.5 * factor * value / base
+        return value, {"zeta": (-T * half)[()], "tau_cr": (-zeta * half)[()]}
