@@ -23,6 +23,7 @@ from identify.search import UNEQUAL, Attempt, Clock, Sources, search
 from identify.selection import choose_from_data
 from identify.unknowns import Unknowns, from_scene, user_start
 from identify.vibration import tuned
+from identify.worth import worth, worth_document
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
@@ -66,7 +67,14 @@ def fit(
     prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings.unknowns, findings.attempt)
-    return Fit(document(scene, prepared, findings, clock, began, seed, choice), curves)
+    result = document(scene, prepared, findings, clock, began, seed, choice)
+    if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
+        told("effects compared", 0.95)
+        read = [log.record for log in prepared] if records is None else records
+        result["effects_table"] = worth_document(
+            worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
+        )
+    return Fit(result, curves)
 
 
 def find(

@@ -22,7 +22,7 @@ bracket twofold dual slip_slopes steady ageing amplitude groups jump critical st
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance outlook_words outlook
 axes outline plane crossings flood chart
 guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start lay_out hints
-equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation consistency gate accuracy combinations asked profile_line profile search certainty nested screening selection_words selection diagnosis preview depth result
+equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation consistency gate accuracy combinations asked profile_line profile search certainty nested screening selection_words selection diagnosis preview depth worth result
 identification
 report
 comparing
