@@ -1,7 +1,7 @@
 """Steps to a `Record`: one clock, one sign of the normal force, and the account of where everything came from."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def _one(pieces: Sequence[FloatArray]) -> FloatArray:
 def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
     about: dict[str, Scalar] = {f"{role}_source": origin(request, part, role) for role in COLUMN_ROLES[:3]}
     about |= {**contents.metadata, **part.run_items}
-    about |= {"path": str(source.path), "sha256": source.sha256, "format": contents.form}
+    about |= {"path": str(source.path), "sha256": cast(str, source.later_sha256), "format": contents.form}
     if start != 0:
         about["file_time_start"] = start + float(contents.metadata.get("file_time_start", 0.0))
     return about

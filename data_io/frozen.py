@@ -1,8 +1,8 @@
 """Small frozen values that a record is made of: findings, steps, a mapping that cannot change."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal, TypeVar
+from typing import Any, Final, Literal, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,16 +25,36 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 
+class Later:
+    """A value of a frozen mapping that is computed when it is first asked for."""
+
+    __slots__ = ("_work",)
+
+    def __init__(self, work: Callable[[], object]) -> None:
+        self._work = work
+
+    def __call__(self) -> object:
+        """Compute it."""
+        return self._work()
+
+
 class Frozen(Mapping[K, V]):
     """A mapping that cannot change and, unlike `types.MappingProxyType`, can be sent to another process."""
 
     __slots__ = ("_items",)
 
     def __init__(self, items: Mapping[K, V] | None = None) -> None:
-        self._items = dict(items or {})
+        # a mapping of this kind may hold values that nobody has asked for yet
+        self._items: dict[K, Any] = dict(items._items if isinstance(items, Frozen) else items or {})
 
     def __getitem__(self, key: K) -> V:
-        return self._items[key]
+        value = self._items[key]
+        if isinstance(value, Later):
+            value = self._items[key] = value()
+        return cast(V, value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Frozen, (dict(self),)
 
     def __iter__(self) -> Iterator[K]:
         return iter(self._items)
@@ -43,7 +63,7 @@ class Frozen(Mapping[K, V]):
         return len(self._items)
 
     def __repr__(self) -> str:
-        return repr(self._items)
+        return repr(dict(self))
 
 
 @dataclass(frozen=True)

@@ -1,103 +1,254 @@
-"""HDF5 logs: the project's layout, or any file whose datasets the user names."""
+"""HDF5 logs: the project's layout, groups that each hold a test, or any file whose datasets the user names.
 
-import io
+Instrument: none; acquisition programmes (MATLAB, LabVIEW, h5py) and this project write HDF5. Layout of ours:
+`/run_1/step_1/{time,normal_force,friction_force,...}`, see `data_io.write`; several runs are the logs of an archive.
+Elsewhere every group that holds a time and a friction force is a run, units in the attribute `units`. Quirks: column
+vectors of shape (n, 1), integers and single precision, chunks and compression, names with blanks and umlauts. Only what
+is asked for is read, so that a file may be larger than memory.
+"""
+
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from data_io.account import Account, read_account
-from data_io.columns import Header, Name, role_indices
+from data_io.columns import Header, Name, match_header, role_indices
 from data_io.errors import UnitError
-from data_io.frozen import COLUMN_ROLES, FloatArray
+from data_io.frozen import COLUMN_ROLES, FloatArray, Scalar
+from data_io.hdf5_open import check_own, children, member, opened, signature_at
+from data_io.memory import check_memory
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
-from data_io.units import to_si
+from data_io.units import factor, to_si
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION
 
 NAME: Final = "hdf5"
 
-_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
 _SHOWN: Final = 12
+_BLOCK: Final = 1 << 22
+"""Rows read at a time; progress is told after each."""
+_DEEPEST: Final = 6
+_MOST_GROUPS: Final = 2000
 
 
 def can_read(head: bytes) -> bool:
     """Tell HDF5 by its signature, at the start or behind a user block."""
-    return any(head[offset : offset + 8] == _SIGNATURE for offset in (0, 512, 1024, 2048, 4096, 8192, 16384, 32768))
+    return signature_at(head) is not None
 
 
 def read(source: Source, request: Request) -> Contents:
     """Read a step or a whole run of the project's layout, or the datasets in `columns`. Raises `LogError`."""
-    import h5py
-
-    try:
-        with h5py.File(io.BytesIO(source.data), "r") as file:
-            if any("/" in path for path in request.columns.values()):
-                return _read_named(source, request, file)
-            if _text(file.attrs.get("format")) == FORMAT or _groups(file, "run"):
-                return _read_layout(source, request, file)
-            raise source.error(_unknown(file))
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, EOFError) as error:
-        reason = str(error).strip("'\"").split("\n")[0]
-        raise source.error(
-            f"the HDF5 file is damaged ({reason:.120}); an intact one is needed; copy it again"
-        ) from error
+    with opened(source) as file:
+        if any("/" in path for path in request.columns.values()):
+            return _read_named(source, request, file)
+        if _text(file.attrs.get("format")) == FORMAT or _groups(file, "run"):
+            return _read_layout(source, request, file)
+        return _read_groups(source, request, file)
 
 
 def _read_layout(source: Source, request: Request, file: Any) -> Contents:
     version = file.attrs.get("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         raise source.error(f"layout version {version} was found; {FORMAT_VERSION} was expected; update this tool")
-    account = _account(source, file)
-    parts = [
-        _part(source, request, file[run_name][step_name], run, step)
-        for run, run_name in _groups(file, "run")
-        for step, step_name in _groups(file[run_name], "step")
+    steps = [
+        (run, step, _table(group, request, by_alias=False))
+        for run, run_group in _groups(file, "run")
+        for step, group in _groups(run_group, "step")
     ]
-    if not parts:
+    if not steps:
         raise source.error("no group /run_1/step_1 was found; the layout's groups were expected; convert the log again")
     ours = _text(file.attrs.get("format")) == FORMAT
-    return Contents(NAME, parts, account.metadata, account.findings, ours, _drive_speed(source, file))
+    run = _the_run(source, request, steps)
+    of_run = dict(_groups(file, "run")).get(run) if run is not None else None
+    place = file if of_run is None or ABOUT not in of_run else of_run
+    account = _account(source, place)
+    metadata: dict[str, Scalar] = dict(account.metadata)
+    parts = [
+        Part(number, step, table.header, _read_if(source, request, table, (number, step), run), table.parameters)
+        for number, step, table in steps
+    ]
+    return Contents(NAME, parts, metadata, account.findings, ours, _drive_speed(source, place))
+
+
+def _read_groups(source: Source, request: Request, file: Any) -> Contents:
+    """Every group that holds what a log needs is a run of one step."""
+    found: list[tuple[int, int, _Table]] = []
+    for group in _all_groups(file):
+        table = _table(group, request, by_alias=True)
+        needed = {"time", "friction_force"} | ({"normal_force"} if request.normal_force is None else set())
+        if needed <= set(table.header.roles):
+            found.append((len(found) + 1, 1, table))
+    if not found:
+        raise source.error(_unknown(file))
+    run = _the_run(source, request, found)
+    parts = [
+        Part(
+            number, 1, table.header, _read_if(source, request, table, (number, 1), run), {}, None, {"group": table.name}
+        )
+        for number, _, table in found
+    ]
+    return Contents(NAME, parts)
 
 
 def _read_named(source: Source, request: Request, file: Any) -> Contents:
     names: list[Name] = []
-    columns: list[FloatArray] = []
+    datasets = []
     for role, path in request.columns.items():
-        dataset = file.get(path)
+        dataset = member(source, file, path)
         if not _is_dataset(dataset):
             raise source.error(
                 f"no dataset {path!r} was found for {role.replace('_', ' ')}; {_datasets(file)}; name one"
             )
         names.append(Name(path, path, _unit(dataset)))
-        columns.append(_values(source, dataset))
+        datasets.append(dataset)
     roles = {role: index for index, role in enumerate(request.columns) if role in COLUMN_ROLES}
-    _check_lengths(source, names, columns)
-    part = Part(1, 1, Header(tuple(names), roles), dict(enumerate(columns)))
-    return Contents(NAME, [part])
+    columns = _columns(source, request, Header(tuple(names), roles), dict(enumerate(datasets)))
+    return Contents(NAME, [Part(1, 1, Header(tuple(names), roles), columns)])
 
 
-def _part(source: Source, request: Request, group: Any, run: int, number: int) -> Part:
-    names: list[Name] = []
-    columns: list[FloatArray] = []
-    for link, dataset in group.items():
-        if not _is_dataset(dataset):
-            continue
-        name = _text(dataset.attrs.get("name")) or link
-        names.append(Name(name, name, _unit(dataset)))
-        columns.append(_values(source, dataset))
-    _check_lengths(source, names, columns)
-    header = Header(tuple(names), role_indices(names, request.columns))
-    parameters = {key: _text(value) for key, value in group.attrs.items()}
-    return Part(run, number, header, dict(enumerate(columns)), parameters)
+@dataclass(frozen=True)
+class _Table:
+    """The columns of one group, not yet read: its name, header, datasets by index, attributes as text."""
+
+    name: str
+    header: Header
+    datasets: Mapping[int, Any]
+    parameters: Mapping[str, str]
 
 
-def _groups(parent: Any, word: str) -> list[tuple[int, str]]:
-    """Return number and name of the groups `run_1`, `run_2`, ... in the order of their numbers."""
-    found = [(match, name) for name in parent if (match := re.fullmatch(rf"{word}_(\d+)", name))]
-    return sorted((int(match[1]), name) for match, name in found if not _is_dataset(parent.get(name)))
+def _table(group: Any, request: Request, *, by_alias: bool) -> _Table:
+    """Look at a group; roles by the usual names of columns (`by_alias`), or by the project's own names only."""
+    found = [(link, item) for link, item in children(group) if _is_dataset(item)]
+    found = [(link, item) for link, item in found if not by_alias or _is_column(item)]
+    names = [_text(item.attrs.get("name")) or link for link, item in found]
+    units = [_unit(item) for _, item in found]
+    if by_alias:
+        header = match_header(names, request.columns)
+        said = [n if u is None else replace(n, unit=u) for n, u in zip(header.names, units, strict=True)]
+        header = replace(header, names=tuple(said))
+    else:
+        own = tuple(Name(name, name, unit) for name, unit in zip(names, units, strict=True))
+        header = Header(own, role_indices(own, request.columns))
+    parameters = {} if by_alias else {key: _text(value) for key, value in group.attrs.items()}
+    return _Table(str(group.name), header, dict(enumerate(item for _, item in found)), parameters)
+
+
+def _the_run(source: Source, request: Request, steps: Sequence[tuple[int, int, _Table]]) -> int | None:
+    """Return the run that will be read; None where it is open which, and nothing need be read."""
+    if request.run is not None:
+        return request.run
+    runs = {run for run, step, _ in steps if request.step in (None, step)}
+    if not runs:
+        held = ", ".join(str(step) for step in sorted({step for _, step, _ in steps})[:_SHOWN])
+        raise source.error(f"step {request.step} was asked for; the log holds step {held}; choose one of them")
+    return runs.pop() if len(runs) == 1 else None
+
+
+def _read_if(
+    source: Source, request: Request, table: _Table, place: tuple[int, int], run: int | None
+) -> Mapping[int, FloatArray]:
+    """Read a step if it is the one that was asked for; the others are named only."""
+    if place[0] != run or request.step not in (None, place[1]):
+        return {}
+    return _columns(source, request, table.header, table.datasets)
+
+
+def _columns(source: Source, request: Request, header: Header, datasets: Mapping[int, Any]) -> dict[int, FloatArray]:
+    """Read the columns with a role, and the channels that were asked for; within the window, if there is one."""
+    wanted = [
+        index
+        for index, name in enumerate(header.names)
+        if index in header.roles.values() or request.channels is None or name.name in request.channels
+        or name.name in request.columns.values()
+    ]  # fmt: skip
+    for index in wanted:
+        _check_column(source, datasets[index])
+    _check_lengths(source, [header.names[index] for index in wanted], [datasets[index].size for index in wanted])
+    rows = _rows(source, request, header, datasets)
+    check_memory(source, (rows.stop - rows.start) * len(wanted))
+    columns = {}
+    for count, index in enumerate(wanted):
+        columns[index] = _values(datasets[index], rows, request, count / len(wanted), 1 / len(wanted))
+    return columns
+
+
+def _rows(source: Source, request: Request, header: Header, datasets: Mapping[int, Any]) -> slice:
+    """The rows within the window, found by bisection in the clock of the file."""
+    if not header.names:
+        return slice(0, 0)
+    index = header.roles.get("time", 0)
+    time = datasets[index]
+    if request.window is None or "time" not in header.roles or time.size == 0:
+        return slice(0, int(time.size))
+    unit = request.units.get("time") or header.names[index].unit or "s"
+    try:
+        scale = factor(unit, "s")
+    except UnitError:
+        return slice(0, int(time.size))
+    start = _bisected(time, request.window[0] / scale, after=False)
+    stop = _bisected(time, request.window[1] / scale, after=True)
+    if stop - start < 2:
+        first, last = (float(np.ravel(time[_at(time, row)])[0]) * scale for row in (0, time.size - 1))
+        raise source.error(
+            f"the window {request.window[0]:g} to {request.window[1]:g} s holds {max(stop - start, 0)} row(s); the log "
+            f"runs from {first:.6g} to {last:.6g} s; move the window inside"
+        )
+    return slice(start, stop)
+
+
+def _bisected(time: Any, value: float, *, after: bool) -> int:
+    low, high = 0, int(time.size)
+    while low < high:
+        middle = (low + high) // 2
+        here = float(np.ravel(time[_at(time, middle)])[0])
+        if here < value or (after and here == value):
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+def _at(dataset: Any, row: int) -> tuple[int, ...]:
+    """The place of a row in a dataset that is a column, whichever way it lies."""
+    return tuple(row if size != 1 else 0 for size in dataset.shape) if dataset.size > 1 else (0,) * dataset.ndim
+
+
+def _values(dataset: Any, rows: slice, request: Request, done: float, share: float) -> FloatArray:
+    count = rows.stop - rows.start
+    if dataset.ndim != 1:
+        request.progress(done + share)
+        return np.asarray(dataset[()], dtype=np.float64).reshape(-1)[rows].copy()
+    values = np.empty(count)
+    for begin in range(0, count, _BLOCK):
+        end = min(begin + _BLOCK, count)
+        dataset.read_direct(values, np.s_[rows.start + begin : rows.start + end], np.s_[begin:end])
+        request.progress(done + share * end / count)
+    return values
+
+
+def _groups(parent: Any, word: str) -> list[tuple[int, Any]]:
+    """Return number and group of `run_1`, `run_2`, ... in the order of their numbers."""
+    found = [(re.fullmatch(rf"{word}_(\d{{1,9}})", name), item) for name, item in children(parent)]
+    return sorted(
+        ((int(match[1]), item) for match, item in found if match and not _is_dataset(item)), key=lambda pair: pair[0]
+    )
+
+
+def _all_groups(file: Any) -> list[Any]:
+    """The root and every group below it, in the order of the file, to a sensible depth and number."""
+    import h5py
+
+    found, level = [file["/"]], [file["/"]]
+    for _ in range(_DEEPEST):
+        level = [item for group in level for _, item in children(group) if isinstance(item, h5py.Group)]
+        found += level
+        if len(found) > _MOST_GROUPS:
+            break
+    return found[:_MOST_GROUPS]
 
 
 def _is_dataset(item: Any) -> bool:
@@ -106,20 +257,23 @@ def _is_dataset(item: Any) -> bool:
     return isinstance(item, h5py.Dataset)
 
 
-def _values(source: Source, dataset: Any) -> FloatArray:
+def _is_column(dataset: Any) -> bool:
     shape = dataset.shape or ()
-    if dataset.dtype.kind not in "fiu" or sum(size != 1 for size in shape) > 1 or not shape:
+    return bool(shape) and dataset.dtype.kind in "fiu" and sum(size != 1 for size in shape) <= 1
+
+
+def _check_column(source: Source, dataset: Any) -> None:
+    if not _is_column(dataset):
         raise source.error(
-            f"dataset {dataset.name!r} holds {dataset.dtype} of shape {shape}; a column of numbers was expected; "
-            "name another one with --columns"
+            f"dataset {dataset.name!r} holds {dataset.dtype} of shape {dataset.shape or ()}; a column of numbers was "
+            "expected; name another one with --columns"
         )
-    return np.asarray(dataset[()], dtype=np.float64).reshape(-1)
+    check_own(source, dataset)
 
 
-def _check_lengths(source: Source, names: Sequence[Name], columns: Sequence[FloatArray]) -> None:
-    sizes = {values.size for values in columns}
-    if len(sizes) > 1:
-        shown = ", ".join(f"{name.name} {values.size}" for name, values in zip(names, columns, strict=True))
+def _check_lengths(source: Source, names: Sequence[Name], sizes: Sequence[int]) -> None:
+    if len(set(sizes)) > 1:
+        shown = ", ".join(f"{name.name} {size}" for name, size in zip(names, sizes, strict=True))
         raise source.error(f"the datasets differ in length ({shown:.200}); equal lengths were expected; export again")
 
 
@@ -136,29 +290,29 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def _account(source: Source, file: Any) -> Account:
-    item = file.get(ABOUT)
+def _account(source: Source, place: Any) -> Account:
+    item: Any = dict(children(place)).get(ABOUT)
     if not _is_dataset(item):
-        return Account({key: _text(file.attrs[key]) for key in ("source_file", "source_sha256") if key in file.attrs})
+        keys = ("source_file", "source_sha256")
+        return Account({key: _text(place.attrs[key]) for key in keys if key in place.attrs})
     try:
         return read_account(_text(item[()]))
     except ValueError as error:
-        text = f"the dataset /{ABOUT} does not hold our JSON account; remove it or convert the log again"
+        text = f"the dataset {item.name} does not hold our JSON account; remove it or convert the log again"
         raise source.error(text) from error
 
 
-def _drive_speed(source: Source, file: Any) -> float | None:
-    if "drive_speed" not in file.attrs:
+def _drive_speed(source: Source, place: Any) -> float | None:
+    if "drive_speed" not in place.attrs:
         return None
     try:
-        return to_si(float(file.attrs["drive_speed"]), _text(file.attrs.get("drive_speed_units")), "speed")
+        return to_si(float(place.attrs["drive_speed"]), _text(place.attrs.get("drive_speed_units")), "speed")
     except (UnitError, ValueError, TypeError) as error:
         raise source.error(f"the attribute drive_speed: {error}; correct it and drive_speed_units") from error
 
 
 def _datasets(file: Any) -> str:
-    found: list[str] = []
-    file.visititems(lambda name, item: found.append("/" + name) if _is_dataset(item) else None)
+    found = [item.name for group in _all_groups(file) for _, item in children(group) if _is_dataset(item)]
     more = ", ..." if len(found) > _SHOWN else ""
     return f"the datasets are {', '.join(found[:_SHOWN])}{more}" if found else "it holds no datasets"
 

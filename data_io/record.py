@@ -1,7 +1,7 @@
 """Record: one run of a tribometer as frozen SI columns; refuses what a fit could not trust."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -155,3 +155,39 @@ def _checked_steps(record: Record, n: int) -> tuple[Step, ...]:
 def _steps_within(steps: Sequence[Step], n: int) -> tuple[Step, ...]:
     """Return the steps, or none where rows were cut away since they were noted."""
     return tuple(steps) if steps and steps[-1].stop == n else ()
+
+
+def within(record: Record, window: tuple[float, float] | None) -> Record:
+    """Return the rows of a record within (start, stop) [s] of the clock of its file; None keeps all of them.
+
+    Raises `LogError` where that leaves fewer than two rows.
+    """
+    if window is None:
+        return record
+    begin = float(record.metadata.get("file_time_start", 0.0))
+    first, last = (int(row) for row in (np.searchsorted(record.time, window[0] - begin, side="left"),
+                                        np.searchsorted(record.time, window[1] - begin, side="right")))  # fmt: skip
+    if (first, last) == (0, len(record)):
+        return record
+    if last - first < 2:
+        raise record._error(
+            f"the window {window[0]:g} to {window[1]:g} s holds {max(last - first, 0)} row(s); the log runs from "
+            f"{begin:.6g} to {begin + record.time[-1]:.6g} s; move the window inside"
+        )
+    rows, start = slice(first, last), float(record.time[first])
+    steps = tuple(
+        Step(s.run, s.number, max(s.start, first) - first, min(s.stop, last) - first, s.parameters)
+        for s in record.steps
+        if s.start < last and s.stop > first
+    )
+    metadata = {**record.metadata, **({"file_time_start": begin + start} if begin + start else {})}
+    return replace(
+        record,
+        time=record.time[rows] - start,
+        normal_force=record.normal_force[rows],
+        friction_force=record.friction_force[rows],
+        drive_speed=record.drive_speed[rows] if isinstance(record.drive_speed, np.ndarray) else record.drive_speed,
+        channels={name: values[rows] for name, values in record.channels.items()},
+        steps=steps,
+        metadata=metadata,
+    )

@@ -1,6 +1,7 @@
 """A log file: opened read-only, hashed once, unpacked as a stream where it is packed."""
 
 import hashlib
+import io
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from threading import Thread
 from typing import IO, Final
 
 from data_io.errors import LogError
+from data_io.frozen import Later
 from data_io.packing import Packing, packing_of, split_member, unpacked
 
 HEAD: Final = 65536
@@ -26,6 +28,8 @@ class Source:
     path: Path
     packing: Packing | None
     head: bytes = field(repr=False)
+    held: bytes | None = field(default=None, repr=False)
+    """Bytes to read instead of the file's: a sheet of a workbook as text."""
 
     @cached_property
     def hashing(self) -> "Future[str]":
@@ -35,12 +39,18 @@ class Source:
         return future
 
     @property
+    def later_sha256(self) -> Later:
+        """The SHA-256 for the account of a record: waited for, or computed, when somebody asks for it."""
+        path, before = split_member(self.path)[0], self.size
+        if "hashing" in self.__dict__:
+            future = self.hashing
+            return Later(lambda: _waited_for(path, future))
+        return Later(lambda: _hash_unchanged(path, before))
+
+    @property
     def sha256(self) -> str:
         """SHA-256 of the file as it lies on disk."""
-        try:
-            return self.hashing.result()
-        except OSError as error:
-            raise self.error(f"the file cannot be read to its end ({error.strerror}); copy it again") from error
+        return _waited_for(self.path, self.hashing)
 
     @cached_property
     def data(self) -> bytes:
@@ -61,6 +71,8 @@ class Source:
     def open(self) -> IO[bytes]:
         """Open the unpacked bytes for reading, from the start. A file that is not packed can be sought."""
         assert self.hashing is not None  # begins beside the reading
+        if self.held is not None:
+            return io.BytesIO(self.held)
         return unpacked(split_member(self.path)[0], self.packing)
 
     def error(self, sentence: str) -> LogError:
@@ -76,6 +88,24 @@ def _hash(path: Path, future: "Future[str]") -> None:
         future.set_exception(error)
 
 
+def _waited_for(path: Path, future: "Future[str]") -> str:
+    try:
+        return future.result()
+    except OSError as error:
+        raise LogError(f"{path}: the file cannot be read to its end ({error.strerror}); copy it again") from error
+
+
+def _hash_unchanged(path: Path, size: int) -> str:
+    """The SHA-256 of a file that has the size it had when it was read."""
+    try:
+        if path.stat().st_size != size:
+            raise LogError(f"{path}: the file has changed since it was read; read it again")
+        with path.open("rb") as handle:
+            return hashlib.file_digest(handle, "sha256").hexdigest()
+    except OSError as error:
+        raise LogError(f"{path}: the file cannot be read again ({error.strerror}); put it back") from error
+
+
 def no_progress(_share: float) -> None:
     """Progress that nobody watches."""
 
@@ -84,7 +114,8 @@ def no_progress(_share: float) -> None:
 class Request:
     """What the user said about a log: run and step, column names, units, a constant normal force [N], which channels.
 
-    channels: names of the columns to keep beside those with a role; None keeps all. progress: called with the share
+    channels: names of the columns to keep beside those with a role; None keeps all. window: (start, stop) [s] of the
+    file's clock; None reads all of it. progress: called with the share
     of the file read so far, 0 to 1.
     """
 
@@ -95,6 +126,7 @@ class Request:
     normal_force: float | None = None
     channels: tuple[str, ...] | None = None
     progress: Callable[[float], None] = no_progress
+    window: tuple[float, float] | None = None
 
 
 def load(path: Path) -> Source:

@@ -1,0 +1,199 @@
+"""HDF5 files opened so that they can do no harm: read-only, nothing outside the file followed, none that hangs."""
+
+import contextlib
+import io
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from data_io.errors import LogError
+from data_io.source import Source
+
+PATIENCE: Final = 1.5
+"""Seconds after which a file whose structure cannot be walked is given up; a sound one takes milliseconds."""
+_IMPORTING: Final = 10.0
+"""Seconds more where the look is taken by a new interpreter, which loads its libraries first."""
+_PER_BYTE: Final = 1 / 2e9
+_CHECKSUMMED: Final = 3
+"""Version of the superblock from which on HDF5 protects all of its structure by checksums."""
+_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
+_MOST_ITEMS: Final = 100_000
+_SMALL: Final = 1 << 20
+_LONGEST_CHAIN: Final = 16
+_OURS: Final = (OSError, RuntimeError, KeyError, ValueError, TypeError, EOFError, AttributeError, OverflowError)
+
+
+def signature_at(head: bytes) -> int | None:
+    """Return where the HDF5 signature stands, at the start or behind a user block; None where it does not."""
+    places = (0, 512, 1024, 2048, 4096, 8192, 16384, 32768)
+    return next((place for place in places if head[place : place + 8] == _SIGNATURE), None)
+
+
+@contextmanager
+def opened(source: Source) -> Iterator[Any]:
+    """Open the file read-only; a packed one is unpacked in memory. Raises the source's `LogError` for a damaged one.
+
+    A damaged file can send the HDF5 library round in circles, where nothing stops it. Unless the file protects its
+    structure by checksums, another process therefore walks through it first, and is stopped after `PATIENCE`.
+    """
+    import h5py
+
+    target: Any = str(source.path) if source.packing is None else io.BytesIO(source.data)
+    place = signature_at(source.head) or 0
+    if source.head[place + 8 : place + 9] < bytes([_CHECKSUMMED]):
+        _look_first(source, target)
+    try:
+        with h5py.File(target, "r", **({"locking": "best-effort"} if source.packing is None else {})) as file:
+            yield file
+    except LogError:
+        raise
+    except _OURS as error:
+        reason = str(error).strip("'\"").split("\n")[0]
+        raise _damaged(source, reason) from error
+
+
+def _damaged(source: Source, reason: str) -> LogError:
+    return source.error(f"the HDF5 file is damaged ({reason:.120}); an intact one is needed; copy it again")
+
+
+def member(source: Source, file: Any, path: str) -> Any:
+    """Return the group or dataset at a path, None where there is none.
+
+    Raises the source's `LogError` for a link into another file: what is not in this file is not followed.
+    """
+    import h5py
+
+    place, parts, links = file["/"], [part for part in path.split("/") if part], 0
+    while parts:
+        name = parts.pop(0)
+        if not isinstance(place, h5py.Group):
+            return None
+        link = place.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink):
+            raise source.error(
+                f"{path!r} is a link into another file ({link.filename!r}), which is not followed; copy the data into "
+                "one file"
+            )
+        if isinstance(link, h5py.SoftLink):
+            links += 1
+            if links > _LONGEST_CHAIN:
+                return None
+            parts = [part for part in link.path.split("/") if part] + parts
+            place = file["/"] if link.path.startswith("/") else place
+        elif link is None:
+            return None
+        else:
+            place = place[name]
+    return place
+
+
+def children(group: Any) -> Iterator[tuple[str, Any]]:
+    """Yield name and object of everything that lies in a group itself; links to elsewhere are passed over."""
+    import h5py
+
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            yield name, group[name]
+
+
+def check_own(source: Source, dataset: Any) -> None:
+    """Refuse a dataset whose numbers lie in other files: external storage, virtual datasets."""
+    if dataset.is_virtual or dataset.external:
+        raise source.error(
+            f"the numbers of {dataset.name!r} lie in other files, which are not followed; copy them into one file"
+        )
+
+
+def _look_first(source: Source, target: Any) -> None:
+    """Have another process walk through the structure; a `LogError` where it hangs or dies of it."""
+    patience = PATIENCE + _PER_BYTE * source.size
+    alone = sys.platform == "linux" and threading.active_count() == 1 and hasattr(os, "fork")
+    if alone or not isinstance(target, str):
+        ended = _forked(target, patience) if sys.platform == "linux" else "sound"
+    else:
+        ended = _spawned(target, patience + _IMPORTING)
+    if ended != "sound":
+        raise _damaged(source, f"the library {ended} on it")
+
+
+def _forked(target: Any, patience: float) -> str:
+    import h5py  # noqa: F401  in the parent, so that every child has it
+
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            walk(target)
+        os._exit(0)
+    until = time.monotonic() + patience
+    pause = 1e-4
+    while time.monotonic() < until:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return "crashes" if os.WIFSIGNALED(status) else "sound"
+        time.sleep(pause)
+        pause = min(2 * pause, 0.01)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return "hangs"
+
+
+def _spawned(path: str, patience: float) -> str:
+    """The same where a copy of this process would inherit the locks of its other threads."""
+    code = "import sys; from data_io.hdf5_open import walk; walk(sys.argv[1])"
+    where = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", code, str(Path(path).resolve())],
+            env=where,
+            timeout=patience,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return "hangs"
+    except OSError:  # no process can be started here: better an unguarded look than none
+        return "sound"
+    return "crashes" if ended.returncode < 0 else "sound"
+
+
+def walk(target: str | Path | io.BytesIO) -> None:
+    """Touch every group, attribute and chunk index of a file once, without its numbers; errors end the walk."""
+    import h5py
+
+    with h5py.File(target, "r") as file:
+        seen, stack = {h5py.h5o.get_info(file["/"].id).addr}, [file["/"]]
+        while stack and len(seen) < _MOST_ITEMS:
+            group = stack.pop()
+            _touch(group)
+            for _, item in children(group):
+                address = h5py.h5o.get_info(item.id).addr
+                if address in seen:
+                    continue
+                seen.add(address)
+                if isinstance(item, h5py.Group):
+                    stack.append(item)
+                elif isinstance(item, h5py.Dataset):
+                    _touch(item)
+
+
+def _touch(item: Any) -> None:
+    import h5py
+
+    for name in item.attrs:
+        item.attrs[name]
+    if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external:
+        return
+    if item.chunks is not None:
+        item.id.chunk_iter(lambda _: None)
+    if item.size is not None and item.size * item.dtype.itemsize <= _SMALL:
+        item[()]
