@@ -3,20 +3,20 @@
 import functools
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from data_io.units import kind_of
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
-    "time": ("time", "t", "timestamp", "elapsedtime", "testtime", "zeit"),
+    "time": ("time", "t", "timestamp", "elapsedtime", "testtime", "zeit", "xvalue", "czas", "temps", "tiempo"),
     "normal_force": (
         "fz", "normalforce", "fn", "normal", "normalload", "load", "axialforce", "normalkraft", "nominalload",
-        "nominalforce",
+        "nominalforce", "appliedload", "nacisk",
     ),
     "friction_force": (
         "fx", "frictionforce", "friction", "ff", "ft", "fr", "tangentialforce", "tangential", "lateralforce",
-        "reibkraft", "reibungskraft",
+        "reibkraft", "reibungskraft", "fricforce", "frictionalforce",
     ),
 }  # fmt: skip
 """Names of each role without case, blanks and punctuation; the earlier wins where a file has several."""
@@ -99,6 +99,12 @@ def match_header(fields: Sequence[str], wanted: Mapping[str, str]) -> Header:
         if len(found) > 1:
             passed_over[role] = tuple(found[1:])
     return Header(names, roles, passed_over)
+
+
+def with_unit(header: Header, index: int, unit: str) -> Header:
+    """Return the header with the unit of one column as the format defines it."""
+    names = tuple(replace(name, unit=unit) if i == index else name for i, name in enumerate(header.names))
+    return replace(header, names=names)
 
 
 def find_column(names: Sequence[Name], wanted: str) -> int | None:

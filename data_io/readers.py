@@ -3,7 +3,19 @@
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from data_io import cetr_text, delimited, hdf5, stickslip_csv
+from data_io import (
+    anton_paar,
+    bruker_csv,
+    cetr_text,
+    delimited,
+    excel,
+    hdf5,
+    interval_text,
+    lvm,
+    matlab,
+    rtec_csv,
+    stickslip_csv,
+)
 from data_io.part import Contents
 from data_io.source import Request, Source
 
@@ -33,7 +45,14 @@ class Reader:
 
 READERS: Final = (
     Reader(hdf5.NAME, hdf5.can_read, hdf5.read),
+    Reader(matlab.NAME, matlab.can_read, matlab.read),
+    Reader(excel.NAME, excel.can_read, excel.read),
     Reader(stickslip_csv.NAME, stickslip_csv.can_read, stickslip_csv.read),
+    Reader(lvm.NAME, lvm.can_read, lvm.read),
+    Reader(bruker_csv.NAME, bruker_csv.can_read, bruker_csv.read),
     Reader(cetr_text.NAME, cetr_text.can_read, cetr_text.read),
+    Reader(rtec_csv.NAME, rtec_csv.can_read, rtec_csv.read),
+    Reader(anton_paar.NAME, anton_paar.can_read, anton_paar.read),
+    Reader(interval_text.NAME, interval_text.can_read, interval_text.read),
     Reader(delimited.NAME, delimited.can_read, delimited.read),
 )

@@ -1,0 +1,79 @@
+"""Excel workbooks (.xlsx)."""
+
+import io
+import math
+import zipfile
+from dataclasses import replace
+from typing import Any, Final
+
+from data_io.errors import LogError
+from data_io.part import Contents, Part
+from data_io.source import HEAD, Request, Source
+from data_io.table import read_tables
+
+NAME: Final = "excel"
+_ZIP: Final = b"PK\x03\x04"
+_LARGEST: Final = 1 << 30
+
+
+def can_read(head: bytes) -> bool:
+    """Tell a workbook by the zip archive it is and the names of its parts."""
+    return head.startswith(_ZIP) and (b"[Content_Types].xml" in head or b"xl/" in head)
+
+
+def read(source: Source, request: Request) -> Contents:
+    """Read the sheets of a workbook, each with a table as a run of its own; sheets without a table are passed over.
+
+    A sheet is read like delimited text: words, names, units in the names or in a row below, rows. Cells hold numbers
+    as Excel stores them, whatever decimal mark it shows; numbers stored as text are read as text. Old .xls files are
+    refused. Raises `LogError`.
+    """
+    parts: list[Part] = []
+    findings = []
+    failed: list[LogError] = []
+    for number, (title, text) in enumerate(_sheets(source).items(), start=1):
+        sheet = replace(source, held=text, head=text[:HEAD], packing=None)
+        try:
+            tables, _ = read_tables(sheet, request)
+        except LogError as error:
+            failed.append(error)
+            continue
+        findings += [remark for table in tables for remark in table.remarks]
+        parts += [
+            Part(number, i, table.header, table.columns, {"sheet": title}) for i, table in enumerate(tables, start=1)
+        ]
+    if not parts:
+        raise failed[0] if failed else source.error("the workbook holds no sheet with cells; a log was expected")
+    return Contents(NAME, parts, {}, findings)
+
+
+def _sheets(source: Source) -> dict[str, bytes]:
+    """Return every sheet that holds anything as tab-separated text."""
+    import openpyxl
+
+    try:
+        data = source.data
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(info.file_size for info in archive.infolist()) > _LARGEST:
+                raise source.error("the workbook unpacks to more than 1 GiB; a log was expected; save it as text")
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
+        sheets = {sheet.title: list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+        book.close()
+    except (OSError, zipfile.BadZipFile, ValueError, TypeError, LookupError, AttributeError, SyntaxError, RuntimeError,
+            NotImplementedError, EOFError, ArithmeticError) as error:  # fmt: skip
+        reason = " ".join(str(error).split())
+        raise source.error(f"the workbook is damaged or locked ({reason:.100}); save it again") from error
+    return {title: text for title, rows in sheets.items() if (text := _as_text(rows))}
+
+
+def _as_text(rows: list[tuple[Any, ...]]) -> bytes:
+    lines = ["\t".join(map(_cell, row)) for row in rows if any(cell is not None for cell in row)]
+    return "".join(line + "\n" for line in lines).encode()
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else "nan"
+    return " ".join(str(value).replace('"', "''").split())

@@ -1,0 +1,107 @@
+"""What CETR UMT and Bruker TriboLab exports share: runs and steps, each step with parameters, header and clock."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from data_io.clock import read_date
+from data_io.frozen import Finding
+from data_io.part import Contents, Part
+from data_io.source import Request, Source
+from data_io.table import Table, read_tables
+from data_io.text import looks_like_text
+
+_STEP = re.compile(r"[ \t]*Step\s*(?:No\.?|#)\s*[:=-]?\s*(\d{1,9})[ \t,;]*$", re.IGNORECASE)
+_RUN = re.compile(r"[ \t]*Run\s*(?:No\.?|#)\s*[:=-]?\s*(\d{1,9})[ \t,;]*$", re.IGNORECASE)
+_BREAK = re.compile(f"(?:{_STEP.pattern})|(?:{_RUN.pattern})", re.IGNORECASE | re.MULTILINE)
+# in the bytes a line may end in CR LF, LF or CR
+_SIGN = re.compile(
+    rb"(?:^|[\r\n])[ \t]*Step\s*No\.?\s*[:=-]?\s*\d{1,9}[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR", re.IGNORECASE
+)
+_ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
+_LONGEST_ITEM: Final = 1000
+_ODD: Final = bytes(code for code in range(32) if code not in b"\t\n\r")
+_PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
+
+
+def has_steps(head: bytes) -> bool:
+    """Tell whether a text holds a `Step No.` line; odd bytes may stand in its preamble."""
+    plain = head.replace(b"\x00", b"")
+    return looks_like_text(plain.translate(None, _ODD)) and _SIGN.search(plain) is not None
+
+
+def read_steps(source: Source, request: Request, form: str) -> Contents:
+    """Return the runs and steps of a text, as the format called `form`. Raises `LogError`."""
+    tables, footer = read_tables(source, request, breaks=_BREAK)
+    parts: list[Part] = []
+    findings: list[Finding] = []
+    items: dict[str, str] = {}
+    runs: dict[int, dict[str, str]] = {}
+    run = 1
+    for table in tables:
+        part, run = _part(table, run, len(parts) + 1, items, runs)
+        findings += _remarks(table, part)
+        parts.append(part)
+    if empty := [line for line in footer if _STEP.match(line)]:
+        text = f"the log ends with {len(empty)} step header(s) without rows of numbers ({empty[0]})"
+        findings.append(Finding("empty_step", "warning", text))
+    return Contents(form, _renumbered(parts, findings), items, findings)
+
+
+def _part(
+    table: Table, run: int, number: int, items: dict[str, str], runs: dict[int, dict[str, str]]
+) -> tuple[Part, int]:
+    """Return the step of a table and its run; lines above it go to the file's `items`, its run's, or the step's own."""
+    parameters: dict[str, str] = {}
+    target = runs.get(run, items)
+    for line in table.preamble:
+        if match := _RUN.match(line):
+            run = int(match[1])
+            target = runs.setdefault(run, {})
+        elif match := _STEP.match(line):
+            number, parameters = int(match[1]), {}
+            target = parameters
+        else:
+            key, value = _item(line)
+            target[_free(key, target)] = value
+    started = read_date(parameters.get("Started at", ""))
+    items_of_run = runs.get(run, {})
+    return Part(run, number, table.header, table.columns, parameters, started, items_of_run), run
+
+
+def _item(line: str) -> tuple[str, str]:
+    line = " ".join("".join(letter for letter in line[:_LONGEST_ITEM] if letter.isprintable()).split())
+    match = _PHRASE.fullmatch(line) or (None if re.match(r"[A-Za-z]:\\", line) else _ITEM.fullmatch(line))
+    return (match[1].strip(), match[2].strip()) if match else ("note", line)
+
+
+def _free(key: str, taken: dict[str, str]) -> str:
+    return key if key not in taken else next(k for i in range(2, len(taken) + 3) if (k := f"{key} ({i})") not in taken)
+
+
+def _remarks(table: Table, part: Part) -> list[Finding]:
+    findings = [replace(remark, message=f"step {part.number}: {remark.message}") for remark in table.remarks]
+    count = part.parameters.get("Data Count", "")
+    if count.isdigit() and int(count) != part.rows:
+        text = f"step {part.number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"
+        findings.append(Finding("data_count", "warning", text))
+    if part.rows == 0:
+        findings.append(Finding("empty_step", "info", f"step {part.number} holds no rows; it was left out"))
+    return findings
+
+
+def _renumbered(parts: Sequence[Part], findings: list[Finding]) -> list[Part]:
+    """Number the steps one after the other where a looping script repeats its step numbers within a run."""
+    labels = [(part.run, part.number) for part in parts]
+    if len(set(labels)) == len(labels):
+        return list(parts)
+    text = "the log repeats step numbers; the steps were numbered one after the other within each run"
+    findings.append(Finding("steps_renumbered", "warning", text))
+    counts: dict[int, int] = {}
+    renumbered = []
+    for part in parts:
+        counts[part.run] = counts.get(part.run, 0) + 1
+        parameters = {**part.parameters, "Step No.": str(part.number)}
+        renumbered.append(replace(part, number=counts[part.run], parameters=parameters))
+    return renumbered
