@@ -78,7 +78,14 @@ OWN: Mapping[str, tuple[str, str, float, float, bool]] = {
     "zeta": ("damping ratio ζ", "", 1e-9, 1e3, True),
     "mu_step": ("μs − μk0", "", 1e-6, 20.0, False),
 }
-WORDS = {"mass": "mass", "stiffness": "stiffness k", "damping": "damping h", "mu_k0": "μk0 (μs − μk0 constant)"}
+WORDS = {
+    "mass": "mass",
+    "stiffness": "stiffness k",
+    "damping": "damping h",
+    "mu_k0": "μk0 (μs − μk0 constant)",
+    "D": "relaxation length D",
+    "t_cr": "creep time t_cr",
+}
 EVEN = ("mu_s", "mu_k0", "delta_mu_k")
 
 
@@ -140,6 +147,11 @@ def check_axes(site: Site, names: tuple[str, ...]) -> None:
 
 def moved(site: Site, changes: Mapping[str, Any]) -> NDArray[Any]:
     """The setting w (n_w,) of a point with some quantities moved; complex values give complex settings."""
+    return np.array(list(moved_values(site, changes).values()))
+
+
+def moved_values(site: Site, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The same by name (parameters, "normal_force", "drive_speed"); values may be arrays of one shape."""
     v: dict[str, Any] = dict(site.values)
     for name, value in changes.items():
         if name in v:
@@ -153,8 +165,8 @@ def moved(site: Site, changes: Mapping[str, Any]) -> NDArray[Any]:
     load, area = _load_and_area(site, changes)
     if "contact_area" in v and area is not None:
         v["contact_area"] = area * (load / v["area_force"]) ** (-v["area_exponent"])
-    speed = changes.get("drive_speed", site.drive_speed)
-    return np.array([*(v[n] for n in site.model.parameter_names), load, speed])
+    out = {name: v[name] for name in site.model.parameter_names}
+    return out | {"normal_force": load, "drive_speed": changes.get("drive_speed", site.drive_speed)}
 
 
 def _load_and_area(site: Site, changes: Mapping[str, Any]) -> tuple[Any, Any]:

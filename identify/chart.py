@@ -83,12 +83,18 @@ def chart(
         SimulationError: quantities, ranges or a model that make no map.
     """
     check_calculable(site.model)
-    grid = plane(site, names, ranges, points)
+    return charted(plane(site, names, ranges, points))[0]
+
+
+def charted(grid: Plane) -> tuple[Chart, Sea]:
+    """The map on a grid, and the orbits behind it."""
+    site = grid.site
+    check_calculable(site.model)
     growth = np.full(grid.shape, np.nan)
     growth[grid.admitted] = growth_at(site.model, grid.settings[grid.admitted])
     origin = CycleMap(site.model, site.normal_force, site.setting[:-2])
     sea = Flood(grid, origin, growth).run()
-    return _drawn(grid, growth, sea)
+    return _drawn(grid, growth, sea), sea
 
 
 def _drawn(grid: Plane, growth: Array, sea: Sea) -> Chart:

@@ -82,6 +82,21 @@ def plane(
     check_axes(site, names)
     x, y = (axis(site, name) for name in names)
     x_places, y_places = (places(q, r, n) for q, r, n in zip((x, y), ranges, points, strict=True))
+    return _filled(site, x, y, x_places, y_places)
+
+
+def row(site: Site, name: str, span: tuple[float, float] | None = None, points: int = 120) -> Plane:
+    """A grid over one quantity alone: a plane with one row, in which everything else is as at the point.
+
+    Raises:
+        SimulationError: as of `plane`.
+    """
+    x = axis(site, name)
+    y = axis(site, "drive_speed" if name != "drive_speed" else "normal_force")
+    return _filled(site, x, y, places(x, span, points), np.array([y.place(y.value)]))
+
+
+def _filled(site: Site, x: Axis, y: Axis, x_places: Array, y_places: Array) -> Plane:
     n_w = site.setting.size
     settings = np.empty((y_places.size, x_places.size, n_w))
     admitted = np.empty(settings.shape[:2], dtype=bool)

@@ -1,44 +1,15 @@
-"""Operating points of a scene or of a finished fit, for the calculators."""
+"""What the calculators say at the operating points of a scene or of a finished fit."""
 
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from identify.calculable import check_calculable
-from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
-from identify.cli.results import read_result, scene_of
+from identify.cli.common import Answer, CommandLineError, Terminal, picture
+from identify.cli.points import Point, operating_points, tested_range
 from identify.cli.summary import wrapped
 from identify.outlook import OperatingPoint, outlook, outlooks
-from identify.scene import LogEntry, Scene
-from identify.scene.checks import check_ranges
-from identify.scene.tables import nearest
-from identify.selection_numbers import choose_from_numbers
-
-if TYPE_CHECKING:
-    from identify.model import Model
-
-Array = NDArray[np.float64]
-POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
-
-
-@dataclass(frozen=True)
-class Point:
-    """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known."""
-
-    name: str
-    model: Model
-    values: Mapping[str, float]
-    drive_speed: float
-    normal_force: float
-    covariance: Array | None
-    names: tuple[str, ...]
 
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
@@ -49,6 +20,12 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     """
     plot = picture(arguments.plot)
     points = operating_points(arguments)
+    if arguments.map:
+        from identify.cli.maps import map_answer
+
+        return map_answer(arguments, terminal, part, points, tested_range(arguments))
+    if arguments.data or arguments.range or arguments.points:
+        raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
     documents = _outlooks(points)
     for document in documents:
         terminal.say(f"{document['name']}:")
@@ -76,159 +53,3 @@ def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:
     else:
         found = outlooks(model, at, names)
     return [{"name": point.name, **document} for point, document in zip(points, found, strict=True)]
-
-
-def operating_points(arguments: Namespace) -> list[Point]:
-    """One point per log, changed by --at; a drive speed given there makes it one point.
-
-    Raises:
-        CommandLineError, SceneError, SimulationError, LogError: one sentence each.
-    """
-    if arguments.result:
-        path = Path(arguments.result)
-        document = read_result(path)
-        if document["status"] != "converged":
-            raise CommandLineError(
-                f"{arguments.result}: this fit has no values ({document['status']}); mend the fit first"
-            )
-        scene = scene_of(document, path)
-    else:
-        document, scene = None, Scene.from_toml(arguments.scene)
-    scene = without(arguments.without, _settled(scene, document))
-    check_calculable(scene.model)
-    changes = at_values(arguments.at, scene)
-    points = _points(scene, changes, document)
-    if changes:
-        _check_order(points[0].values)
-    if "drive_speed" in changes or len({(p.drive_speed, p.normal_force) for p in points}) == 1:
-        return [replace(points[0], name="the operating point")] if len(points) > 1 else points
-    return points
-
-
-def _settled(scene: Scene, document: Mapping[str, Any] | None) -> Scene:
-    """The scene with the effects that were chosen for a result, else by its numbers, where it left them open."""
-    chosen = (document or {}).get("effects") or {}
-    if scene.effects != "auto":
-        return scene
-    return scene.with_effects(chosen["names"] if chosen.get("names") else choose_from_numbers(scene).effects)
-
-
-def without(names: Sequence[str], scene: Scene) -> Scene:
-    """The scene without some of its effects.
-
-    Raises:
-        CommandLineError: one that is not on. SceneError: a composition that is refused.
-    """
-    effects = scene.model.effects
-    for name in names:
-        if name not in effects:
-            raise CommandLineError(
-                f"--without names {name!r}, which is not among the effects of the scene; did you mean "
-                f"{nearest(name, effects)!r}?"
-            )
-    return scene.with_effects([name for name in effects if name not in names]) if names else scene
-
-
-def at_values(items: list[str], scene: Scene) -> dict[str, float]:
-    """ "drive_speed=1 mm/s" and the like as SI numbers by name.
-
-    Raises:
-        CommandLineError: no KEY=VALUE, an unknown key, or a value that cannot be read.
-    """
-    units = POINT_UNITS | {p.name: p.unit for p in scene.model.parameters}
-    values = {}
-    for item in items:
-        key, equals, text = item.partition("=")
-        if not equals:
-            raise CommandLineError(f'--at has {item!r}; expected KEY=VALUE: write --at drive_speed="1 mm/s"')
-        if key.strip() not in units:
-            raise CommandLineError(
-                f"--at names {key!r}, which is not known; did you mean {nearest(key, units)!r}? "
-                f"Known are {', '.join(units)}"
-            )
-        values[key.strip()] = quantity(text, units[key.strip()], f"--at {key}")
-    for p in scene.model.parameters:
-        if p.name in values and not p.lower <= values[p.name] <= p.upper:
-            raise CommandLineError(
-                f"--at {p.name} is {values[p.name]:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}".rstrip()
-                + ": move it there"
-            )
-    return values
-
-
-def _check_order(values: Mapping[str, float]) -> None:
-    static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
-    if not slow + change > 0.0 or not slow < static:
-        raise CommandLineError(
-            f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, and "
-            "mu_k0 + delta_mu_k above 0: change --at"
-        )
-
-
-def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[Point]:
-    estimates = _estimates(document)
-    covariance, names = _covariance(document)
-    parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
-    declared = scene.model.parameter_names
-    kept = [i for i, name in enumerate(names) if name not in parameters and name in declared]
-    points = []
-    for number, entry in enumerate(scene.logs or (None,)):
-        said = document["logs"][number] if document and entry else {}
-        name = entry.path.name if entry else "the rig of the scene"
-        values = scene.values(entry) | {key: value for key, value in estimates.items() if key in declared} | parameters
-        load = _normal_force(scene, entry, changes, said)
-        for speed in _speeds(scene, entry, changes):
-            check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
-            points.append(
-                Point(
-                    name=name,
-                    model=scene.model,
-                    values=values,
-                    drive_speed=speed,
-                    normal_force=load,
-                    covariance=None if covariance is None else covariance[np.ix_(kept, kept)],
-                    names=tuple(names[i] for i in kept),
-                )
-            )
-    return points
-
-
-def _speeds(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float]) -> list[float]:
-    """The drive speeds [m/s] of a log: one, or those of its programme that move."""
-    speed = changes.get("drive_speed", (scene.rig_for(entry) if entry else scene.rig).drive_speed)
-    speeds = [v for _, v in speed] if isinstance(speed, tuple) else [] if speed is None else [speed]
-    moving = list(dict.fromkeys(abs(v) for v in speeds if v))
-    if not moving:
-        raise CommandLineError('the drive speed is zero; give one that moves: --at drive_speed="1 mm/s"')
-    return moving
-
-
-def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float], said: Mapping[str, Any]) -> float:
-    """The normal force [N] of a log: as asked, as fitted, as the scene says, else the median of the log itself."""
-    rig = scene.rig_for(entry) if entry else scene.rig
-    for force in (changes.get("normal_force"), said.get("normal_force_N"), rig.normal_force):
-        if force is not None:
-            return float(force)
-    if entry is None:
-        raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
-    from data_io import read_log
-
-    record = read_log(entry.path, entry.step, entry.units, entry.columns, run=entry.run)
-    return float(np.nanmedian(record.normal_force))
-
-
-def _estimates(document: Mapping[str, Any] | None) -> dict[str, float]:
-    parameters = document["parameters"] if document else {}
-    return {name: entry["value"] for name, entry in parameters.items() if entry["value"] is not None}
-
-
-def _covariance(document: Mapping[str, Any] | None) -> tuple[Array | None, tuple[str, ...]]:
-    """Covariance of the estimates, SI; None where one of them has no standard error."""
-    if not document or not (document.get("correlation") or {}).get("names"):
-        return None, ()
-    names = tuple(document["correlation"]["names"])
-    errors = [document["parameters"][name]["standard_error"] for name in names]
-    matrix = np.array(document["correlation"]["matrix"], dtype=float)
-    if any(error is None for error in errors) or not np.all(np.isfinite(matrix)):
-        return None, ()
-    return np.outer(errors, errors) * matrix, names

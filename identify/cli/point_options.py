@@ -24,4 +24,21 @@ def add_point_arguments(parser: ArgumentParser) -> None:
         metavar="EFFECT",
         help="leave out an effect of the scene, repeatable: one with which no cycle is like the one before",
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw it over drive speed (png, svg or pdf)")
+    parser.add_argument("--plot", metavar="FILE", help="draw it over drive speed, or the map (png, svg or pdf)")
+    group = parser.add_argument_group("maps")
+    group.add_argument(
+        "--map",
+        nargs="+",
+        metavar="NAME",
+        help="over one or two of drive_speed, stiffness, normal_force, pressure, area, damping, zeta, mass, t_cr, D, "
+        "mu_k0, mu_step (μs - μk0), a, or any other parameter",
+    )
+    group.add_argument(
+        "--range",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH",
+        help='of a quantity of the map, repeatable: drive_speed="0.1 mm/s:10 mm/s" (default: around the point)',
+    )
+    group.add_argument("--points", type=int, metavar="N", help="along each quantity (default: 60, of one alone 120)")
+    group.add_argument("--data", metavar="FILE", help="the numbers of the map (csv or h5)")

@@ -1,0 +1,199 @@
+"""`--map`: stability and amplitude over one or two quantities, as words, picture and data."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identify.axes import Site, axis, known_axes
+from identify.chart import chart
+from identify.chart_data import check_data_path, values_of, write_chart, write_continuation
+from identify.chart_spread import Known
+from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, picture, quantity
+from identify.cli.summary import wrapped
+from identify.continuation import Change, Continuation, continuation
+from identify.outlook_words import said
+from identify.scene.tables import nearest
+from identify.spread import Interval, Spread
+
+if TYPE_CHECKING:
+    from identify.chart import Chart
+    from identify.cli.points import Point
+    from identify.tested import Tested
+
+GRID, LINE = 60, 120  # nodes along each of two quantities, and along one
+Range = tuple[float, float] | None
+
+
+def map_answer(
+    arguments: Namespace, terminal: Terminal, part: str, points: Sequence[Point], tested: Tested | None
+) -> Answer:
+    """Map one or two quantities around the first operating point; say it, draw it, store it.
+
+    Raises:
+        CommandLineError, SimulationError: one sentence each.
+    """
+    plot = picture(arguments.plot)
+    data = None if arguments.data is None else file_to_write(arguments.data, "--data")
+    if data is not None:
+        check_data_path(data)
+    point = points[0]
+    site = point.site
+    names = tuple(_named(name, site) for name in arguments.map)
+    if len(names) > 2:
+        raise CommandLineError(f"--map names {len(names)} quantities; expected one or two: leave some out")
+    ranges = _ranges(arguments.range, names, site)
+    known = None if point.covariance is None else Known.of(point.names, point.covariance)
+    if len(names) == 1:
+        return _line(terminal, part, site, names[0], ranges[0], arguments.points or LINE, known, plot, data)
+    n = arguments.points or GRID
+    made = chart(site, (names[0], names[1]), (ranges[0], ranges[1]), (n, n))
+    terminal.say(wrapped(chart_text(made), "", ""))
+    if plot:
+        from identify.report.draw_map import Marks, draw_map
+
+        others = [tuple(axis(p.site, name).value for name in names) for p in points[1:]]
+        draw_map(made, plot, part, Marks([(a, b) for a, b in others], known, tested))
+        terminal.say(f"plot: {plot}")
+    files = [] if data is None else write_chart(made, data)
+    for file in files:
+        terminal.say(f"data: {file}")
+    return Answer(document={"status": "done", "map": _chart_document(made)})
+
+
+def _named(name: str, site: Site) -> str:
+    known = known_axes(site.model)
+    if name not in known:
+        raise CommandLineError(
+            f"--map names {name!r}, which is not known; did you mean {nearest(name, known)!r}? Known are "
+            f"{', '.join(known)}"
+        )
+    return name
+
+
+def _ranges(items: Sequence[str], names: Sequence[str], site: Site) -> list[Range]:
+    """ "stiffness=500 N/m:5 kN/m" as SI pairs, in the order of the names."""
+    found: dict[str, Range] = dict.fromkeys(names)
+    for item in items:
+        name, equals, text = item.partition("=")
+        low, colon, high = text.partition(":")
+        name = name.strip()
+        if not equals or not colon:
+            raise CommandLineError(
+                f'--range has {item!r}; expected NAME=LOW:HIGH: write --range drive_speed="0.1 mm/s:10 mm/s"'
+            )
+        if name not in found:
+            raise CommandLineError(f"--range names {name!r}, which --map does not; it has {', '.join(names)}")
+        unit = axis(site, name).unit
+        found[name] = quantity(low, unit, f"--range {name}"), quantity(high, unit, f"--range {name}")
+    return [found[name] for name in names]
+
+
+def chart_text(made: Chart) -> str:
+    """Shares of a map by outcome, and where it was looked at."""
+    plane = made.plane
+    spans = [
+        f"{q.label} from {said(float(v[0]), q.unit)} to {said(float(v[-1]), q.unit)}"
+        for q, v in ((plane.x, plane.x_values), (plane.y, plane.y_values))
+    ]
+    shares = ", ".join(f"{100 * share:.0f} % {word}" for word, share in made.shares.items())
+    return f"Map of {' and '.join(spans)}, {plane.shape[1]} x {plane.shape[0]} points: {shares}."
+
+
+def _chart_document(made: Chart) -> dict[str, Any]:
+    plane = made.plane
+    return {
+        "x": {"name": plane.x.name, "unit": plane.x.unit, "values": plane.x_values.tolist()},
+        "y": {"name": plane.y.name, "unit": plane.y.unit, "values": plane.y_values.tolist()},
+        "shares": made.shares,
+        "outcomes": made.outcomes.tolist(),
+        "end_of_stick_slip": [points.tolist() for points in values_of(made, made.sticking)],
+        "loss_of_stability": [points.tolist() for points in values_of(made, made.unstable)],
+        "text": chart_text(made),
+    }
+
+
+def _line(
+    terminal: Terminal,
+    part: str,
+    site: Site,
+    name: str,
+    span: Range,
+    points: int,
+    known: Known | None,
+    plot: Path | None,
+    data: Path | None,
+) -> Answer:
+    """One quantity alone: where answers change."""
+    answer = continuation(site, name, span, points)
+    changes = {
+        key: [_change(change, site, answer, known) for change in found]
+        for key, found in (("end_of_stick_slip", answer.ends), ("loss_of_stability", answer.losses))
+    }
+    text = _line_text(answer, changes)
+    terminal.say(wrapped(text, "", ""))
+    if plot:
+        from identify.report.draw_continuation import draw_continuation
+
+        draw_continuation(answer, plot, part)
+        terminal.say(f"plot: {plot}")
+    for file in [] if data is None else write_continuation(answer, site, data):
+        terminal.say(f"data: {file}")
+    q = answer.quantity
+    along = {
+        "x": {"name": q.name, "unit": q.unit, "values": answer.values.tolist()},
+        "outcomes": answer.outcomes.tolist(),
+    }
+    figures = {name: values.tolist() for name, values in answer.figures.items()}
+    return Answer(document={"status": "done", "map": {**along, "figures": figures, **changes, "text": text}})
+
+
+def _change(change: Change, site: Site, answer: Continuation, known: Known | None) -> dict[str, Any]:
+    """A place where an answer changes, with its interval."""
+    entry: dict[str, Any] = {"value": change.value, "unit": answer.quantity.unit, "interval": None}
+    entry["holds"] = "below" if change.below else "above"
+    names = () if known is None else tuple(n for n in known.names if n != answer.quantity.name)
+    if known is None or not names:
+        return entry
+    kept = [known.names.index(n) for n in names]
+    point = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
+    spread = Spread(site.model, site.setting[:-2], names, known.covariance[np.ix_(kept, kept)], point)
+    order = (*site.model.parameter_names, "normal_force", "drive_speed")
+    slopes = change.slopes[[order.index(n) for n in names]]
+    q = answer.quantity
+    interval: Interval = (
+        spread.positive(change.value, slopes) if q.logarithmic else spread.signed(change.value, slopes, abs(q.value))
+    )
+    entry["interval"] = [interval.low, interval.high]
+    if interval.reason:
+        entry["reason"] = f"interval open: {interval.reason}"
+    return entry
+
+
+def _line_text(answer: Continuation, changes: Mapping[str, list[dict[str, Any]]]) -> str:
+    q = answer.quantity
+    low, high = (said(float(v), q.unit) for v in answer.values[[0, -1]])
+    sentences = [f"Over {q.label} from {low} to {high}:"]
+    for key, words in (("end_of_stick_slip", "stick-slip exists"), ("loss_of_stability", "steady sliding is unstable")):
+        told = [f"{entry['holds']} {_told(entry)}" for entry in changes[key]]
+        everywhere = np.isfinite(answer.figures["drop"]) if key.startswith("end") else _growing(answer)
+        none = "everywhere" if np.all(everywhere) else "nowhere" if not np.any(everywhere) else "in places"
+        sentences.append(f"{words} {' and '.join(told) or none};")
+    return " ".join(sentences)[:-1] + "."
+
+
+def _growing(answer: Continuation) -> Any:
+    with np.errstate(invalid="ignore"):
+        return answer.eigenvalues[:, 0].real >= 0.0
+
+
+def _told(entry: Mapping[str, Any]) -> str:
+    low, high = entry["interval"] or (None, None)
+    value = said(entry["value"], entry["unit"])
+    if low is None or high is None:
+        return value
+    return f"{value} (95 %: {said(low, entry['unit'])} to {said(high, entry['unit'])})"

@@ -1,0 +1,233 @@
+"""Operating points of a scene or of a finished fit: every log's own, or the one that --at asks for."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.axes import Site
+from identify.calculable import check_calculable
+from identify.cli.common import CommandLineError, quantity
+from identify.cli.results import read_result, scene_of
+from identify.scene import LogEntry, Scene
+from identify.scene.checks import check_ranges
+from identify.scene.tables import nearest
+from identify.selection_numbers import choose_from_numbers
+from identify.tested import Tested
+
+if TYPE_CHECKING:
+    from identify.model import Model
+
+Array = NDArray[np.float64]
+POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
+
+
+@dataclass(frozen=True)
+class Point:
+    """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
+
+    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it.
+    """
+
+    name: str
+    model: Model
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    covariance: Array | None
+    names: tuple[str, ...]
+    area: float | None = None
+    area_exponent: float = 0.0
+
+    @property
+    def site(self) -> Site:
+        """The point as maps take it; `area` [m^2] is the contact's nominal one under its normal force."""
+        return Site(self.model, self.values, self.drive_speed, self.normal_force, self.area, self.area_exponent)
+
+
+def operating_points(arguments: Namespace) -> list[Point]:
+    """One point per log, changed by --at; a drive speed given there makes it one point.
+
+    Raises:
+        CommandLineError, SceneError, SimulationError, LogError: one sentence each.
+    """
+    if arguments.result:
+        path = Path(arguments.result)
+        document = read_result(path)
+        if document["status"] != "converged":
+            raise CommandLineError(
+                f"{arguments.result}: this fit has no values ({document['status']}); mend the fit first"
+            )
+        scene = scene_of(document, path)
+    else:
+        document, scene = None, Scene.from_toml(arguments.scene)
+    scene = without(arguments.without, _settled(scene, document))
+    check_calculable(scene.model)
+    changes = at_values(arguments.at, scene)
+    points = _points(scene, changes, document)
+    if changes:
+        _check_order(points[0].values)
+    if "drive_speed" in changes or len({(p.drive_speed, p.normal_force) for p in points}) == 1:
+        return [replace(points[0], name="the operating point")] if len(points) > 1 else points
+    return points
+
+
+def tested_range(arguments: Namespace) -> Tested | None:
+    """The range of the logs of a fit, or of a scene that has logs; None where nothing was tested."""
+    if arguments.result:
+        return Tested.of_result(read_result(Path(arguments.result)))
+    scene = Scene.from_toml(arguments.scene)
+    if not scene.logs:
+        return None
+    points = _points(_settled(scene, None), {}, None)
+    names = ("stiffness",)
+    return Tested.of(
+        {"drive_speed": p.drive_speed, "normal_force": p.normal_force} | {n: p.values[n] for n in names} for p in points
+    )
+
+
+def _settled(scene: Scene, document: Mapping[str, Any] | None) -> Scene:
+    """The scene with the effects that were chosen for a result, else by its numbers, where it left them open."""
+    chosen = (document or {}).get("effects") or {}
+    if scene.effects != "auto":
+        return scene
+    return scene.with_effects(chosen["names"] if chosen.get("names") else choose_from_numbers(scene).effects)
+
+
+def without(names: Sequence[str], scene: Scene) -> Scene:
+    """The scene without some of its effects.
+
+    Raises:
+        CommandLineError: one that is not on. SceneError: a composition that is refused.
+    """
+    effects = scene.model.effects
+    for name in names:
+        if name not in effects:
+            raise CommandLineError(
+                f"--without names {name!r}, which is not among the effects of the scene; did you mean "
+                f"{nearest(name, effects)!r}?"
+            )
+    return scene.with_effects([name for name in effects if name not in names]) if names else scene
+
+
+def at_values(items: list[str], scene: Scene) -> dict[str, float]:
+    """ "drive_speed=1 mm/s" and the like as SI numbers by name.
+
+    Raises:
+        CommandLineError: no KEY=VALUE, an unknown key, or a value that cannot be read.
+    """
+    units = POINT_UNITS | {p.name: p.unit for p in scene.model.parameters}
+    values = {}
+    for item in items:
+        key, equals, text = item.partition("=")
+        if not equals:
+            raise CommandLineError(f'--at has {item!r}; expected KEY=VALUE: write --at drive_speed="1 mm/s"')
+        if key.strip() not in units:
+            raise CommandLineError(
+                f"--at names {key!r}, which is not known; did you mean {nearest(key, units)!r}? "
+                f"Known are {', '.join(units)}"
+            )
+        values[key.strip()] = quantity(text, units[key.strip()], f"--at {key}")
+    for p in scene.model.parameters:
+        if p.name in values and not p.lower <= values[p.name] <= p.upper:
+            raise CommandLineError(
+                f"--at {p.name} is {values[p.name]:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}".rstrip()
+                + ": move it there"
+            )
+    return values
+
+
+def _check_order(values: Mapping[str, float]) -> None:
+    static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
+    if not slow + change > 0.0 or not slow < static:
+        raise CommandLineError(
+            f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, and "
+            "mu_k0 + delta_mu_k above 0: change --at"
+        )
+
+
+def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[Point]:
+    estimates = _estimates(document)
+    covariance, names = _covariance(document)
+    parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
+    declared = scene.model.parameter_names
+    points = []
+    for number, entry in enumerate(scene.logs or (None,)):
+        said = document["logs"][number] if document and entry else {}
+        name = entry.path.name if entry else "the rig of the scene"
+        values = scene.values(entry) | {key: value for key, value in estimates.items() if key in declared} | parameters
+        load = _normal_force(scene, entry, changes, said)
+        for speed in _speeds(scene, entry, changes):
+            check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
+            if document is None:
+                covariance, names = _tolerances(scene, values, speed)
+            kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT_UNITS)]
+            points.append(
+                Point(
+                    name=name,
+                    model=scene.model,
+                    values=values,
+                    drive_speed=speed,
+                    normal_force=load,
+                    covariance=covariance[np.ix_(kept, kept)] if covariance is not None and kept else None,
+                    names=tuple(names[i] for i in kept),
+                    area=scene.contact.area_at(load),
+                    area_exponent=scene.contact.exponent or 0.0,
+                )
+            )
+    return points
+
+
+def _speeds(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float]) -> list[float]:
+    """The drive speeds [m/s] of a log: one, or those of its programme that move."""
+    speed = changes.get("drive_speed", (scene.rig_for(entry) if entry else scene.rig).drive_speed)
+    speeds = [v for _, v in speed] if isinstance(speed, tuple) else [] if speed is None else [speed]
+    moving = list(dict.fromkeys(abs(v) for v in speeds if v))
+    if not moving:
+        raise CommandLineError('the drive speed is zero; give one that moves: --at drive_speed="1 mm/s"')
+    return moving
+
+
+def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float], said: Mapping[str, Any]) -> float:
+    """The normal force [N] of a log: as asked, as fitted, as the scene says, else the median of the log itself."""
+    rig = scene.rig_for(entry) if entry else scene.rig
+    for force in (changes.get("normal_force"), said.get("normal_force_N"), rig.normal_force):
+        if force is not None:
+            return float(force)
+    if entry is None:
+        raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
+    from data_io import read_log
+
+    record = read_log(entry.path, entry.step, entry.units, entry.columns, run=entry.run)
+    return float(np.nanmedian(record.normal_force))
+
+
+def _estimates(document: Mapping[str, Any] | None) -> dict[str, float]:
+    parameters = document["parameters"] if document else {}
+    return {name: entry["value"] for name, entry in parameters.items() if entry["value"] is not None}
+
+
+def _tolerances(scene: Scene, values: Mapping[str, float], speed: float) -> tuple[Array | None, tuple[str, ...]]:
+    """Covariance of what a scene without a fit says of its rig and pair: tolerances and priors, independent."""
+    sd = {name: share * abs({**values, "drive_speed": speed}[name]) for name, share in scene.rig.tolerances.items()}
+    sd |= {name: spec.prior_sd for name, spec in scene.parameters.items() if spec.prior_sd is not None}
+    sd = {name: width for name, width in sd.items() if width > 0.0}
+    return (np.diag(np.array(list(sd.values())) ** 2), tuple(sd)) if sd else (None, ())
+
+
+def _covariance(document: Mapping[str, Any] | None) -> tuple[Array | None, tuple[str, ...]]:
+    """Covariance of the estimates, SI; None where one of them has no standard error."""
+    if not document or not (document.get("correlation") or {}).get("names"):
+        return None, ()
+    names = tuple(document["correlation"]["names"])
+    errors = [document["parameters"][name]["standard_error"] for name in names]
+    matrix = np.array(document["correlation"]["matrix"], dtype=float)
+    if any(error is None for error in errors) or not np.all(np.isfinite(matrix)):
+        return None, ()
+    return np.outer(errors, errors) * matrix, names
