@@ -29,7 +29,8 @@ class LogData:
     time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked;
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
-    normal_force_sd [N] (0: exact); the fitted window [s].
+    normal_force_sd [N] (0: exact); the fitted window [s]; groups (n_p): the group of logs it shares each parameter
+    with, "" for none.
     """
 
     time: Array
@@ -42,6 +43,7 @@ class LogData:
     begin: float
     end: float
     own: Array = field(default_factory=lambda: np.empty(0))
+    groups: tuple[str, ...] = ()
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""

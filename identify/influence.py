@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.equilibrated import Factors, optimality_matrix
-from identify.layout import Family, Layout
+from identify.layout import Family, Layout, kept_parameters
 from identify.shooting import Moments, Problem
 
 Array = NDArray[np.float64]
@@ -82,12 +82,6 @@ def influence(problem: Problem, z: Array, cycles: list[int], *, absorbed: bool =
     covariance = white.sum(axis=0) + prior
     taken = _absorbed(factors, layout, pulled, white, covariance) if absorbed else np.zeros_like(white)
     return Influence(factors, kept, columns, moves, white, taken, prior, log)
-
-
-def kept_parameters(layout: Layout) -> Indices:
-    """Indices of all parameters among the unknowns: the shared ones, then those that single logs have."""
-    own = np.unique(np.concatenate([place.own for place in layout.places])) if layout.places else np.array([], int)
-    return np.concatenate([np.arange(layout.free.size), own[own >= layout.free.size]]).astype(np.int64)
 
 
 def _groups(layout: Layout, cycles: list[int]) -> list[Indices]:

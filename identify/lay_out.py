@@ -37,6 +37,8 @@ class Collector:
         self.count, self.rows = free.size, 0
         self.theta = np.full(len(unknowns.names), KNOWN)
         self.theta[free] = np.arange(free.size)
+        self.source = unknowns.source
+        self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
         self.events: list[int] = []
         self.made: dict[tuple[BlockKind, int], Block] = {}
         self.parts: dict[tuple[BlockKind, int], list[tuple[NDArray[Any], ...]]] = {}
@@ -95,8 +97,8 @@ class Collector:
         rows = np.arange(self.rows, self.rows + made.n_rows)
         self.rows += made.n_rows
         entry = (
-            np.concatenate([*slots, np.where(own >= 0, own, self.theta)]),
-            np.concatenate([*fixed, self.unknowns.start]),
+            np.concatenate([*slots, np.where(own >= 0, own, self.theta)[self.source]]),
+            np.concatenate([*fixed, self.unknowns.start[self.source]]),
             constants,
             rows,
             np.array([log]),
@@ -174,16 +176,26 @@ class _LogWalk:
         )
 
     def _own(self) -> None:
-        """The parameters this log has for itself; those of the first log are the shared ones."""
-        u = self.c.unknowns
-        mine = np.flatnonzero(u.own)
-        if mine.size and self.number > 0:
-            start = self.guess.theta(u.start)[mine]
-            mean = np.where(np.isfinite(u.prior_mean[mine]), start, 0.0)
-            bounds = u.lower[mine], u.upper[mine]
-            # A phase of nothing has no information at all: a prior that says nothing keeps the matrices regular.
-            sd = np.minimum(u.prior_sd[mine], FORGOTTEN * u.spread[mine])
-            self.own[mine] = self.c.add(start, u.spread[mine], *bounds, mean=mean, sd=sd)
+        """The parameters this log has for itself or with its group; those of the first log are the shared ones."""
+        u, known = self.c.unknowns, self.c.groups
+        for i in np.flatnonzero(u.own).tolist():
+            group = self.log.groups[i] if self.log.groups else ""
+            key = (i, group or f"log {self.number}")
+            if key not in known:
+                known[key] = int(self.c.theta[i]) if self.number == 0 else self._own_unknown(i)
+            if self.number > 0:
+                self.own[i] = known[key]
+
+    def _own_unknown(self, i: int) -> int:
+        """A new unknown for parameter i."""
+        u, one = self.c.unknowns, np.array([i])
+        start = self.guess.theta(u.start)[one]
+        mean = np.where(np.isfinite(u.prior_mean[one]), start, 0.0)
+        # A phase of nothing has no information at all: a prior that says nothing keeps the matrices regular.
+        sd = np.minimum(u.prior_sd[one], FORGOTTEN * u.spread[one])
+        if u.grouped[i] and u.prior_sd[i] < FORGOTTEN * u.spread[i]:
+            mean = u.prior_mean[one]
+        return int(self.c.add(start, u.spread[one], u.lower[one], u.upper[one], mean=mean, sd=sd)[0])
 
     def _load(self, cycle: int) -> None:
         """The normal force of this cycle: known to within the error of its measurement, or exactly.

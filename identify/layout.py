@@ -101,3 +101,9 @@ class Layout:
     def size(self) -> int:
         """Number of unknowns."""
         return self.scale.size
+
+
+def kept_parameters(layout: Layout) -> Indices:
+    """Indices of all parameters among the unknowns: the shared ones, then those that single logs have."""
+    own = np.unique(np.concatenate([place.own for place in layout.places])) if layout.places else np.array([], int)
+    return np.concatenate([np.arange(layout.free.size), own[own >= layout.free.size]]).astype(np.int64)

@@ -14,7 +14,7 @@ from identify.guess import LogData
 from identify.judgement import Judgement, judge
 from identify.loads import level, smooth, swing
 from identify.scene import Scene
-from identify.scene.values import LogEntry, Rig
+from identify.scene.values import EACH_LOG, LogEntry, Rig
 from identify.segment import SLIDING, STICK, Segmentation, segment
 from identify.slip_quality import Part
 from identify.unknowns import Unknowns
@@ -128,6 +128,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         load_sd,
         begin,
         end,
+        np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
+        tuple("" if by is None or by == EACH_LOG else entry.labels[by] for by in unknowns.per),
     )
     reason = _reason(found, falls, name) or _rejected(judgement, name)
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.guess import Guess
-from identify.influence import kept_parameters
+from identify.layout import kept_parameters
 from identify.passes import Solved
 from identify.prepare import Prepared
 from identify.shooting import Problem, transcribe

@@ -174,7 +174,11 @@ class Problem:
         d_col = np.concatenate([s.jacobian_columns for s in self._scatter])
         order = np.lexsort((d_row, d_col))
         self._jacobian_order = order
-        self._jacobian_rows, columns = d_row[order].astype(np.int32), d_col[order]
+        # Parameters that are tied meet in one column: their entries are added up.
+        rows, columns = d_row[order], d_col[order]
+        first = np.append(True, (np.diff(rows) != 0) | (np.diff(columns) != 0))[: rows.size]
+        self._jacobian_first = None if np.all(first) else np.flatnonzero(first)
+        self._jacobian_rows, columns = rows[first].astype(np.int32), columns[first]
         self._jacobian_starts = np.searchsorted(columns, np.arange(n + 1)).astype(np.int32)
         h_row = np.concatenate([*(s.hessian_rows for s in self._scatter), np.arange(n)])
         h_col = np.concatenate([*(s.hessian_columns for s in self._scatter), np.arange(n)])
@@ -269,6 +273,8 @@ class Problem:
             jacobian_parts.append(d_rows.ravel()[scatter.jacobian_entries])
             hessian_parts.append(hessian.ravel()[scatter.hessian_entries])
         flat = np.concatenate(jacobian_parts)[self._jacobian_order]
+        if self._jacobian_first is not None:
+            flat = np.add.reduceat(flat, self._jacobian_first)
         columns = np.repeat(np.arange(z.size), np.diff(self._jacobian_starts))
         jacobian = sp.csc_matrix((flat * scale[columns], self._jacobian_rows, self._jacobian_starts), self._shape)
         diagonal = 1.0 / layout.prior_sd**2

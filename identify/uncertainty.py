@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from identify.equilibrated import solve_equilibrated
+from identify.layout import kept_parameters
 from identify.shooting import Problem
 from identify.unknowns import Unknowns
 
@@ -30,12 +31,14 @@ IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a
 @dataclass(frozen=True)
 class Information:
     """Information matrix (n_p, n_p) of theta, priors included, and of the data alone; `by_drive_speed` (n_p,) is
-    how the gradient with respect to theta changes per relative error of all drive speeds together."""
+    how the gradient with respect to theta changes per relative error of all drive speeds together; `joint`
+    (n_p + o, n_p + o) that of theta and of the o parameters that single logs or groups have for themselves."""
 
     unknowns: Unknowns
     total: Array
     data: Array
     by_drive_speed: Array
+    joint: Array
 
     @property
     def free(self) -> NDArray[np.int64]:
@@ -45,6 +48,12 @@ class Information:
     def covariance(self) -> Array:
         """Covariance (f, f) of the free theta; directions the data do not hold have infinite variance."""
         return _inverse(self.total[np.ix_(self.free, self.free)])
+
+    def joint_covariance(self) -> Array:
+        """Covariance (f + o, f + o) of the free theta and of what single logs or groups have for themselves."""
+        n_p = len(self.unknowns.names)
+        kept = np.concatenate([self.free, np.arange(n_p, self.joint.shape[0])])
+        return _inverse(self.joint[np.ix_(kept, kept)])
 
     def shift(self, column: int) -> Array:
         """How far the free theta (f,) move per unit of a theta that was held."""
@@ -78,20 +87,26 @@ def information(problem: Problem, z: Array) -> Information:
     upper = point.hessian
     hessian = (upper + sp.triu(upper, 1).T).tocsc()
     jacobian = point.jacobian.tocsc()
-    rest = np.arange(n_p, layout.size)
+    kept = kept_parameters(layout)
+    rest = np.setdiff1d(np.arange(layout.size), kept)
     kkt = sp.bmat([[hessian[rest][:, rest], jacobian[:, rest].T], [jacobian[:, rest], None]], format="csc")
-    right = sp.vstack([hessian[rest][:, :n_p], jacobian[:, :n_p]]).toarray()
+    right = sp.vstack([hessian[rest][:, kept], jacobian[:, kept]]).toarray()
     disturbed = problem.driven(1.0 + SPEED_STEP).evaluate(z, derivatives=True)
     assert disturbed.gradient is not None and point.gradient is not None
     change = (disturbed.gradient - point.gradient) / SPEED_STEP
-    below = np.concatenate([change[n_p:], (disturbed.rows - point.rows) / SPEED_STEP])
+    below = np.concatenate([change[rest], (disturbed.rows - point.rows) / SPEED_STEP])
     solved = solve_equilibrated(kkt, np.column_stack([right, below]))
-    schur = hessian[:n_p][:, :n_p].toarray() - right.T @ solved[:, :n_p]
-    schur = 0.5 * (schur + schur.T)
-    scale = layout.scale[:n_p]
-    total = schur / np.outer(scale, scale)
+    schur = hessian[kept][:, kept].toarray() - right.T @ solved[:, : kept.size]
+    scale = layout.scale[kept]
+    joint = 0.5 * (schur + schur.T) / np.outer(scale, scale)
+    by_speed = (change[kept] - right.T @ solved[:, kept.size]) / scale
+    total, shared = joint[:n_p, :n_p], by_speed[:n_p]
+    if kept.size > n_p:  # what logs have for themselves follows
+        across, own = joint[:n_p, n_p:], joint[n_p:, n_p:]
+        answer = np.linalg.lstsq(own, np.column_stack([across.T, by_speed[n_p:]]), rcond=1e-13)[0]
+        total, shared = total - across @ answer[:, :n_p], shared - across @ answer[:, n_p]
     data = total - np.diag(1.0 / layout.prior_sd[:n_p] ** 2)
-    return Information(layout.unknowns, total, data, (change[:n_p] - right.T @ solved[:, n_p]) / scale)
+    return Information(layout.unknowns, total, data, shared, joint)
 
 
 def _inverse(matrix: Array) -> Array:

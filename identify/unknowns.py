@@ -32,7 +32,9 @@ class Unknowns:
 
     `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
-    `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none).
+    `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none);
+    `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);
+    `ties`: (index, index of the parameter it follows, base value) of each tied parameter, which is not free.
     """
 
     model: Model
@@ -44,6 +46,8 @@ class Unknowns:
     prior_sd: Array
     told: NDArray[np.bool_]
     given: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 0), bool))
+    per: tuple[str | None, ...] = ()
+    ties: tuple[tuple[int, int, float], ...] = ()
 
     @property
     def walls(self) -> NDArray[np.bool_]:
@@ -67,16 +71,33 @@ class Unknowns:
 
     @property
     def own(self) -> NDArray[np.bool_]:
-        """Which free parameters every log has for itself."""
-        return self.free & np.array([q.own for q in self.model.parameters])
+        """Which free parameters logs, or groups of them, have for themselves."""
+        return self.free & (np.array([q.own for q in self.model.parameters]) | self.grouped)
+
+    @property
+    def grouped(self) -> NDArray[np.bool_]:
+        """Which free parameters the scene gives to logs or groups of them."""
+        return self.free & np.array([by is not None for by in self.per or (None,) * self.free.size])
+
+    @property
+    def source(self) -> NDArray[np.int64]:
+        """Whose theta each parameter (n_p,) takes: its own, or that of the one it is tied to."""
+        out = np.arange(self.free.size)
+        for index, to, _ in self.ties:
+            out[index] = to
+        return out
 
     def base(self, rig: Mapping[str, float]) -> Array:
         """Base values for a log with this rig (mass, stiffness, damping by name)."""
         neutral = np.where(self.logarithmic, 1.0, 0.0)
+        for index, _, base in self.ties:
+            neutral[index] = base
         return np.array([rig[n] if n in RIG_PARAMETERS else neutral[i] for i, n in enumerate(self.names)])
 
     def values(self, theta: Array, base: Array) -> Array:
         """Parameter values from theta (..., n_p) and base (..., n_p)."""
+        if self.ties:
+            theta = theta[..., self.source]
         with np.errstate(over="ignore"):
             return np.where(self.logarithmic, base * np.exp(theta), base + theta)
 
@@ -134,7 +155,7 @@ def from_scene(scene: Scene) -> Unknowns:
         fallback = base if name in RIG_PARAMETERS else declared.default
         told[i] = value is not None
         start[i] = search(fallback if value is None else value)
-        free[i] = spec.fixed is None
+        free[i] = spec.fixed is None and spec.tie is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
         given[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
         if name in vanishing and rig["mass"] > 0.0:
@@ -144,7 +165,15 @@ def from_scene(scene: Scene) -> Unknowns:
             sd[i] = spec.prior_sd / spec.prior_mean if declared.scale == "log" else spec.prior_sd
         elif tolerance > 0.0:
             sd[i] = tolerance
-    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, given)
+    names = model.parameter_names
+    tied = [(i, scene.parameters[n].tie) for i, n in enumerate(names) if n in scene.parameters]
+    ties = tuple(
+        (i, names.index(tie.to), tie.factor if model.parameters[i].scale == "log" else tie.offset)
+        for i, tie in tied
+        if tie is not None
+    )
+    per = tuple(scene.parameters[n].per if n in scene.parameters else None for n in names)
+    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, given, per, ties)
 
 
 def _vanishing(model: Model) -> set[str]:

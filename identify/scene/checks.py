@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from identify.effects import ALL
 from identify.errors import SceneError
 from identify.model import RIG_PARAMETERS
-from identify.scene.values import DriveSpeed
+from identify.scene.values import EACH_LOG, DriveSpeed
 
 if TYPE_CHECKING:
     from identify.scene.scene import Scene
@@ -46,6 +46,19 @@ def check_ranges(
                 sentence = effect.refusal(values, load, speed)
                 if sentence is not None:
                     raise SceneError(f'{sentence}, or use it there all the same: extrapolate = ["{effect.name}"]')
+
+
+def check_groups(scene: Scene) -> None:
+    """A parameter that differs by a label asks for that label of every log."""
+    for name, spec in scene.parameters.items():
+        if spec.per is None or spec.per == EACH_LOG:
+            continue
+        for entry in scene.logs:
+            if spec.per not in entry.labels:
+                raise SceneError(
+                    f"{name} differs by {spec.per}, of which log {entry.path.name} says nothing; give it labels = "
+                    f'{{ {spec.per} = "…" }}, or write per = "log"'
+                )
 
 
 def check_log_overrides(scene: Scene) -> None:

@@ -11,9 +11,9 @@ from identify.errors import SceneError
 from identify.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
 from identify.quantities import Parameter
 from identify.scene.tables import Table, share
-from identify.scene.values import ParameterSpec
+from identify.scene.values import ParameterSpec, Tie
 
-SEARCHED = ("start", "prior")  # what makes a given parameter one that is searched
+SEARCHED = ("start", "prior", "per", "tie")  # what makes a given parameter one that is searched
 
 
 def declared_by(effects: Sequence[str] | Literal["auto"]) -> tuple[Parameter, ...]:
@@ -56,6 +56,7 @@ def read_parameters(
             specs[name] = _parameter(_opened(table.data[name], p), p)
         elif p.kind != "rig":
             specs[name] = default_spec(p)
+    check_ties(specs, declared)
     for name, (where, number) in elsewhere.items():
         if name in specs:
             specs[name] = _given_elsewhere(specs[name], known[name], where, number, name in table.data)
@@ -96,7 +97,9 @@ def _parameter(value: Any, p: Parameter) -> ParameterSpec:
     example = (
         f'{p.name} = {{ start = "{p.default:g} {p.unit}" }}' if p.unit else f"{p.name} = {{ start = {p.default} }}"
     )
-    table = Table.of(value, f"[parameters] {p.name}", ("start", "lower", "upper", "fixed", "prior"), example)
+    table = Table.of(
+        value, f"[parameters] {p.name}", ("start", "lower", "upper", "fixed", "prior", "per", "tie"), example
+    )
     if p.name in RIG_PARAMETERS and "fixed" in table.data:
         raise SceneError(f"{table.where} is fixed, but its value stands in [rig]; drop the line to keep it there")
     prior = Table.of(table.data.get("prior", {}), table.place("prior"), ("mean", "sd"), "prior = { mean = …, sd = … }")
@@ -116,7 +119,56 @@ def _parameter(value: Any, p: Parameter) -> ParameterSpec:
         fixed=table.quantity("fixed", p.unit),
         prior_mean=prior.quantity("mean", p.unit),
         prior_sd=_sd(prior, p),
+        per=table.text("per"),
+        tie=_tie(table, p),
     )
+
+
+def _tie(table: Table, p: Parameter) -> Tie | None:
+    """The parameter this one follows.
+
+    Raises:
+        SceneError: no name, or a relation that its scale does not have.
+    """
+    if "tie" not in table.data:
+        return None
+    said = Table.of(table.data["tie"], table.place("tie"), ("to", "factor", "offset"), 'tie = { to = "mu_s" }')
+    to = said.text("to")
+    if to is None:
+        raise SceneError(f'{said.where} names no parameter; give tie = {{ to = "mu_s" }}')
+    wrong = "offset" if p.scale == "log" else "factor"
+    if wrong in said.data:
+        right = "factor" if wrong == "offset" else "offset"
+        raise SceneError(f"{said.where} has {wrong}, which {p.name} cannot take; give {right} instead")
+    factor, offset = said.quantity("factor", ""), said.quantity("offset", p.unit)
+    if factor is not None and not factor > 0.0:
+        raise SceneError(f"{said.place('factor')} is {factor:g}; expected a positive number: correct it")
+    return Tie(to, 1.0 if factor is None else factor, 0.0 if offset is None else offset)
+
+
+def check_ties(specs: Mapping[str, ParameterSpec], declared: Sequence[Parameter]) -> None:
+    """Refuse ties to what is not there, is tied itself, or has another scale.
+
+    Raises:
+        SceneError: one sentence.
+    """
+    scales = {p.name: p.scale for p in declared if p.kind != "rig"}
+    for name, spec in specs.items():
+        if spec.tie is None:
+            continue
+        other = specs.get(spec.tie.to)
+        if spec.tie.to not in scales or name not in scales or other is None:
+            raise SceneError(
+                f"{name} is tied to {spec.tie.to!r}, which is no friction parameter of this scene; expected one of "
+                f"{', '.join(scales)}: correct it"
+            )
+        if other.tie is not None or other.fixed is not None or spec.tie.to == name:
+            raise SceneError(f"{name} is tied to {spec.tie.to}, which is not searched itself; tie it to one that is")
+        if scales[name] != scales[spec.tie.to]:
+            raise SceneError(
+                f"{name} is tied to {spec.tie.to}, but one is searched by its logarithm and the other is not; tie "
+                "parameters of one kind"
+            )
 
 
 def _sd(prior: Table, p: Parameter) -> float | None:

@@ -15,6 +15,7 @@ from identify.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
 from identify.quantities import Parameter
 from identify.scene.checks import (
     check_coefficients,
+    check_groups,
     check_log_overrides,
     check_mass,
     check_ranges,
@@ -52,6 +53,7 @@ class Scene:
     def __post_init__(self) -> None:
         check_mass(self)
         check_log_overrides(self)
+        check_groups(self)
         check_rig_bounds(self)
         check_coefficients(self)
         for number, log in enumerate(self.logs, 1):
@@ -177,6 +179,9 @@ class Scene:
             fallback = getattr(rig, name) if name in RIG_PARAMETERS else declared.default
             said = (spec.fixed, spec.start) if spec else ()
             values[name] = next((value for value in said if value is not None), fallback)
+        for name, spec in self.parameters.items():
+            if spec.tie is not None and name in values:
+                values[name] = spec.tie.factor * values[spec.tie.to] + spec.tie.offset
         return values
 
     def rig_for(self, log: LogEntry) -> Rig:

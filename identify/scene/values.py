@@ -136,9 +136,23 @@ class Initial:
             raise SceneError(f"the initial gamma is {self.gamma:g}; expected a share between 0 and 1: correct it")
 
 
+EACH_LOG = "log"  # what `per` calls a parameter that every log has for itself
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A parameter that follows another one: value = factor * value of `to` (logarithmic) or value of `to` + offset."""
+
+    to: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
 @dataclass(frozen=True)
 class ParameterSpec:
     """What a scene says of one parameter, SI. `start` and `fixed` are None where the user gave none.
+
+    `per`: None for one value over all logs, "log" for one per log, else the label whose values have one each.
 
     Raises:
         SceneError: values that contradict each other.
@@ -151,6 +165,8 @@ class ParameterSpec:
     fixed: float | None = None
     prior_mean: float | None = None
     prior_sd: float | None = None
+    per: str | None = None
+    tie: Tie | None = None
 
     def __post_init__(self) -> None:
         bounds = f"its bounds {self.lower:g} to {self.upper:g}"
@@ -164,6 +180,12 @@ class ParameterSpec:
         if self.fixed is not None and (self.start is not None or self.prior_mean is not None):
             raise SceneError(f"{self.name} is fixed and has a start or a prior as well; keep one of them")
         _positive(f"the prior sd of {self.name}", "", self.prior_sd)
+        if self.per is not None and (self.fixed is not None or self.tie is not None):
+            raise SceneError(f"{self.name} has per = {self.per!r} and is fixed or tied as well; keep one of them")
+        if self.tie is not None and (self.fixed, self.start, self.prior_mean) != (None, None, None):
+            raise SceneError(
+                f"{self.name} is tied to {self.tie.to} and has a value of its own as well; keep one of them"
+            )
 
 
 @dataclass(frozen=True)

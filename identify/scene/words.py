@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from identify.scene.scene import Scene
     from identify.scene.values import LogEntry, ParameterSpec, Rig
 
+NEUTRAL = (("factor", 1.0), ("offset", 0.0))
+
 
 def _said(table: Mapping[str, Any]) -> dict[str, Any]:
     """The table without what it does not say; tuples become lists, as in JSON."""
@@ -33,7 +35,8 @@ def _rig(rig: Rig) -> dict[str, Any]:
 def _parameter(spec: ParameterSpec) -> dict[str, Any]:
     prior = _said({"mean": spec.prior_mean, "sd": spec.prior_sd})
     bare = {"start": spec.start, "lower": spec.lower, "upper": spec.upper, "fixed": spec.fixed}
-    return _said(bare | {"prior": prior})
+    tie = None if spec.tie is None else {k: v for k, v in asdict(spec.tie).items() if (k, v) not in NEUTRAL}
+    return _said(bare | {"prior": prior, "per": spec.per, "tie": tie})
 
 
 def _log(entry: LogEntry) -> dict[str, Any]:
