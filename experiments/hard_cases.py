@@ -9,7 +9,7 @@ import mpmath as mp
 import numpy as np
 
 from experiments.hard_scenes import OMEGA, PAIR, V_CR, HardCase, Scene
-from experiments.hard_truths import by_integration, continued, first_onset, forces_of, linear_slip
+from experiments.hard_truths import NONE, Answer, by_integration, continued, first_onset, forces_of, linear_slip
 
 INTEGRATOR = "independent integrator, DOP853 at 1e-12"
 RADAU = "independent integrator, Radau at 1e-9"
@@ -51,6 +51,26 @@ def _shaken(values: dict[str, float], t: mp.mpf) -> mp.mpf:
     return values["stiffness"] * (mp.mpf(1e-3) * t + moved) - values["mu_s"]
 
 
+def _crept_up(speed: float, shaken: dict[str, float]) -> HardCase:
+    """A drive that creeps up on the onset, shaken all the while: the first crest that reaches the grip lets go."""
+    f, amplitude = shaken["excitation_frequency"], shaken["excitation_amplitude"]
+    reached = (mp.mpf(PAIR["mu_s"]) / K - amplitude) / speed
+    crest = (mp.ceil(reached * f - mp.mpf(0.25)) + mp.mpf(0.25)) / f
+
+    def pull(values: dict[str, float], t: mp.mpf) -> mp.mpf:
+        moved = values["excitation_amplitude"] * mp.sin(2 * mp.pi * values["excitation_frequency"] * t)
+        return values["stiffness"] * (mp.mpf(speed) * t + moved) - values["mu_s"]
+
+    def truth(scene: Scene) -> Answer:
+        # A spoilt run has another onset; the truth is that of the scene.
+        values = scene.values
+        t = mp.findroot(lambda t: pull(values, t), (crest - mp.mpf(0.1) / f, crest), solver="anderson", tol=1e-25)
+        return Answer(np.array([float(t)]), NONE, NONE, NONE, complete=False)
+
+    scene = Scene(shaken, speed, float(crest) + 1e-2, effects=("inertia", "excitation"))
+    return HardCase("drive shaken at 1 kHz for an hour while it creeps up on the onset", scene, truth, ROOT, 1e-13)
+
+
 def _moistened(values: dict[str, float], t: mp.mpf) -> mp.mpf:
     """The same with a friction level that rises in time."""
     level = values["occlusion_level"] * (1 - mp.exp(-t / values["occlusion_time"]))
@@ -77,6 +97,7 @@ def _sticks() -> list[HardCase]:
             ROOT,
             1e-10,
         ),
+        _crept_up(1e-7, {"excitation_amplitude": 1e-5, "excitation_frequency": 1e3, "excitation_phase": 0.0}),
         HardCase(
             "grip that grows twentyfold while the drive pulls",
             Scene({"occlusion_level": 3.0, "occlusion_time": 1.0}, 1e-3, 30.0, effects=("inertia", "occlusion")),
@@ -190,6 +211,15 @@ def _refusals() -> list[HardCase]:
             Scene(
                 {"excitation_amplitude": 1e-5, "excitation_frequency": 1e4, "excitation_phase": 0.0},
                 1e-12, 1e9, effects=("inertia", "excitation"),
+            ),
+            "no digits are left of the phase",
+        ),
+        _refused(
+            "two vibrations that for ever nearly let go",
+            Scene(
+                {"excitation_amplitude": 1e-5, "excitation_frequency": 1e3, "excitation_phase": 0.0}
+                | {"tremor_amplitude": 1e-5, "tremor_frequency": 2e3, "tremor_phase": 0.0},
+                1e-10, 3.95e6, effects=("inertia", "excitation", "finger_motion"),
             ),
             "too many to look at; leave out that vibration",
         ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -17,6 +18,7 @@ import oracle
 
 from experiments.draws import Draw
 from experiments.energy import balance
+from identify.admission import admit
 from identify.drive import Drive, NormalForce
 from identify.effects import MAIN
 from identify.errors import SceneError, SimulationError
@@ -81,6 +83,7 @@ def disturbed(draw: Draw, truth: Trajectory, change: int) -> Trajectory:
 
 def _motion(draw: Draw, drive: tuple[tuple[float, float], ...], accuracy: float, change: int, most: int) -> Trajectory:
     model, share = draw.model, accuracy
+    admit(model, draw.values, draw.duration, draw.start)
     p = np.array([draw.values[name] for name in model.parameter_names])
     random = np.random.default_rng(change)
     if change:
@@ -89,13 +92,14 @@ def _motion(draw: Draw, drive: tuple[tuple[float, float], ...], accuracy: float,
     load = NormalForce.of(draw.normal_force)
     scale = scales(model, p, float(load.at(0.0)))
     steps = plan(model, p, scale, accuracy / TIGHTER if change else accuracy, steady=len(load.times) == 1)
-    kept = []
-    for phase in islice(phases(Machine(model, p, scale, steps), Drive.of(drive), load, draw.duration, x), most):
-        kept.append(phase)
-        if change:
-            end, size = phase.states[-1], np.max(np.abs(np.asarray(phase.states, float)), axis=0)
-            for i in np.flatnonzero(end):
-                end[i] += share * size[i] * random.choice([-1.0, 1.0])
+    kept, machine = [], Machine(model, p, scale, steps)
+    with closing(machine):
+        for phase in islice(phases(machine, Drive.of(drive), load, draw.duration, x), most):
+            kept.append(phase)
+            if change:
+                end, size = phase.states[-1], np.max(np.abs(np.asarray(phase.states, float)), axis=0)
+                for i in np.flatnonzero(end):
+                    end[i] += share * size[i] * random.choice([-1.0, 1.0])
     return Trajectory(model, tuple(kept), kept[-1].start + kept[-1].duration)
 
 

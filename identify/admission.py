@@ -13,6 +13,7 @@ from identify.quantities import Parameter
 
 ROUNDING = 1e-9  # by which a state may start outside its bounds
 LARGE = 1e100
+PHASE = 1e-3  # [rad]: what rounding may make of the phase of a vibration at the end of a record
 
 
 def admit(model: Model, values: Mapping[str, float], duration: float, start: Mapping[str, float]) -> None:
@@ -23,7 +24,8 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
 
     Raises:
         SimulationError: a parameter that is missing, not finite or has a sign that it cannot have; a duration that is
-            not positive and finite; a state that nobody knows, that is not finite or that lies outside its bounds.
+            not positive and finite, or so long that a vibration has no phase any more; a state that nobody knows, that
+            is not finite or that lies outside its bounds.
     """
     if not 0.0 < duration < np.inf:
         raise SimulationError(f"the duration is {duration} s; expected a positive time")
@@ -35,6 +37,7 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
                 f"the parameter {parameter.name} is {values[parameter.name]:g} {parameter.unit}".rstrip()
                 + f"; expected {_expected(parameter)}"
             )
+    _tell_phases(model, values, duration)
     states = {s.name: s for s in model.states}
     known = {s.name for s in BASE_STATES} | {s.name for effect in ALL for s in effect.states} | set(states)
     for name, value in start.items():
@@ -47,6 +50,17 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
         high = LARGE if state is None or state.upper is None else state.upper + ROUNDING
         if not low <= value <= high:
             raise SimulationError(f"{name} starts at {value:g}; expected a number from {low:.3g} to {high:.3g}")
+
+
+def _tell_phases(model: Model, values: Mapping[str, float], duration: float) -> None:
+    p = np.array([values[name] for name in model.parameter_names], float)
+    omegas, forces = (np.array(f(p)).ravel() for f in (model.waves, model.swings))
+    fastest = float(np.max(omegas[forces > 0.0], initial=0.0))
+    if np.finfo(float).eps * fastest * duration > PHASE:
+        raise SimulationError(
+            f"the drive vibrates {fastest * duration / (2.0 * np.pi):.1g} times within {duration:g} s: no digits are "
+            "left of the phase of the vibration; shorten the record, or leave out that vibration"
+        )
 
 
 def _possible(parameter: Parameter, value: float) -> bool:

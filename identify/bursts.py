@@ -139,7 +139,7 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.F
         *control_after,
         ca.if_else(moved, there_ends, ends),
     )
-    return ca.Function("paced", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
+    return ca.Function("paced", [z, bounds, c, tolerances], [ca.densify(new)])
 
 
 def _length(model: Model, at: Pace, z: Expression, exits: list[int], bounds: Expression) -> Expression:

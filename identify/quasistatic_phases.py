@@ -19,7 +19,7 @@ from identify.modes import GuardName, ModeName, sliding_modes
 from identify.phases import Phase
 from identify.quasistatic_balance import negligible
 from identify.quasistatic_collocation import ESTIMATE_ORDER, Collocator, Local
-from identify.resting import swing
+from identify.resting import courses, swing
 from identify.situated import Situated
 
 Array = NDArray[np.float64]
@@ -52,11 +52,11 @@ def stick(model: Model, x: Array, situated: Situated, start: float, limit: float
     Without inertia a slip may come to rest with nothing to spare: what the first force that counts says, holds.
     """
 
-    def spare(times: Array) -> Array:
+    def spare(times: Array, shares: Array | None = None) -> Array:
         p, u = situated.p[:, None], situated.at(times)
         state = np.array(model.rest(x, p, u, times[None, :]))
-        driving = np.array(model.driving_force(state, p, u)).ravel()
-        return np.asarray(np.array(model.grip(state, p, u)).ravel() - np.abs(driving))
+        driving = model.driving_force(state, p, u) if shares is None else model.pulled(x, p, u, times[None, :], shares)
+        return np.asarray(np.array(model.grip(state, p, u)).ravel() - np.abs(np.array(driving).ravel()))
 
     onset = _onset(model, situated, spare, limit)
     end = limit if onset is None else onset
@@ -65,13 +65,15 @@ def stick(model: Model, x: Array, situated: Situated, start: float, limit: float
     return BalancedPhase("stick", start, situated, np.array([0.0, end]), np.stack([x, after]), ended_by, np.zeros(2))
 
 
-def _onset(model: Model, situated: Situated, spare: Callable[[Array], Array], limit: float) -> float | None:
+def _onset(
+    model: Model, situated: Situated, spare: Callable[[Array, Array | None], Array], limit: float
+) -> float | None:
     """When the grip is overcome; None: not within the limit."""
     if limit <= 0.0:
         return None
     least = negligible(situated, float(np.max(situated.p[:2])))
     times = _EARLY * limit
-    forces = spare(times)
+    forces = spare(times, None)
     counts = np.flatnonzero(np.abs(forces) > least)
     if not counts.size:
         return None
@@ -81,7 +83,8 @@ def _onset(model: Model, situated: Situated, spare: Callable[[Array], Array], li
     since = float(times[first])
     if limit - since <= 0.0:
         return None
-    found = first_zero(lambda t: spare(since + t), limit - since, *swing(model, situated.p))
+    *below, whole = courses(model, situated.p, lambda t, shares: spare(since + t, shares))
+    found = first_zero(whole, limit - since, below)
     return None if found is None else since + found
 
 

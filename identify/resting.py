@@ -6,6 +6,8 @@ saturates, Newton's method from the far end meets the only zero; anything else i
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.compiled import compiled
-from identify.crossing import first_zero
+from identify.crossing import Course, first_zero
 from identify.model import Model
 from identify.situated import Situated
 
@@ -23,12 +25,15 @@ LANES = 64  # times of one call
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
 NEWTON_STEPS = 60
 SPARE, SLOPE, PULL, RESTED = 0, 1, 2, 3  # places in a row
+APART = 4.0  # motions of the drive whose frequencies are closer than that are looked at together
+MARGIN = 1e-12  # of the force of what is left out of a bound
 
 
 @lru_cache(maxsize=32)
-def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), and
-    of LANES times the spare grip and its second derivative."""
+def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
+    """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), of LANES
+    times the spare grip, its largest second derivative, and of LANES times the spare grip under shares (n_w,) of what
+    oscillates."""
     x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
     p, drive = c[:-5], c[-5:]
     u = ca.vertcat(drive[0], drive[2] + drive[3] * t, 1, drive[4] + t)
@@ -38,14 +43,17 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function]:
     slope = ca.jacobian(spare, t)
     row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(spare, slope, pull, rested)))])
 
-    def many(name: str, value: ca.SX, lanes: int) -> ca.Function:
-        return ca.Function(name, [x, c, t], [ca.cse(ca.densify(value))]).map(lanes, [True, True, False], [False])
+    def many(name: str, value: ca.SX, *more: ca.SX) -> ca.Function:
+        one = ca.Function(name, [x, c, t, *more], [ca.cse(ca.densify(value))])
+        return one.map(LANES, [True, True, False, *(True for _ in more)], [False])
 
+    shares = ca.SX.sym("shares", model.waves.numel_out(0))
+    partly = model.grip(rested, p, u) - ca.fabs(model.pulled(x, p, u, t, shares))
     bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(slope, t))])
     times = ca.SX.sym("times", _BENDS.size)
     largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
     bends = ca.Function("bends", [x, c, times], [ca.cse(largest)])
-    return row, many("spare", spare, LANES), bends
+    return row, many("spare", spare), bends, many("partly", partly, shares)
 
 
 class Resting:
@@ -55,10 +63,12 @@ class Resting:
         self.model = model
         self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
         self._t, self._times, self._bends = np.zeros(1), np.zeros(LANES), np.zeros(_BENDS.size)
-        self._row, self._spare, self._bend = (compiled(f) for f in _functions(model))
+        self._shares = np.zeros(model.waves.numel_out(0))
+        self._row, self._spare, self._bend, self._partly = (compiled(f) for f in _functions(model))
         self._row.bind([self._x, self._c, self._t])
         self._spare.bind([self._x, self._c, self._times])
         self._bend.bind([self._x, self._c, self._bends])
+        self._partly.bind([self._x, self._c, self._times, self._shares])
         self._oscillates = model.waves.numel_out(0) > 0
 
     def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
@@ -108,16 +118,18 @@ class Resting:
         return t
 
     def _by_scan(self, p: Array, limit: float) -> float | None:
-        period, force = swing(self.model, p)
-        return first_zero(self._many, limit, period, force)
+        *below, whole = courses(self.model, p, self._spares)
+        return first_zero(whole, limit, below)
 
-    def _many(self, times: Array) -> Array:
-        """Spare grip [N] at times (n,) [s]."""
-        out = np.empty(times.size)
+    def _spares(self, times: Array, shares: Array | None) -> Array:
+        """Spare grip [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
+        call, out = self._spare if shares is None else self._partly, np.empty(times.size)
+        if shares is not None:
+            self._shares[:] = shares
         for first in range(0, times.size, LANES):
             part = times[first : first + LANES]
             self._times[: part.size] = part
-            out[first : first + part.size] = self._spare()[: part.size]
+            out[first : first + part.size] = call()[: part.size]
         return out
 
 
@@ -133,6 +145,40 @@ def borrowed(model: Model) -> Resting:
 def give_back(rests: Resting) -> None:
     """Let others use them."""
     _IDLE.setdefault(rests.model, []).append(rests)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The spare grip under shares (n_w,) of what oscillates, less the forces [N] of the rest of it; its period [s]."""
+
+    shares: Array
+    less: float
+    period: float
+
+
+def bounds(model: Model, p: Array) -> list[Bound]:
+    """Bounds of the spare grip from below: without what oscillates, then with more and more of it, slow first."""
+    if model.waves.numel_out(0) == 0:
+        return []
+    forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
+    order = [i for i in np.argsort(omegas).tolist() if forces[i] > 0.0]
+    out, shares, period = [], np.zeros(forces.size), np.inf
+    for before, i in zip([None, *order], order, strict=False):
+        if before is None or omegas[i] > APART * omegas[before]:
+            less = (1.0 + MARGIN) * float(np.sum(forces[shares == 0.0]))
+            out.append(Bound(shares.copy(), less, period))
+        shares[i], period = 1.0, 2.0 * np.pi / float(omegas[i])
+    return out
+
+
+def courses(model: Model, p: Array, spares: Callable[[Array, Array | None], Array]) -> list[Course]:
+    """The spare grip and its bounds, the smooth one first, itself last.
+
+    Args:
+        spares: (times [s], shares (n_w,) of what oscillates, None for all) -> spare grip [N].
+    """
+    below = [Course(lambda t, b=b: spares(t, b.shares) - b.less, b.period) for b in bounds(model, p)]  # type: ignore[misc]
+    return [*below, Course(lambda t: spares(t, None), swing(model, p)[0])]
 
 
 def swing(model: Model, p: Array) -> tuple[float, float]:

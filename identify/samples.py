@@ -94,7 +94,7 @@ def _row(model: Model, method: Method | None, mode: ModeName, lanes: int) -> ca.
         x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
         friction = _friction(model, mode, x, p, u)
     row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / force))
-    one = ca.Function("row", [xth, drive, p, tolerances], [ca.cse(row)])
+    one = ca.Function("row", [xth, drive, p, tolerances], [row])
     return one.map(lanes, [False, False, True, True], [False])
 
 

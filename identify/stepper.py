@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from identify.stepping import N_GUARDS, coefficient, ends, trial
 
 Array = NDArray[np.float64]
 
+SOME = 100  # bursts: before them nobody looks for machine code
 MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
 
 
@@ -43,9 +46,8 @@ class Stepper:
             self._coefficients[mode].bind([x, self._constants, t])
         self._function = burst(model, method)
         self._burst: Compiled = self._bound(self._function)
-        self._key = native.key(self._function)
-        self._bursts, self._ask = 0, 0
-        self.hasten()
+        self._bursts, self._ask = 0, SOME
+        self._hastened = False
 
     def _bound(self, function: ca.Function) -> Compiled:
         made = compiled(function)
@@ -56,17 +58,16 @@ class Stepper:
         """Take the machine code of the bursts where it is there, and have it made where they are used much: the same
         numbers sooner.
         """
-        if self._key is None or self._bursts < self._ask:
+        if self._hastened or self._bursts < self._ask:
             return
-        found = native.find(self._key, self._function.name())
+        key = _key(self.model, self.method)
+        found = None if key is None else native.find(key, self._function.name())
         if found is not None:
-            self._burst, self._key = self._bound(found), None
-        elif self._bursts < MUCH:
-            self._ask = MUCH
-        else:
-            self._ask = self._bursts + MUCH
-            if not native.busy():
-                native.start([(self._function, self._key)])
+            self._burst = self._bound(found)
+        elif key is not None and self._bursts >= MUCH and not native.busy():
+            native.start([(self._function, key)])
+        self._hastened = found is not None or key is None
+        self._ask = MUCH if self._bursts < MUCH else self._bursts + MUCH
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -138,6 +139,11 @@ def give_back(stepper: Stepper) -> None:
     _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)
 
 
+@lru_cache(maxsize=64)
+def _key(model: Model, method: Method) -> str | None:
+    return native.key(burst(model, method))
+
+
 def forget() -> None:
     """Let go of the steppers nobody uses: new ones look again for machine code."""
     _IDLE.clear()
@@ -146,7 +152,8 @@ def forget() -> None:
 def hastened(model: Model, method: Method) -> bool:
     """Wait until the bursts of a model and a method are machine code; False where there is no compiler."""
     function = burst(model, method)
-    key = native.key(function)
+    _key.cache_clear()
+    key = _key(model, method)
     if key is None:
         return False
     native.start([(function, key)])

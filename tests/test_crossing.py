@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.crossing import first_zero
+from identify.crossing import Course, first_zero
 from identify.errors import SimulationError
 
 
 def test_a_straight_line() -> None:
-    assert first_zero(lambda t: 1.0 - 0.25 * t, 100.0) == pytest.approx(4.0, rel=1e-15)
-    assert first_zero(lambda t: 1.0 - 0.25 * t, 3.9) is None
+    assert first_zero(Course(lambda t: 1.0 - 0.25 * t), 100.0) == pytest.approx(4.0, rel=1e-15)
+    assert first_zero(Course(lambda t: 1.0 - 0.25 * t), 3.9) is None
 
 
 @pytest.mark.parametrize("depth", [1e-3, 1e-8, 1e-12])
 def test_a_smooth_dip_that_hardly_reaches_zero_is_found(depth: float) -> None:
     # exp(2 - t) + t - 3 is zero at its minimum, t = 2.
     shifted = lambda t: np.exp(2.0 - t) + t - 3.0 - depth  # noqa: E731
-    found = first_zero(shifted, 50.0)
+    found = first_zero(Course(shifted), 50.0)
     assert found == pytest.approx(2.0 - np.sqrt(2.0 * depth), abs=depth + 1e-7)
-    assert first_zero(lambda t: shifted(t) + 2.0 * depth, 50.0) is None
+    assert first_zero(Course(lambda t: shifted(t) + 2.0 * depth), 50.0) is None
 
 
 @pytest.mark.parametrize("frequency", [10.0, 1e3, 1e4])
@@ -28,7 +28,7 @@ def test_the_first_touch_of_a_vibration_on_a_ramp_is_found(frequency: float) -> 
     """1 - t + B sin(w t) with w B >> 1 first touches zero near the end of the last trough before t = 1 - B."""
     swing, omega = 1e-2, 2.0 * np.pi * frequency
     function = lambda t: 1.0 - t - swing * np.sin(omega * t)  # noqa: E731
-    found = first_zero(function, 5.0, 1.0 / frequency, swing)
+    found = first_zero(Course(function, 1.0 / frequency), 5.0, [Course(lambda t: 1.0 - t - swing)])
     assert found is not None
     fine = np.arange(0.97, 1.02, 1e-3 / frequency)
     below = fine[np.argmax(function(fine) <= 0.0)]
@@ -38,4 +38,4 @@ def test_the_first_touch_of_a_vibration_on_a_ramp_is_found(frequency: float) -> 
 
 def test_a_scan_that_would_not_end_is_refused() -> None:
     with pytest.raises(SimulationError, match="too many to look at"):
-        first_zero(lambda t: 1.0 + 0.0 * t, 1e6, 1e-3, 0.6)
+        first_zero(Course(lambda t: 1.0 + 0.0 * t, 1e-3), 1e6, [Course(lambda t: -0.2 + 0.0 * t)])
