@@ -2,8 +2,20 @@
 
 from data_io.errors import LogError
 from data_io.frozen import Finding, Step
-from data_io.open import read_log
+from data_io.listing import StepSummary
+from data_io.open import list_steps, read_log
 from data_io.record import Record
-from data_io.write import write_csv, write_hdf5
+from data_io.write import write_archive, write_csv, write_hdf5
 
-__all__ = ["Finding", "LogError", "Record", "Step", "read_log", "write_csv", "write_hdf5"]
+__all__ = [
+    "Finding",
+    "LogError",
+    "Record",
+    "Step",
+    "StepSummary",
+    "list_steps",
+    "read_log",
+    "write_archive",
+    "write_csv",
+    "write_hdf5",
+]

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from data_io.account import Account, read_account
+from data_io.archive import ABOUT, FORMAT, FORMAT_VERSION
 from data_io.columns import Header, Name, match_header, role_indices
 from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, FloatArray, Scalar
@@ -23,7 +24,6 @@ from data_io.memory import check_memory
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.units import factor, to_si
-from data_io.write import ABOUT, FORMAT, FORMAT_VERSION
 
 NAME: Final = "hdf5"
 

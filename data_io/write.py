@@ -1,34 +1,41 @@
-"""Write a record so that it reads back bit for bit: HDF5 in the project's layout, or CSV with a units row."""
+"""Write records so that they read back bit for bit: HDF5 in the project's layout, or CSV with a units row."""
 
 import csv
 import io
 import json
-from collections.abc import Callable
-from pathlib import Path, PurePath
-from typing import Any, Final
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Final, TypeVar
 
-import numpy as np
-
-from data_io.atomic import atomic_path, atomic_write
+from data_io.account_of import about_of
+from data_io.archive import FORMAT, FORMAT_VERSION, Entry, write_file, write_runs
+from data_io.atomic import atomic_write
 from data_io.errors import LogError
-from data_io.frozen import Scalar
 from data_io.record import Record
-
-FORMAT: Final = "stickslip-log"
-FORMAT_VERSION: Final = 1
-ABOUT: Final = "about"
-"""Name of the HDF5 dataset with metadata and findings as JSON."""
+from data_io.source import no_progress
 
 CSV_MARK: Final = f"# {FORMAT} "
 """How a CSV of ours begins; the format version follows."""
 
+T = TypeVar("T")
 
-def write_hdf5(record: Record, path: str | Path) -> None:
+
+def write_hdf5(record: Record, path: str | Path, progress: Callable[[float], None] = no_progress) -> None:
     """Write `/run_1/step_1/{time,normal_force,friction_force,...}` with `units`, step parameters as attributes.
 
-    The file appears whole or not at all. Raises `LogError` where it cannot be written.
+    Compressed, with checksums; the file is read back and compared, and appears whole or not at all. progress: called
+    with the share written. Raises `LogError` where it cannot be written.
     """
-    _written(path, lambda: _write_hdf5(record, path))
+    _written(path, lambda: write_file(record, Path(path), progress))
+
+
+def write_archive(records: Iterable[Record], path: str | Path) -> tuple[Entry, ...]:
+    """Write many logs into one file: run 1, run 2, ... and an index of them, which is returned.
+
+    Records are taken one after the other; only one need be in memory. Read one back with `read_log(path, run=2)`.
+    Raises `LogError` where it cannot be written or there is none.
+    """
+    return _written(path, lambda: write_runs(records, Path(path)))
 
 
 def write_csv(record: Record, path: str | Path) -> None:
@@ -39,39 +46,12 @@ def write_csv(record: Record, path: str | Path) -> None:
     _written(path, lambda: _write_csv(record, path))
 
 
-def _written(path: str | Path, work: Callable[[], None]) -> None:
+def _written(path: str | Path, work: Callable[[], T]) -> T:
     try:
-        work()
+        return work()
     except (OSError, UnicodeEncodeError) as error:
         reason = getattr(error, "strerror", None) or str(error).removeprefix(f"{path}: ")
         raise LogError(f"{path}: the log cannot be written ({reason}); choose another place") from error
-
-
-def _write_hdf5(record: Record, path: str | Path) -> None:
-    import h5py  # 0.3 s: only where HDF5 is wanted
-
-    about = _about(record)
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
-        file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
-        for key in ("source_file", "source_sha256"):
-            file.attrs[key] = str(about["metadata"].get(key, ""))
-        if isinstance(record.drive_speed, float):
-            file.attrs.update({"drive_speed": record.drive_speed, "drive_speed_units": "m/s"})
-        file[ABOUT] = json.dumps({"metadata": about["metadata"], "findings": about["findings"]})
-        units = record.units()
-        for step in record.steps:
-            group = file.create_group(f"run_{step.run}/step_{step.number}", track_order=True)
-            group.attrs.update(step.parameters)
-            for name, values in record.columns().items():
-                data = group.create_dataset(_link(name), data=values[step.start : step.stop])
-                data.attrs["units"] = units[name]
-                if _link(name) != name:
-                    data.attrs["name"] = name
-
-
-def _link(name: str) -> str:
-    """Return the name of a column as an HDF5 link, which may not hold a slash nor be a dot."""
-    return name.replace("/", "|") if name != "." else "(.)"
 
 
 def _write_csv(record: Record, path: str | Path) -> None:
@@ -83,21 +63,5 @@ def _write_csv(record: Record, path: str | Path) -> None:
     writer.writerow([units[name] for name in columns])
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     with atomic_write(path) as handle:
-        handle.write(f"{CSV_MARK}{FORMAT_VERSION}\n# {json.dumps(_about(record))}\n{head.getvalue()}")
+        handle.write(f"{CSV_MARK}{FORMAT_VERSION}\n# {json.dumps(about_of(record))}\n{head.getvalue()}")
         handle.writelines(",".join(map(repr, row)) + "\n" for row in rows)
-
-
-def _about(record: Record) -> dict[str, Any]:
-    """Return the record's account; the file it came from keeps its name and hash, not its folder."""
-    about = record.about()
-    metadata: dict[str, Scalar] = {k: _plain(v) for k, v in about["metadata"].items()}
-    path, digest, form = (metadata.pop(key, None) for key in ("path", "sha256", "format"))
-    if path is not None and "source_file" not in metadata:
-        metadata["source_file"] = PurePath(str(path)).name
-        metadata["source_sha256"] = str(digest)
-        metadata["source_format"] = str(form)
-    return {**about, "metadata": metadata}
-
-
-def _plain(value: Scalar) -> Scalar:
-    return value.item() if isinstance(value, np.generic) else value

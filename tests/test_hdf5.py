@@ -47,7 +47,7 @@ def test_units_and_load_from_the_user(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "columns", "words"),
     [
-        ({"Fx": None, "x1": ("N", np.arange(9.0))}, None, r"/daq/t.*--columns"),
+        ({"Fx": (None, None), "x1": ("N", np.arange(9.0))}, None, r"/daq/t.*--columns"),
         ({}, {**COLUMNS, "time": "/daq/clock"}, r"no dataset '/daq/clock'.*/daq/t"),
         ({}, {**COLUMNS, "time": "/daq"}, "no dataset '/daq'"),
         ({}, {"time": "/daq/t", "normal_force": "/daq/Fz"}, "no friction force column"),

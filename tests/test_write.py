@@ -185,7 +185,7 @@ def test_an_interrupted_log_leaves_nothing(tmp_path, monkeypatch, write, name):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("data_io.write.json.dumps", interrupt)
+    monkeypatch.setattr("json.dumps", interrupt)
     with pytest.raises(KeyboardInterrupt):
         write(sample(), tmp_path / name)
     assert list(tmp_path.iterdir()) == []
