@@ -1,21 +1,35 @@
 """Open a log of any known format."""
 
 import difflib
+import hashlib
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from data_io.assemble import assemble
 from data_io.errors import LogError, UnitError
 from data_io.frozen import COLUMN_ROLES
+from data_io.listing import StepSummary, summaries
+from data_io.part import Contents
 from data_io.readers import READERS
-from data_io.record import Record, within
-from data_io.source import Request, load, no_progress
+from data_io.record import Record
+from data_io.segments import LONGEST_LINE
+from data_io.series import is_series, joined_contents, logs_at
+from data_io.source import Request, Source, load, no_progress
 from data_io.units import parse_quantity
 
 ROLES: Final = (*COLUMN_ROLES, "position")
 """What a column can be named for."""
+
+REFUSED: Final = (
+    (re.compile(rb"\xd0\xcf\x11\xe0"), "an old Excel workbook (.xls); .xlsx or text was expected; save it as one"),
+    (re.compile(rb"TDSm"), "a LabVIEW TDMS file; .lvm or text was expected; export it"),
+    (re.compile(rb"#\d+# "), "a native CETR .tst; its text was expected; export it with CETR Data Viewer"),
+)
+"""Binary files that laboratories have and no reader reads: how they begin, what to do."""
 
 
 def read_log(
@@ -38,23 +52,51 @@ def read_log(
     keeps all. window: the (start, stop) [s] to keep, in the clock of the file; of an HDF5 file nothing else is read.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
+    channels: names of the other columns to keep, () for none; None keeps all. progress: called with the share read.
+    A folder or a pattern (`stroke_*.txt`) is read as one test whose strokes or steps were exported to files of their
+    own; `logs.zip/slow.txt` is a file in an archive.
     """
     path = Path(path)
-    _check_roles(path, columns or {})
-    request = Request(
-        step,
-        run,
-        dict(units or {}),
-        dict(columns or {}),
-        _load_force(path, normal_force),
-        None if channels is None else tuple(channels),
-        progress,
-        None if window is None else _checked_window(path, window),
-    )
-    source = load(path)
+    request = _request(path, step, run, units, columns, normal_force, channels, progress)
+    if not is_series(path):
+        source = load(path)
+        return assemble(source, request, contents_of(source, request))
+    paths = logs_at(path)
+    read = [(p, contents_of(load(p), _part_of(request, i, len(paths)))) for i, p in enumerate(paths)]
+    joined = joined_contents(path, read)
+    record = assemble(load(paths[0]), request, joined)
+    digests = "".join(load(p).sha256 for p in paths)
+    about = {"path": str(path), "sha256": hashlib.sha256(digests.encode()).hexdigest()}
+    return replace(record, metadata={**record.metadata, **about})
+
+
+def list_steps(
+    path: str | Path, units: Mapping[str, str] | None = None, columns: Mapping[str, str] | None = None
+) -> tuple[StepSummary, ...]:
+    """Return the steps of every run of a log (or of a series of files), whether or not they can be used.
+
+    units, columns: as in `read_log`. Raises `LogError` where no table of numbers is found.
+    """
+    path = Path(path)
+    request = _request(path, None, None, units, columns, None, None, no_progress)
+    if not is_series(path):
+        return summaries(contents_of(load(path), request), request)
+    return summaries(joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)]), request)
+
+
+def contents_of(source: Source, request: Request) -> Contents:
+    """Return what the first reader that knows a log finds in it. Raises `LogError`."""
     for reader in READERS:
         if reader.can_read(source.head):
-            return within(assemble(source, request, reader.read(source, request)), request.window)
+            return reader.read(source, request)
+    for mark, words in REFUSED:
+        if mark.match(source.head):
+            raise source.error(f"the file is {words}")
+    if source.packing is not None and not _has_lines(source):
+        raise source.error(
+            "no line ends within the first MiB of what is packed in the file; lines of text or an HDF5 file were "
+            "expected; check what was packed"
+        )
     names = ", ".join(reader.name for reader in READERS)
     raise source.error(
         f"the file begins with {source.head[:12]!r}, which no reader knows ({names}); a text or HDF5 log was expected; "
@@ -62,11 +104,31 @@ def read_log(
     )
 
 
-def _checked_window(path: Path, window: tuple[float, float]) -> tuple[float, float]:
-    start, stop = (float(time) for time in window)
-    if not start < stop:
-        raise LogError(f"{path}: the window runs from {start:g} to {stop:g} s; a start before its stop was expected")
-    return start, stop
+def _has_lines(source: Source) -> bool:
+    with source.open() as handle:
+        first = handle.read(LONGEST_LINE)
+    return b"\n" in first or b"\r" in first
+
+
+def _request(
+    path: Path,
+    step: int | None,
+    run: int | None,
+    units: Mapping[str, str] | None,
+    columns: Mapping[str, str] | None,
+    normal_force: float | str | None,
+    channels: Sequence[str] | None,
+    progress: Callable[[float], None],
+) -> Request:
+    _check_roles(path, columns or {})
+    force = _load_force(path, normal_force)
+    chosen = None if channels is None else tuple(channels)
+    return Request(step, run, dict(units or {}), dict(columns or {}), force, chosen, progress=progress)
+
+
+def _part_of(request: Request, number: int, count: int) -> Request:
+    """Return the request for one of several files: all its steps, its share of the progress."""
+    return replace(request, step=None, run=None, progress=lambda share: request.progress((number + share) / count))
 
 
 def _check_roles(path: Path, columns: Mapping[str, str]) -> None:
