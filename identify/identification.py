@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,16 @@ from data_io import LogError, Record, read_log
 from identify.asked import NOTHING_MORE, Asked
 from identify.certainty import certainty
 from identify.choice import Choice
+from identify.diagnosis import diagnose
 from identify.errors import FitError
+from identify.grouped import search_grouped
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Fit, LogCurves, Status
 from identify.prepare import Prepared, prepare
 from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import Findings, document
 from identify.scene import Scene
-from identify.search import UNEQUAL, Attempt, Clock, Sources, search
+from identify.search import UNEQUAL, Attempt, Clock, Sources
 from identify.selection import choose_from_data
 from identify.unknowns import Unknowns, from_scene, user_start
 from identify.vibration import tuned
@@ -28,6 +31,7 @@ from identify.worth import worth, worth_document
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
+MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)  # of which the cause is looked for
 AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
@@ -103,10 +107,15 @@ def find(
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
     sources = starts or ("both" if user_start(scene) else "data")
-    attempt, left_out = search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+    attempt, left_out = search_grouped(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     since = time.perf_counter()
     progress("intervals", 0.9)
     findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, asked, seed)
+    if findings.status in MISFITS and max(log.scatter for log in prepared) <= UNEQUAL:
+        progress("looking for what is wrong", 0.95)
+        cause = diagnose(scene, read, prepared, unknowns, attempt)
+        if cause is not None:
+            findings = replace(findings, status=Status.MODEL_MISFIT, message=_caused(cause, attempt))
     clock.add("intervals", since)
     return prepared, findings
 
@@ -119,6 +128,12 @@ def records_of(scene: Scene, records: Sequence[Record] | None) -> list[Record]:
     if len(read) != len(scene.logs):
         raise FitError(f"{len(read)} records were given for {len(scene.logs)} logs of the scene; give one each")
     return read
+
+
+def _caused(cause: str, attempt: Attempt | None) -> str:
+    """The sentence of a misfit whose cause is known."""
+    by = "" if attempt is None else f" (misfit {attempt.gate.chi2_per_sample:.3g} times the noise variance)"
+    return f"with the rig and the effects as stated the model does not describe these data{by}; {cause}"
 
 
 def _read(scene: Scene, index: int) -> Record:
