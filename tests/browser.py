@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import select
@@ -28,11 +29,14 @@ class Browser:
         to_child, from_us = os.pipe()
         to_us, from_child = os.pipe()
         self._in, self._out = from_us, to_us
+        ends = [fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (to_child, from_child)]  # out of the way of 3 and 4
+
+        def at_three_and_four() -> None:
+            os.dup2(ends[0], 3)
+            os.dup2(ends[1], 4)
+
         self._process = subprocess.Popen(
             [
-                "/bin/sh",
-                "-c",
-                f'exec "$0" "$@" 3<&{to_child} 4>&{from_child}',
                 CHROMIUM,
                 "--headless=new",
                 "--no-sandbox",
@@ -42,12 +46,13 @@ class Browser:
                 f"--user-data-dir={self._profile.name}",
                 "about:blank",
             ],
-            pass_fds=(to_child, from_child),
+            pass_fds=(3, 4),
+            preexec_fn=at_three_and_four,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        os.close(to_child)
-        os.close(from_child)
+        for fd in (to_child, from_child, *ends):
+            os.close(fd)
         self._buffer, self._number, self._events = b"", 0, []
         self.requests: list[str] = []
         self.errors: list[str] = []

@@ -205,10 +205,14 @@ def test_quantities_hang_together_as_they_were_drawn():
 
 
 def test_one_more_person_scatters_as_people_do():
-    y, setting = balanced(7, people=150, groups=2, runs=2)
-    value, sd, _ = predictive(pool(y, np.zeros(len(y)), setting), "M0")
-    assert value == pytest.approx(0.5, abs=0.03)
-    assert sd == pytest.approx(np.sqrt(0.06**2 + 0.03**2 + 0.02**2), rel=0.1)
+    y, setting = balanced(1)
+    people, crossed, run = mean_squares(y, 8, 3, 3)
+    value, sd, df = predictive(pool(y, np.zeros(len(y)), setting), "M0")
+    mean = (people + 2 * crossed) / 72
+    spread = (people - crossed) / 9 + (crossed - run) / 3 + run
+    assert value == pytest.approx(np.mean(y[np.array(setting.group) == "M0"]))
+    assert sd == pytest.approx(np.sqrt(mean + spread), rel=1e-5)
+    assert 7 < df < 20
 
 
 def test_too_few_fits_are_refused_in_one_sentence():
