@@ -13,6 +13,7 @@ Document = Mapping[str, Any]
 OPEN = "interval open: "  # how a reason begins
 MOST_PLACES = 8
 LEAST = 0.0999  # of a unit, from which on it is taken
+KILO = ("N", "N/m", "Pa")  # units that are told in thousands
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -30,6 +31,10 @@ def _scale(value: float, unit: str) -> tuple[str, float]:
         return speed_scale(value)
     if not unit or value == 0:
         return unit, 1.0
+    if unit in KILO and abs(value) >= 1e4:
+        return f"k{unit}", 1e3
+    if unit == "kg":
+        return ("kg", 1.0) if abs(value) >= 1.0 else ("g", 1e-3)
     usual = 1e-3 if unit == "m" and abs(value) < 1 else 1.0
     factor, prefix = next(((f, s) for f, s in PREFIXES if abs(value) >= LEAST * f and f <= usual), PREFIXES[-1])
     return f"{prefix}{unit}", factor
@@ -39,7 +44,7 @@ def _digits(value: float, digits: int) -> str:
     return f"{value:.3g}" if value == 0 else np.format_float_positional(value, digits, fractional=False, trim="-")
 
 
-def _with_interval(entry: Mapping[str, Any]) -> str:
+def with_interval(entry: Mapping[str, Any]) -> str:
     """The number and its interval in one unit, with as many decimals as tell the ends apart."""
     value, unit = entry["value"], entry["unit"]
     low, high = entry["interval"] or (None, None)
@@ -88,7 +93,7 @@ def stability_text(document: Document) -> str:
     lines = [f"At {_where(document)} {sentence}."]
     end = answer["critical_speed"]
     if end["value"] is not None:
-        lines.append(f"Stick-slip ends above a drive speed of {_with_interval(end)}.")
+        lines.append(f"Stick-slip ends above a drive speed of {with_interval(end)}.")
     else:
         lines.append(f"Drive speed above which stick-slip ends: none; {end['validity']}.")
     spans = answer["sliding_unstable_between"]
@@ -114,10 +119,10 @@ def amplitude_text(document: Document) -> str:
         return f"Amplitude at {_where(document)}: none; {part['drop']['validity']}."
     plain = {name: said(entry["value"], entry["unit"]) for name, entry in part.items() if name != "text"}
     return (
-        f"At {_where(document)} each jump drops the force by {_with_interval(part['drop'])}, "
-        f"every {_with_interval(part['period'])}: "
+        f"At {_where(document)} each jump drops the force by {with_interval(part['drop'])}, "
+        f"every {with_interval(part['period'])}: "
         f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
-        f"at up to {_with_interval(part['peak_speed'])}; "
+        f"at up to {with_interval(part['peak_speed'])}; "
         f"the force rises to {plain['onset_force']} and falls to {plain['arrest_force']}."
         + _why_open(part[name] for name in ("drop", "period", "peak_speed"))
     )
