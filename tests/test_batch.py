@@ -9,9 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from batch_case import STUB, Silent, children, kill, started, wait_for, write_case
+from batch_case import STUB, Silent, alive, children, kill, put, started, wait_for, write_case
 
 from data_io.errors import LogError
+from experiments.run_batch_faults import Tally
 from experiments.stub_fits import numbers
 from identify.batch.job import CRASHED, DEFECT, FAILED, OUTDATED, TIMED_OUT, TRY_AGAIN, Job
 from identify.batch.lock import locked
@@ -181,27 +182,37 @@ def test_a_folder_is_not_shared_and_not_overwritten(tmp_path):
         run(case, tmp_path / "photos", resume=True)
 
 
+def test_the_trials_of_faults_would_see_what_is_lost_wrong_or_half(tmp_path):
+    case, out = write_case(tmp_path / "in", ["G1", "G2", "G3", "G4"]), tmp_path / "out"
+    for folder in (out, tmp_path / "reference"):
+        run(case, folder)
+    before, tally = put(out), Tally("control")
+    assert tally.look(out, tmp_path / "reference", before, frozenset()) == before
+    assert (tally.lost, tally.wrong, tally.half) == (0, 0, 0)
+    text = (out / "G1" / "result.json").read_text()
+    (out / "G1" / "result.json").write_text(text.replace("0.01", "0.02"))
+    (out / "G2" / "result.h5").unlink()
+    shutil.rmtree(out / "G3")
+    (out / "G4" / "figures" / "extra.svg").write_text("")
+    tally.look(out, tmp_path / "reference", before, frozenset())
+    assert (tally.lost, tally.wrong, tally.half) == (1, 1, 2)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_killed_at_any_time_nothing_is_lost_and_no_process_stays(tmp_path, number):
+def test_a_terminated_batch_says_so_and_leaves_no_process(tmp_path):
     case, out = write_case(tmp_path / "in", [f"G{i}" for i in range(8)]), tmp_path / "out"
-    arguments = [case[0], "--scene", case[1], "--out", out, "--jobs", 2, "--resume"]
-    batch = started(arguments, seconds=0.15)
-    wait_for(lambda: out.is_dir() and len(folders(out)) >= 3)
+    batch = started([case[0], "--scene", case[1], "--out", out, "--jobs", 2], seconds=0.15)
+    wait_for(lambda: len(put(out)) >= 3)
     below = children(batch.pid)
-    batch.send_signal(number)
-    assert batch.wait(20) == (-9 if number == signal.SIGKILL else 130)
-    batch.communicate()
-    assert len(below) == 2
-    wait_for(lambda: not any(Path(f"/proc/{pid}/cmdline").exists() for pid in below))
-    before = {name: (out / name).stat().st_ino for name in folders(out) if not name.startswith(".")}
-    assert all(complete(out / name) for name in before)
-    second = started(arguments)
-    second.communicate(timeout=60)
-    assert second.returncode == 0
-    assert {name: (out / name).stat().st_ino for name in before} == before, "nothing finished was done again"
-    run(case, tmp_path / "fresh")
-    assert results(out) == results(tmp_path / "fresh") and hidden(out) == []
+    batch.send_signal(signal.SIGTERM)
+    _, words = batch.communicate(timeout=30)
+    assert batch.returncode == 130 and b"interrupted" in words and len(below) == 2
+    wait_for(lambda: not any(alive(pid) for pid in below))
+    before = put(out)
+    document = json.loads((out / "batch.json").read_text())
+    assert document["status"] == "stopped" and document["counts"]["converged"] == len(before) and hidden(out) == []
+    assert run(case, out, resume=True)[0].kept == len(before) < 8
+    assert {name: put(out)[name] for name in before} == before, "nothing finished was done again"
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")

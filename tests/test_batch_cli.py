@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batch_case import SCENE, started, write_case
+from batch_case import SCENE, write_case
 from test_cli import folder, refused, stickslip  # noqa: F401
 
 from data_io import Record, write_csv
@@ -107,13 +107,3 @@ def test_every_complaint_is_told_and_nothing_is_begun(folder, capsys):  # noqa: 
     code, _, words = stickslip(capsys, *asked, "--set", "rig.mas=1")
     assert code == 2 and "did you mean 'mass'" in words
     assert not Path("out").exists()
-
-
-def test_of_two_batches_in_one_folder_one_waits_outside(tmp_path):
-    case = write_case(tmp_path / "in", [f"G{i}" for i in range(4)])
-    asked = [case[0], "--scene", case[1], "--out", tmp_path / "out", "--resume", "--jobs", 1]
-    both = [started(asked, seconds=1.0) for _ in range(2)]
-    said = [process.communicate(timeout=120)[1] for process in both]
-    codes = [process.returncode for process in both]
-    assert sorted(codes) == [0, 2] and b"another batch is running there" in said[codes.index(2)]
-    assert len(list((tmp_path / "out").glob("*/result.json"))) == 4

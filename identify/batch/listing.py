@@ -61,9 +61,20 @@ def _folder(source: Path) -> Listing:
     files = [path for path in files if path.suffix.lower() not in NOT_LOGS]
     if not files:
         raise BatchError([f"{source}: the folder holds no log; expected one file per log: choose another folder"])
+    foreign = [path for path in files if not _is_text(path.name)]
+    if foreign:
+        raise BatchError([f"{source}: the file name {path.name!r} is not UTF-8; rename it" for path in foreign])
     stems = [_stem(path) for path in files]
     names = [stem if stems.count(stem) == 1 else path.name for path, stem in zip(files, stems, strict=True)]
     return Listing(tuple(Row(path.name, path, name) for path, name in zip(files, names, strict=True)))
+
+
+def _is_text(name: str) -> bool:
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _stem(path: Path) -> str:

@@ -92,7 +92,8 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
             scheduler=arguments.scheduler,
         )
     _say(summary, terminal)
-    _write_page(out, terminal)
+    if summary.status != "stopped":  # of what has ended so far a page can be had with: stickslip compare
+        _write_page(out, terminal)
     return Answer(DONE if summary.status == "done" else NOT_SUCCEEDED, _document(planned, summary, out))
 
 

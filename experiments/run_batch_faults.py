@@ -1,0 +1,306 @@
+"""Batches that are killed, fed garbage, left to hang, put on a full disk and started twice: what is lost?
+
+Each batch is taken up again with --resume until it is done, and then compared, file by file, with one that was never
+disturbed. Counted are groups that had ended and were gone or fitted again ("lost"), results that differ but for
+times and host ("wrong"), and folders without all their files ("half"), looked for after every single kill.
+
+The kills at random instants hit batches with a stand-in for the fit (experiments/stub_fits.py: quick, writes slowly,
+numbers made from the contents of the logs): what is tried there is everything around the fit. A second, shorter
+series kills batches of real fits.
+
+    python experiments/run_batch_faults.py [--fast]
+"""
+
+from __future__ import annotations
+
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+
+from data_io import Record, write_csv
+from experiments.batch_trials import (
+    alive,
+    children,
+    content,
+    differences,
+    kill,
+    put,
+    started,
+    wait_for,
+    write_case,
+)
+from experiments.machine import describe
+from experiments.study_problem import DEMO, RIG
+from identify.effects import MAIN
+from identify.model import assemble
+from identify.simulate import run as simulate
+
+WORK = 0.05  # s that a stand-in works, and as long again that it writes
+VICTIMS = ("batch", "batch", "batch", "batch", "batch, terminated", "one fit")  # who is killed; chosen evenly
+
+
+@dataclass
+class Tally:
+    """What was counted in one series of trials."""
+
+    name: str
+    kills: int = 0
+    batches: int = 0
+    lost: int = 0
+    wrong: int = 0
+    half: int = 0
+    left: int = 0
+    words: list[str] = field(default_factory=list)
+    victims: Counter[str] = field(default_factory=Counter)
+
+    def look(self, out: Path, reference: Path, before: dict[str, int], failed: frozenset[str]) -> dict[str, int]:
+        """Look at everything that stands there; returns the groups that have ended, with the inode of each."""
+        now = put(out)
+        for group, inode in before.items():
+            if now.get(group) != inode:
+                self.lost += 1
+                self.words.append(f"{group} was lost or fitted again")
+        for group in sorted(set(now) - failed):
+            for sentence in differences(out / group, reference / group):
+                self.half += "whole" in sentence
+                self.wrong += "whole" not in sentence
+                self.words.append(sentence)
+        return now
+
+    def finish(self, out: Path, reference: Path) -> None:
+        """Look at a batch that is done: the tables, and what was left lying about."""
+        self.batches += 1
+        for name in ("index.csv", "batch.json"):
+            if content(out / name) != content(reference / name):
+                self.wrong += 1
+                self.words.append(f"{name} is another")
+        for item in out.glob(".*"):
+            self.left += item.name != ".lock"
+
+    def __str__(self) -> str:
+        told = (
+            f"{self.name:<34}{self.batches:>8}{self.kills:>7}{self.lost:>6}{self.wrong:>7}{self.half:>6}{self.left:>10}"
+        )
+        return "\n".join([told, *(f"    {words}" for words in self.words[:10])])
+
+
+HEADING = f"{'':<34}{'batches':>8}{'kills':>7}{'lost':>6}{'wrong':>7}{'half':>6}{'left over':>10}"
+
+
+def batch(case: tuple[Path, Path], out: Path, *more: object) -> list[object]:
+    """The arguments of a batch of this case."""
+    return [case[0], "--scene", case[1], "--out", out, "--resume", *more]
+
+
+def undisturbed(case: tuple[Path, Path], out: Path, stub: bool = True, codes: tuple[int, ...] = (0,)) -> float:
+    """Run a batch to its end; seconds."""
+    since = time.monotonic()
+    process = started(batch(case, out, "--jobs", 2, "--time-limit", "20 s" if stub else "10 min"), stub=stub)
+    _, words = process.communicate()
+    if process.returncode not in codes:
+        raise RuntimeError(f"a batch ended with exit code {process.returncode}: {words.decode()}")
+    return time.monotonic() - since
+
+
+def killed_at_random(
+    name: str, case: tuple[Path, Path], reference: Path, home: Path, kills: int, stub: bool = True
+) -> Tally:
+    """Kill, resume, kill ..., until the batch is done; then the next batch, until there were enough kills.
+
+    Args:
+        case: manifest and scene. reference: an undisturbed batch of it. home: where the batches go. kills: how many.
+    """
+    tally, pick = Tally(name), random.Random(kills)
+    span = 1.2 * WORK * len(put(reference)) if stub else 8.0  # seconds of work, about
+    while tally.kills < kills:
+        out, before, failed, code = home / f"out_{tally.batches}", {}, frozenset[str](), None
+        while code != 0:
+            process = started(batch(case, out, "--jobs", 2), seconds=WORK, stub=stub)
+            if tally.kills < kills:
+                _one_kill(process, out, tally, pick, span)
+            process.communicate()
+            code = process.returncode
+            if pick.random() < 0.5:  # half of the times the next batch comes while fits of this one may still die
+                time.sleep(0.3)
+            failed = _failed(out)
+            now = tally.look(out, reference, before, failed)
+            before = {group: inode for group, inode in now.items() if group not in failed}
+        tally.finish(out, reference)
+        shutil.rmtree(out)
+    return tally
+
+
+def _one_kill(process: subprocess.Popen[bytes], out: Path, tally: Tally, pick: random.Random, span: float) -> None:
+    """Kill the batch or one of its fits at a random instant: of its start in some trials, of its work in most."""
+    victim = pick.choice(VICTIMS)
+    if pick.random() < 0.8:
+        stamp = (out / "batch.json").stat().st_mtime_ns if (out / "batch.json").exists() else 0
+        wait_for(lambda: process.poll() is not None or _stamp(out) != stamp)
+    time.sleep(pick.uniform(0.0, span))
+    below = children(process.pid)
+    if process.poll() is not None:
+        return
+    if victim == "one fit" and below:
+        kill(pick.choice(below))
+    else:
+        kill(process.pid, signal.SIGTERM if "terminated" in victim else signal.SIGKILL)
+    tally.kills += 1
+    tally.victims[victim] += 1
+    if victim != "one fit" and pick.random() < 0.5:
+        process.wait()
+        wait_for(lambda: not any(alive(pid) for pid in below))
+
+
+def _stamp(out: Path) -> int:
+    try:
+        return (out / "batch.json").stat().st_mtime_ns
+    except FileNotFoundError:
+        return 0
+
+
+def _failed(out: Path) -> frozenset[str]:
+    """The groups whose fit was killed: they hold a record of it alone, and are done again."""
+    return frozenset(group for group in put(out) if {p.name for p in (out / group).iterdir()} == {"job.json"})
+
+
+def gone_wrong(folder: Path, reference: Path, home: Path, names: list[str]) -> Tally:
+    """Groups that hang, crash, are refused or run into a defect, among good ones: the good ones are as without them."""
+    tally = Tally("fits that hang, crash, are refused")
+    out = home / "wrong"
+    more = write_case(folder, [*names, "hang", "crash", "defect", "refuse"])
+    process = started(batch(more, out, "--jobs", 2, "--time-limit", "1 s"))
+    process.communicate()
+    if process.returncode != 3 or set(put(out)) != {*names, "hang", "crash", "defect", "refuse"}:
+        tally.wrong += 1
+        tally.words.append(f"exit code {process.returncode}, groups {sorted(put(out))}")
+    tally.look(out, reference, {}, _failed(out))
+    tally.batches += 1
+    return tally
+
+
+def twice(case: tuple[Path, Path], reference: Path, home: Path, times: int) -> Tally:
+    """Two batches started on the same folder at once, again and again: one runs, the other is told to wait."""
+    tally = Tally("two batches at once")
+    for number in range(times):
+        out = home / f"twice_{number}"
+        both = [started(batch(case, out, "--jobs", 2), seconds=0.3) for _ in range(2)]
+        for process in both:
+            process.communicate()
+        codes = sorted(process.returncode for process in both)
+        if codes not in ([0, 2], [0, 0]):  # both where one was done before the other began
+            tally.wrong += 1
+            tally.words.append(f"exit codes {codes}")
+        tally.look(out, reference, {}, frozenset())
+        tally.finish(out, reference)
+    return tally
+
+
+@contextmanager
+def small_disk(where: Path, size: str) -> Iterator[bool]:
+    """A disk of its own size; False where this machine does not let us have one."""
+    where.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(where)]
+    mounted = not sys.platform.startswith("win") and _ran(command)
+    try:
+        yield mounted
+    finally:
+        if mounted:
+            _ran(["umount", str(where)])
+
+
+def _ran(command: list[str]) -> bool:
+    try:
+        return subprocess.run(command, capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+def full_disk(case: tuple[Path, Path], reference: Path, home: Path) -> Tally:
+    """A disk that fills up in the middle, is made larger, fills up again, until the batch is done."""
+    tally = Tally("full disk")
+    with small_disk(home / "disk", "300k") as mounted:
+        if not mounted:
+            tally.name += " (not tried: no rights to mount one)"
+            return tally
+        out, before, code = home / "disk" / "out", {}, 3
+        for size in range(300, 3000, 300):
+            _ran(["mount", "-o", f"remount,size={size}k", str(home / "disk")])
+            process = started(batch(case, out, "--jobs", 2))
+            _, words = process.communicate()
+            code = process.returncode
+            if b"Traceback" in words or code not in (0, 2, 3):
+                tally.wrong += 1
+                tally.words.append(words.decode()[-300:])
+            tally.kills += code != 0
+            before = tally.look(out, reference, before, frozenset())
+            if code == 0:
+                break
+        if code == 0:
+            tally.finish(out, reference)
+        else:
+            tally.words.append("never done")
+            tally.wrong += 1
+    return tally
+
+
+def real_case(folder: Path, groups: int) -> tuple[Path, Path]:
+    """Groups of one quick log each, simulated, and a file of garbage."""
+    case = write_case(folder, [])
+    lines = ["path,group,drive_speed"]
+    time_ = np.arange(1001) / 500
+    motion = simulate(assemble(MAIN), DEMO | RIG, 1e-3, 1.0, 2.0).sample(time_)["force"]
+    for i in range(groups):
+        noise = 5e-3 * np.random.default_rng(i).standard_normal(time_.size)
+        write_csv(Record(time_, np.ones(time_.size), motion + noise), folder / f"real_{i}.csv")
+        lines.append(f"real_{i}.csv,R{i},1 mm/s")
+    case[0].write_text("\n".join(lines) + "\n")
+    return case
+
+
+def main(fast: bool = False) -> list[Tally]:
+    """All trials. fast: a few kills, no real fits.
+
+    Raises:
+        RuntimeError: something was lost, wrong, half or left over.
+    """
+    print(describe())
+    kills, real, pairs, size = (2, 0, 1, 5) if fast else (110, 12, 10, 20)
+    names = [f"G{i:02d}" for i in range(size)]
+    tallies = []
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        case, reference = write_case(home / "in", names), home / "reference"
+        undisturbed(case, reference)
+        tallies.append(killed_at_random("killed, stand-in for the fit", case, reference, home, kills))
+        tallies.append(full_disk(case, reference, home))
+        tallies.append(twice(case, reference, home, pairs))
+        tallies.append(gone_wrong(home / "in", reference, home, names))
+        if real:
+            case, reference = real_case(home / "real", 6), home / "real_reference"
+            undisturbed(case, reference, stub=False)
+            tallies.append(killed_at_random("killed, real fits", case, reference, home / "real", real, stub=False))
+    print(HEADING)
+    for tally in tallies:
+        print(tally)
+        if tally.victims:
+            print("    killed: " + ", ".join(f"{who} {count}" for who, count in tally.victims.items()))
+    if any(tally.lost or tally.wrong or tally.half or tally.left for tally in tallies):
+        raise RuntimeError("not everything survived; see the table")
+    return tallies
+
+
+if __name__ == "__main__":
+    main("--fast" in sys.argv[1:])
