@@ -80,7 +80,7 @@ def fitted(folder: Path, drawn: list[Visit]) -> None:
 
 def told(folder: Path, volunteers: int) -> None:
     """Pooled means beside the truth of an average person (geometric mean over the sites)."""
-    comparison = compare(read_fits([folder]), Question("material", adjust=("site", "order", "hydration")))
+    comparison = compare(read_fits([folder]), Question("material"))
     site = float(np.exp(np.mean(np.log(list(SITES.values())))))
     print(f"\n{'':12s}{'material':10s}{'truth':>10s}{'pooled':>10s}   95 % interval           of chance")
     for k, name in enumerate(NAMES):

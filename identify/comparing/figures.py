@@ -87,7 +87,8 @@ def curves(answers: Sequence[GroupAnswer], which: str, marks: Sequence[float]) -
     speeds = np.concatenate([c.speed for _, _, c in drawn]) * 1e3
     x = Scale(float(speeds.min()), float(speeds.max()), 48.0, WIDTH - RIGHT, True)
     levels = np.concatenate([np.concatenate([c.value, c.low, c.high]) for _, _, c in drawn])
-    y = _from_zero(levels[np.isfinite(levels)], bottom, top)
+    people = np.concatenate([c.people_high for _, _, c in drawn])
+    y = _from_zero(levels[np.isfinite(levels)], people[np.isfinite(people)], bottom, top)
     title = "friction coefficient in steady sliding" if which == "friction" else "drop of the force in each slip [N]"
     parts = [x_axis(x, bottom, top, "drive speed [mm/s]"), y_axis(y, 48.0, WIDTH - RIGHT, title)]
     parts += [line(x.at(v * 1e3), top, x.at(v * 1e3), bottom, "mark") for v in marks]
@@ -99,8 +100,12 @@ def curves(answers: Sequence[GroupAnswer], which: str, marks: Sequence[float]) -
     return svg(WIDTH, CURVE_HEIGHT, parts, f"{title} against drive speed for every group, with 95 % bands")
 
 
-def _from_zero(levels: np.ndarray, bottom: float, top: float) -> Scale:
-    return Scale(min(0.0, float(levels.min())), 1.06 * float(levels.max()), bottom, top + 14.0)
+def _from_zero(levels: np.ndarray, people: np.ndarray, bottom: float, top: float) -> Scale:
+    """From zero to the highest band; the scatter of people may take half as much again."""
+    high = 1.06 * float(levels.max())
+    if people.size:
+        high = max(high, min(1.03 * float(people.max()), 1.5 * high))
+    return Scale(min(0.0, float(levels.min())), high, bottom, top + 14.0)
 
 
 def _curve(curve: Curve, x: Scale, y: Scale, place: int) -> str:

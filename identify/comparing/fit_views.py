@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from identify.comparing.compare import Comparison
 from identify.comparing.figures import thumbnail
-from identify.comparing.fits import CONVERGED, PAGE, FitEntry, natural
+from identify.comparing.fits import PAGE, FitEntry, natural
 from identify.comparing.multiples import excerpt
 from identify.comparing.quantities import number
 from identify.comparing.views import Cell, Table, table
@@ -80,9 +80,8 @@ def _unit(entries: Sequence[FitEntry], name: str) -> Scale:
 
 
 def _status(entry: FitEntry) -> Cell:
-    kind = "good" if entry.converged else "bad"
     words = entry.status.replace("_", " ")
-    return Cell(words, "" if entry.status == CONVERGED else entry.message, chip=kind, sort=words)
+    return Cell(words, chip="good" if entry.converged else "bad", sort=words)
 
 
 def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
@@ -97,12 +96,23 @@ def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
     return Cell(decimals(value / factor, places) + (f" {mark}" if mark not in ("", "✓") else ""), note, sort=value)
 
 
+def without_result(entries: Sequence[FitEntry], home: Path) -> Table:
+    """Fits that gave no result, with the reason."""
+    rows = [
+        [Cell(e.name, link=link(e, home), sort=e.name), _status(e), Cell(e.message, sort=e.message)]
+        for e in entries
+        if not e.converged
+    ]
+    return table("without-result", ["fit", "status", "reason"], rows)
+
+
 def left_out(comparison: Comparison, home: Path) -> Table:
-    """Fits that took no part, with the reason."""
-    by_name = {entry.name: entry for entry in comparison.entries}
+    """Fits with a result that took no part all the same, with the reason."""
+    by_name = {entry.name: entry for entry in comparison.entries if entry.converged}
     rows = [
         [Cell(name, link=link(by_name[name], home), sort=name), Cell(reason, sort=reason)]
         for name, reason in sorted(comparison.taken.left_out, key=lambda item: natural(item[0]))
+        if name in by_name
     ]
     return table("left-out", ["fit", "reason"], rows)
 

@@ -13,6 +13,7 @@ from identify.pooling.design import Setting
 # Labels that mean a person, and numbers that are adjusted for without being asked, where the fits have them.
 SUBJECTS = ("volunteer", "subject", "participant", "person")
 COVARIATES = ("order", "trial", "hydration")
+FACTORS = ("site",)  # names that are adjusted for in the same way: a run at another site is no repetition
 FIRST_CHOICES = ("material", "sample", "surface", "site")  # what a batch is compared by when nobody says
 NONE = "none"
 LONG = 60  # characters of a label in a sentence
@@ -25,7 +26,7 @@ class CompareError(IdentifyError):
 @dataclass(frozen=True)
 class Question:
     """What is asked: compare groups of label `by`; `subject`: label of the person, None without one; `adjust`:
-    labels adjusted for (None: COVARIATES where the fits have them); `without`: fits left out by name."""
+    labels adjusted for (None: COVARIATES and FACTORS where the fits have them); `without`: fits left out by name."""
 
     by: str
     subject: str | None = None
@@ -65,7 +66,11 @@ def usual(entries: Sequence[FitEntry]) -> str | None:
     known = levels(entries)
     usable = {name: values for name, values in known.items() if 2 <= len(values) <= max(2, len(entries) // 2)}
     first = next((name for name in FIRST_CHOICES if name in usable), None)
-    others = [n for n in usable if n not in SUBJECTS + COVARIATES and not all(number(v) is not None for v in usable[n])]
+    others = [
+        n
+        for n in usable
+        if n not in SUBJECTS + COVARIATES + FACTORS and not all(number(v) is not None for v in usable[n])
+    ]
     return first or (others[0] if others else None)
 
 
@@ -157,7 +162,8 @@ def _adjusted(
 ]:
     """Labels to adjust for as factors and numbers; fits without them are left out where they were asked for."""
     asked = question.adjust is not None
-    wanted = [n for n in (COVARIATES if question.adjust is None else question.adjust) if n not in (question.by, NONE)]
+    usual_ones = (*COVARIATES, *FACTORS)
+    wanted = [n for n in (usual_ones if question.adjust is None else question.adjust) if n not in (question.by, NONE)]
     lost: list[tuple[str, str]] = []
     notes: list[str] = []
     for name in wanted if asked else ():
@@ -173,9 +179,9 @@ def _adjusted(
         if len(numbers) < len(kept):
             if numbers:
                 notes.append(f"{name} is told of {len(numbers)} of {len(kept)} fits only: not adjusted for.")
-        elif all(v is not None for v in numbers):
+        elif all(v is not None for v in numbers) and name not in FACTORS:
             covariates[name] = tuple(v for v in numbers if v is not None)
-        elif asked:
+        elif asked or name in FACTORS:
             factors[name] = tuple(str(v) for v in values)
         else:
             notes.append(f"{name} is not a number everywhere: not adjusted for (--adjust takes it as a factor).")

@@ -84,6 +84,7 @@ def render(
         fits=fit_views.fits(entries, home, comparison),
         pictures=fit_views.pictures(entries, home, comparison),
         more_pictures=max(len(entries) - fit_views.MOST_PICTURES, 0),
+        without_result=fit_views.without_result(entries, home),
         rejected=fit_views.rejected_logs(entries),
         reporting=views.reporting(items(entries)),
         reason=reason,
