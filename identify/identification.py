@@ -194,7 +194,11 @@ def _findings(
             {},
         )
     attempt = sure.attempt
-    status, message = _status(attempt, _at_bounds(unknowns, attempt.solved.theta))
+    theta = attempt.solved.theta
+    bounds: dict[str, str] = {}
+    for at in (theta, *(guess.theta(theta) for guess in attempt.solved.guesses)):
+        bounds = _at_bounds(unknowns, at) | bounds
+    status, message = _status(attempt, bounds)
     return Findings(
         status,
         message,

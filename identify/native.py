@@ -24,7 +24,7 @@ from pathlib import Path
 import casadi as ca
 
 FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
-LARGEST = 40_000  # instructions: beyond them the compiler takes minutes
+LARGEST = 90_000  # instructions: beyond them the compiler takes minutes
 STALE = 900.0  # seconds after which another process's unfinished work is taken for dead
 # Compiles every folder given, one after the other. A finished library appears under its name at once or not at all;
 # the lock goes whatever happens.

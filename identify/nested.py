@@ -25,9 +25,11 @@ from identify.vibration import tuned
 
 Array = NDArray[np.float64]
 
+MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
 FAR = 0.5  # sum of squares per sample (in noise variances) above that of the larger model: look for a better start
 HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
 GLANCE = 8  # iterations that show whether an effect is worth a fit
+HELD = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
 CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
 KEPT_BACK = 3  # every such cycle is kept back to be predicted
 FEWEST = 4  # cycles of a log of which one can be kept back
@@ -83,9 +85,16 @@ def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], 
 
 
 def _excess(attempt: Attempt | None) -> float:
-    if attempt is None or not attempt.solved.solution.success:
+    if attempt is None or not (attempt.solved.solution.success or attempt.solved.solution.infeasibility < HELD):
         return np.inf
     return 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
+
+
+def fits(fitted: Fitted) -> bool:
+    """Whether the misfit is about noise."""
+    if fitted.attempt is None:
+        return False
+    return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.attempt.solved.problem.samples))
 
 
 def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
@@ -123,7 +132,8 @@ def _taken_over(
     known, small, large = other.attempt, unknowns.model, other.model
     assert known is not None
     theta = dict(zip(large.parameter_names, known.solved.theta.tolist(), strict=True))
-    start = np.array([theta.get(n, unknowns.start[i]) for i, n in enumerate(unknowns.names)])
+    searched = dict(zip(large.parameter_names, other.unknowns.free.tolist(), strict=True))
+    start = np.array([theta[n] if searched.get(n) else unknowns.start[i] for i, n in enumerate(unknowns.names)])
     start = np.clip(np.where(unknowns.free, start, unknowns.start), unknowns.lower, unknowns.upper)
     logs = [
         replace(prepared[i], data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))

@@ -27,6 +27,7 @@ SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
 MOST_PASSES = 6
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
+LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 NEAR = 0.5  # largest row from which the exact Hessian is tried
 
 
@@ -87,7 +88,8 @@ def solve_in_passes(
         if on_pass is not None:
             on_pass(number)
         fine = grid is not COARSE
-        if solution.cost > hopeless:
+        lost = not solution.success and 2.0 * solution.cost > LOST * problem.samples
+        if solution.cost > hopeless or lost:
             return solved
         if not np.all(np.isfinite(solution.x)) or (not solution.success and (fine or solution.infeasibility > NEAR)):
             return solved

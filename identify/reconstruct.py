@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify import lanes
+from identify.errors import SimulationError
 from identify.guess import Guess
 from identify.outcome import LogCurves, SlipDetail
 from identify.prepare import Prepared
@@ -95,7 +96,10 @@ def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> 
     lead = LEAD * duration
     start = dict(zip(names, guess.slip[cycle, 0].tolist(), strict=True)) | {"sliding_speed": 0.0}
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
-    motion = run(model, values, log.data.drive_speed, load, (1 + TAIL) * duration, start=start, rtol=1e-8)
+    try:
+        motion = run(model, values, log.data.drive_speed, load, (1 + TAIL) * duration, start=start, rtol=1e-8)
+    except SimulationError:  # where a failed fit ended, no slip need be possible
+        return None
     times = np.linspace(0.0, (1 + TAIL) * duration, FINE)
     sampled = motion.sample(times)
     # Before the onset the mass rests: the spring loads at the drive speed, the contact hardly ages meanwhile.

@@ -34,6 +34,7 @@ FULL = 3  # cycles a log must show to take part in the start
 ATTEMPTS = 4  # starts that are solved before giving up
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
+WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 SAME = 0.02  # of the spread: starts closer than that are one
 
@@ -160,9 +161,11 @@ def _starts(
     tried = np.concatenate(own + made)
     settled = quieted(unknowns)
     starts = fit_features(settled, features, bases, tried)
+    before = np.inf
     for count in RANDOM:
-        if starts[0].cost < GOOD or unequal:
+        if starts[0].cost < GOOD or unequal or starts[0].cost > WORTH * before:
             break
+        before = starts[0].cost
         more = random_starts(unknowns, starts[0].theta, count, seed)
         if sources != "user":
             more = np.concatenate([more[: count // 2], random_starts(unknowns, tried[0], count // 2, seed + 1)])

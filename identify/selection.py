@@ -1,55 +1,55 @@
 """effects = "auto" with logs: which effects the data call for, and what each one gains.
 
-From the general to the particular: everything the logs give reason to try is fitted at once; then the effect whose
-loss costs least is left out, again and again, until every one that stays is worth its parameters.
+What the logs plainly show is fitted at once. Then effects are added, left out, and exchanged for those that mimic them,
+as long as the misfit with the price of the parameters (Schwarz) falls. Models are compared as parts of one general
+model in which an absent effect is held at its null values: the functions are built once, the sums compare exactly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from data_io import Record
-from identify.choice import Choice, Reason
+from identify.choice import Choice
 from identify.effects import ALL
-from identify.nested import Fitted, fit_larger, fit_model, fit_smaller, held_out_error, promise, scene_with
+from identify.nested import Fitted, fit_larger, fit_model, fit_smaller, fits, held_out_error, promise, scene_with
 from identify.prepare import prepare
-from identify.price import price
+from identify.quantities import Effect
 from identify.scene import Scene
-from identify.screening import Screen, screen
+from identify.screening import screen
+from identify.selection_words import Gain, reasons
 from identify.unknowns import from_scene
 
 Progress = Callable[[str, float | None], None]
 
 ALWAYS = ("inertia",)
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
+# Effects whose null values are numbers: held there, they are absent.
+HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
+# What slips and sticks look alike under: each may stand where the other is true.
+MIMICS = (
+    ("velocity_weakening", "direct_effect"),
+    ("velocity_weakening", "sensor_lag"),
+    ("direct_effect", "sensor_lag"),
+    ("contact_ageing", "load_dependence"),
+    ("contact_ageing", "direct_effect"),
+    ("hysteresis_damping", "sensor_lag"),
+    ("hysteresis_damping", "direct_effect"),
+    ("skin_compliance", "sensor_lag"),
+    ("occlusion", "load_dependence"),
+)
+LAWS = {"velocity_weakening": "linear_weakening"}  # the simpler law in place of the other
 ENOUGH = 25.0  # an effect that gains more than this is never dropped
 PLAIN = 200.0  # a statistic so large that smaller company cannot make it small
 PROMISING = 5.0  # statistic that one linear step must promise
 TELLING = (2.0, 1000.0)  # statistics between which kept-back cycles are asked as well
-MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
+CLEARER = 1.0  # by which another model must be better
+ROUNDS = 3  # of adding, exchanging and leaving out
+BY_NAME = {effect.name: effect for effect in ALL}
 LAST = ("contact_ageing",)  # what the start needs is asked once the others are settled
-RIVALS = {"velocity_weakening": ("linear_weakening",)}
-UNASKED = {
-    "driven_damping": "a damping at a given frequency acts like the one at the natural frequency: list it by name",
-    "power_law": "a law measured on wet smooth glass: list it by name",
-    "pressure_dependence": "the same as load_dependence where only the load varies: list it by name",
-    "force_sensor": "gain and offset of the load cell cannot be told from friction: calibrate, then list it by name",
-    "sensor_second_lag": "a second stage of the load cell: list it by name",
-    "friction_heterogeneity": "cycles that differ are described by the simulation, not by the fit",
-}
-
-
-@dataclass(frozen=True)
-class Gain:
-    """What an effect gains on the data: likelihood-ratio statistic, penalty of its parameters, growth of the error on
-    kept-back cycles without it."""
-
-    statistic: float
-    penalty: float
-    held_out: float
 
 
 def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress | None = None) -> Choice:
@@ -67,84 +67,193 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     first = scene_with(scene, LOOKED_AT, {})
     unknowns = from_scene(first)
     looks = screen([prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)])
+    asked = tuple(look.effect for look in looks if look.asked)
     starts = {name: value for look in looks if look.asked for name, value in look.starts}
-    asked = [look.effect for look in looks if look.asked]
-    vague = [look.effect for look in looks if look.asked and not look.sure]
-
-    def scene_of(effects: Sequence[str]) -> Scene:
-        return scene_with(scene, [e.name for e in ALL if e.name in (*ALWAYS, *effects)], starts)
-
-    told("fitting all that may matter", 0.1)
-    kept = [e for e in asked if e not in vague]
-    best = fit_model(scene_of(kept), records)
-    if not _fits(best):
-        # An ageing that is not there has its best values nowhere, and takes the others with it.
-        settled = [e for e in kept if e not in LAST]
-        plain_friction = fit_model(scene_of(settled), records, thorough=False)
-        if plain_friction.excess < best.excess:
-            kept, best = settled, plain_friction
-    gains: dict[str, Gain] = {}
-    while vague:
-        told(f"with {', '.join(vague)}", 0.2)
-        hopes = {e: promise(best, scene_of([*kept, e]), records) for e in vague}
-        gains |= {e: Gain(max(hope, 0.0), ENOUGH, float("nan")) for e, hope in hopes.items()}
-        larger = {e: fit_larger(best, scene_of([*kept, e]), records) for e in vague if not hopes[e] < PROMISING}
-        worth = {e: _statistic(f, best) - _penalty(f, best) for e, f in larger.items()}
-        gains |= {e: Gain(_statistic(f, best), _penalty(f, best), float("nan")) for e, f in larger.items()}
-        strongest = max(worth, key=lambda e: worth[e], default="")
-        if not worth.get(strongest, 0.0) > 0.0:
-            break
-        kept, best = [*kept, strongest], larger[strongest]
-        vague.remove(strongest)
-
-    def without(larger: Fitted, kept: Sequence[str], losers: Sequence[str]) -> Fitted:
-        told(f"without {', '.join(losers)}", 0.2 + 0.6 * (1 - len(kept) / max(len(asked), 1)))
-        return fit_smaller(larger, scene_of([e for e in kept if e not in losers]), records)
-
-    asked_last = False
-    known: dict[str, Fitted] = {}  # those of the same larger model
-    plain: dict[str, float] = {}  # statistics so far: what was plain once is not asked again
-    while True:
-        doubtful = [e for e in kept if plain.get(e, 0.0) < PLAIN and (e not in LAST or asked_last)]
-        smaller = {e: known.get(e) or without(best, kept, [e]) for e in doubtful}
-        known = smaller
-        plain |= {e: _statistic(best, f) for e, f in smaller.items()}
-        losers = [e for e in doubtful if plain[e] < _penalty(best, smaller[e])]
-        if not losers and asked_last:
-            break
-        if not losers:
-            asked_last = True
-            continue
-        together = without(best, kept, losers) if len(losers) > 1 else smaller[losers[0]]
-        if _statistic(best, together) >= sum(_penalty(best, smaller[e]) for e in losers):
-            losers = [min(losers, key=lambda e: plain[e] - _penalty(best, smaller[e]))]
-            together = smaller[losers[0]]
-        doubt = any(plain[e] > TELLING[0] for e in losers)
-        held = _growth(best, together) if doubt else float("nan")
-        gains |= {e: Gain(plain[e], _penalty(best, smaller[e]), held) for e in losers}
-        kept, best, known = [e for e in kept if e not in losers], together, {}
-    for effect in kept:
-        last = smaller.get(effect) if effect in smaller else None
-        if last is None and plain.get(effect, 0.0) < PLAIN:
-            last = without(best, kept, [effect])
-            plain[effect] = _statistic(best, last)
-        asked_back = last is not None and plain[effect] < TELLING[1]
-        held = _growth(best, last) if asked_back and last is not None else float("nan")
-        penalty = ENOUGH if last is None else _penalty(best, last)
-        gains[effect] = Gain(plain[effect], penalty, held)
-    kept, best, notes = _law(best, kept, scene_of, records)
-    effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *kept))
-    return Choice(effects, tuple(_reasons(best, looks, kept, gains, notes)))
+    selection = Selection(_Models(scene, tuple(records), asked, starts), told)
+    selection.run([look.effect for look in looks if look.asked and look.sure])
+    effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *selection.kept))
+    return Choice(effects, tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes)))
 
 
-def _fits(fitted: Fitted) -> bool:
-    """Whether the misfit is about noise."""
-    if fitted.attempt is None:
-        return False
-    return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.attempt.solved.problem.samples))
+@dataclass(frozen=True)
+class _Models:
+    """The models a selection compares: a scene of effects to be chosen, its records, the effects that may be chosen,
+    and where their parameters start (SI)."""
+
+    scene: Scene
+    records: tuple[Record, ...]
+    asked: tuple[str, ...]
+    starts: dict[str, float]
+
+    def of(self, effects: Iterable[str]) -> Scene:
+        """The scene of a subset of effects: the others that can be are held at their null values."""
+        present = {*ALWAYS, *effects}
+        roles = {BY_NAME[name].role for name in present} - {""}
+        held = [n for n in HELD if n in self.asked and n not in present and BY_NAME[n].role not in roles]
+        made = scene_with(self.scene, [e.name for e in ALL if e.name in present or e.name in held], self.starts)
+        shared = {q.name for name in present for q in BY_NAME[name].parameters}
+        parameters = dict(made.parameters)
+        for effect in (BY_NAME[name] for name in held):
+            for q in effect.parameters:
+                if q.name in parameters and q.name not in shared:
+                    parameters[q.name] = replace(
+                        parameters[q.name], start=None, prior_mean=None, prior_sd=None, fixed=_absent(effect, q.name)
+                    )
+        return replace(made, parameters=parameters)
+
+    def simulated(self, kept: Sequence[str]) -> Fitted:
+        """The model of these effects, fitted from the data alone."""
+        return fit_model(self.of(kept), self.records, thorough=False)
 
 
-def _statistic(larger: Fitted, smaller: Fitted) -> float:
+def _absent(effect: Effect, name: str) -> float:
+    """A value of a parameter of an effect that is held absent."""
+    declared = next(q for q in effect.parameters if q.name == name)
+    return effect.null.get(name, declared.default)
+
+
+class Selection:
+    """A walk through the subsets of effects: `kept` is the best one so far, `best` its fit."""
+
+    def __init__(self, models: _Models, told: Progress) -> None:
+        self._models, self._told = models, told
+        self.kept: list[str] = []
+        self.gains: dict[str, Gain] = {}
+        self.notes: dict[str, str] = {}
+        self._statistics: dict[str, float] = {}  # of the effects kept, at the last model that had them
+
+    def run(self, sure: Sequence[str]) -> None:
+        """Walk from what the logs plainly show to the best subset."""
+        self._begin(list(sure))
+        self._toggle()
+        for _ in range(ROUNDS):
+            before = set(self.kept)
+            self._add()
+            self._exchange()
+            self._leave_out()
+            if set(self.kept) == before:
+                break
+        self._held_out()
+        self._simpler_laws()
+
+    def _begin(self, sure: list[str]) -> None:
+        self._told("fitting all that plainly matters", 0.1)
+        self.kept, self.best = sure, fit_model(self._models.of(sure), self._models.records)
+        if not fits(self.best):
+            # An ageing that is not there has its best values nowhere, and takes the others with it.
+            settled = [e for e in sure if e not in LAST]
+            plain_friction = self._models.simulated(settled)
+            if plain_friction.excess < self.best.excess:
+                self.kept, self.best = settled, plain_friction
+
+    def _toggle(self) -> None:
+        """Leave out what has no parameters of its own and does harm: it would bend all that is tried after it."""
+        for effect in list(self.kept):
+            other = fit_larger(self.best, self._models.of([e for e in self.kept if e != effect]), self._models.records)
+            if other.searched == self.best.searched and better(other, self.best) > CLEARER:
+                self.gains[effect] = Gain(statistic(self.best, other), 0.0, float("nan"))
+                self._move([e for e in self.kept if e != effect], other)
+
+    def _add(self) -> None:
+        """Add the effect that gains most beyond its price, again and again."""
+        rest = [e for e in self._models.asked if e not in self.kept]
+        while rest:
+            self._told(f"with {', '.join(rest)}", 0.3)
+            fitted = {}
+            for effect in rest:
+                scene = self._models.of([*self.kept, effect])
+                hope = promise(self.best, scene, self._models.records)
+                self.gains[effect] = Gain(max(hope, 0.0), ENOUGH, float("nan"))
+                if not hope < PROMISING:
+                    fitted[effect] = fit_larger(self.best, scene, self._models.records)
+            for effect, found in fitted.items():
+                gain = statistic(found, self.best)
+                self.gains[effect] = Gain(gain, penalty(found, self.best), float("nan"))
+            worth = {e: self.gains[e].statistic - self.gains[e].penalty for e in fitted}
+            strongest = max(worth, key=lambda e: worth[e], default="")
+            if not worth.get(strongest, 0.0) > 0.0:
+                return
+            self._move([*self.kept, strongest], fitted[strongest])
+            rest.remove(strongest)
+
+    def _exchange(self) -> None:
+        """Put an effect in the place of one that mimics it, while that makes a better model."""
+        tried: set[tuple[str, str]] = set()
+        for pair in MIMICS:
+            for out, into in (pair, pair[::-1]):
+                if out not in self.kept or into in self.kept or into not in self._models.asked or (out, into) in tried:
+                    continue
+                tried.add((out, into))
+                self._told(f"{into} in the place of {out}", 0.5)
+                kept = [e for e in self.kept if e != out] + [into]
+                other = fit_larger(self.best, self._models.of(kept), self._models.records)
+                if better(other, self.best) > CLEARER:
+                    self.gains[out] = Gain(0.0, ENOUGH, float("nan"))
+                    self._move(kept, other)
+
+    def _leave_out(self) -> None:
+        """Leave out what is not worth its parameters, until all that stays is."""
+        last = False
+        while True:
+            doubtful = [e for e in self.kept if self._statistics.get(e, 0.0) < PLAIN and (e not in LAST or last)]
+            smaller = {e: self._without([e]) for e in doubtful}
+            self._statistics |= {e: statistic(self.best, f) for e, f in smaller.items()}
+            prices = {e: penalty(self.best, f) for e, f in smaller.items()}
+            self.gains |= {e: Gain(self._statistics[e], prices[e], float("nan")) for e in doubtful}
+            losers = [e for e in doubtful if self._statistics[e] < prices[e]]
+            if not losers and last:
+                return
+            if not losers:
+                last = True
+                continue
+            together = self._without(losers) if len(losers) > 1 else smaller[losers[0]]
+            if statistic(self.best, together) >= sum(prices[e] for e in losers):
+                losers = [min(losers, key=lambda e: self._statistics[e] - prices[e])]
+                together = smaller[losers[0]]
+            self._ask_held_out(losers, together)
+            self._move([e for e in self.kept if e not in losers], together)
+
+    def _without(self, losers: Sequence[str]) -> Fitted:
+        self._told(f"without {', '.join(losers)}", 0.6)
+        scene = self._models.of([e for e in self.kept if e not in losers])
+        return fit_smaller(self.best, scene, self._models.records)
+
+    def _move(self, kept: list[str], fitted: Fitted) -> None:
+        """Go on from another subset; what was plain there may not be here."""
+        changed = set(kept) ^ set(self.kept)
+        if any({*pair} & changed for pair in MIMICS):
+            self._statistics = {}
+        self.kept, self.best = kept, fitted
+
+    def _ask_held_out(self, effects: Sequence[str], smaller: Fitted) -> None:
+        if not any(self._statistics[e] > TELLING[0] for e in effects):
+            return
+        growth = _growth(self.best, smaller)
+        self.gains |= {e: replace(self.gains[e], held_out=growth) for e in effects}
+
+    def _held_out(self) -> None:
+        """Of what stays: by how much worse kept-back cycles are predicted without it."""
+        for effect in self.kept:
+            if self._statistics.get(effect, np.inf) < TELLING[1]:
+                self._ask_held_out([effect], self._without([effect]))
+
+    def _simpler_laws(self) -> None:
+        """Interchangeable laws: the one that describes the data best, with its parameters paid for."""
+        for law, simpler in LAWS.items():
+            if law not in self.kept:
+                continue
+            kept = [simpler if e == law else e for e in self.kept]
+            other = self._models.simulated(kept)
+            loss = statistic(self.best, other)
+            if better(other, self.best) > 0.0:
+                self.notes[law] = f"{simpler} says the same with fewer parameters (it loses {loss:.3g})"
+                self.notes[simpler] = f"it says the same as {law} with fewer parameters (it loses {loss:.3g})"
+                self.kept, self.best = kept, other
+            else:
+                self.notes[simpler] = f"{law} describes the data better, by {loss:.3g}"
+
+
+def statistic(larger: Fitted, smaller: Fitted) -> float:
     """Likelihood-ratio statistic of the larger model; an estimated or wrong noise level is taken out."""
     if larger.attempt is None:
         return 0.0 if smaller.attempt is None else -np.inf
@@ -153,12 +262,20 @@ def _statistic(larger: Fitted, smaller: Fitted) -> float:
     return float((smaller.excess - larger.excess) / noise) if np.isfinite(larger.excess) else -np.inf
 
 
-def _penalty(larger: Fitted, smaller: Fitted) -> float:
+def penalty(larger: Fitted, smaller: Fitted) -> float:
     """What the parameters of an effect must gain at least (Schwarz); never more than ENOUGH."""
     if larger.attempt is None:
         return ENOUGH
     more = max(larger.searched - smaller.searched, 1)
     return float(min(more * np.log(larger.attempt.solved.problem.samples), ENOUGH))
+
+
+def better(other: Fitted, than: Fitted) -> float:
+    """By how much another model is better, its parameters paid for (Schwarz)."""
+    if other.attempt is None:
+        return -np.inf
+    samples = other.attempt.solved.problem.samples
+    return -statistic(than, other) + (than.searched - other.searched) * float(np.log(samples))
 
 
 def _growth(larger: Fitted, smaller: Fitted) -> float:
@@ -168,66 +285,3 @@ def _growth(larger: Fitted, smaller: Fitted) -> float:
         return without
     held = held_out_error(larger)
     return without / held if held > 0.0 else float("nan")
-
-
-def _law(
-    best: Fitted, kept: list[str], scene_of: Callable[[Sequence[str]], Scene], records: Sequence[Record]
-) -> tuple[list[str], Fitted, dict[str, str]]:
-    """Interchangeable laws: the one that describes the data best, with its parameters paid for."""
-    notes: dict[str, str] = {}
-    for law, rivals in RIVALS.items():
-        for rival in rivals if law in kept else ():
-            other = fit_model(scene_of([rival if e == law else e for e in kept]), records, thorough=False)
-            loss = _statistic(best, other)
-            saved = (
-                (best.searched - other.searched) * np.log(max(best.attempt.solved.problem.samples, 2))
-                if best.attempt
-                else 0.0
-            )
-            if loss < saved:
-                notes[law] = f"{rival} says the same with fewer parameters (it loses {loss:.3g})"
-                notes[rival] = f"it says the same as {law} with fewer parameters (it loses {loss:.3g})"
-                kept, best = [rival if e == law else e for e in kept], other
-            else:
-                notes[rival] = f"{law} describes the data better, by {loss:.3g}"
-    return kept, best, notes
-
-
-def _reasons(
-    best: Fitted, looks: Sequence[Screen], kept: Sequence[str], gains: dict[str, Gain], notes: dict[str, str]
-) -> list[Reason]:
-    by_name = {look.effect: look for look in looks}
-    out = []
-    for effect in ALL:
-        name = effect.name
-        stays = name in (*ALWAYS, *kept)
-        cost = price(name, best.model.effects)
-        if name in ALWAYS:
-            out.append(Reason(name, True, "the equation of motion of a stick-slip record needs it", cost=cost))
-        elif name in notes:
-            out.append(Reason(name, stays, notes[name], cost=cost))
-        elif name in by_name and by_name[name].asked:
-            gain = gains.get(name)
-            said = f"{by_name[name].sentence}; {_said(gain, stays)}"
-            statistic = None if gain is None or not np.isfinite(gain.statistic) else gain.statistic
-            held = None if gain is None or not np.isfinite(gain.held_out) else gain.held_out
-            out.append(Reason(name, stays, said, cost=cost, statistic=statistic, held_out=held))
-        elif name in by_name:
-            out.append(Reason(name, stays, by_name[name].sentence, cost=cost))
-        else:
-            out.append(Reason(name, stays, UNASKED.get(name, "a law that nothing calls for"), cost=cost))
-    return out
-
-
-def _said(gain: Gain | None, stays: bool) -> str:
-    if gain is None:
-        return "it was tried"
-    if not np.isfinite(gain.statistic):
-        return "without it no start describes the data" if stays else "it gains nothing"
-    verdict = "worth" if stays else "not worth"
-    said = (
-        f"the fit gains {max(gain.statistic, 0.0):.3g} where its parameters ask for {gain.penalty:.3g}: {verdict} them"
-    )
-    if np.isfinite(gain.held_out):
-        said += f"; without it cycles kept back are predicted with {gain.held_out:.3g} times the error"
-    return said

@@ -1,0 +1,139 @@
+"""Why a model misfits: one thing at a time that may be wrong with rig or sensor is set free, and what explains the
+logs within their noise is named.
+
+A suspect explains a misfit where it alone takes it down to noise, or nearly all of it. What explains it is said,
+never silently taken over: the answer stays a misfit until the user mends the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from data_io import Record
+from identify.errors import FitError, SceneError
+from identify.model import RIG_PARAMETERS
+from identify.nested import Fitted, fit_model, fit_smaller, fits
+from identify.prepare import Prepared
+from identify.scene import Scene
+from identify.scene.parameters import ParameterSpec
+from identify.search import Attempt
+from identify.unknowns import Unknowns
+
+REACH = 4.0  # factor up to which a rig value is suspected
+REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
+CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
+TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """What may be wrong: its parameter, the scene with it free (None where it is free already), and the sentence that
+    names it, given the value found and the one stated."""
+
+    parameter: str
+    freed: Callable[[Scene], Scene | None]
+    words: Callable[[float, float], str]
+
+
+def diagnose(
+    scene: Scene,
+    records: Sequence[Record],
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    attempt: Attempt | None,
+) -> str | None:
+    """What alone would explain a misfit, in a sentence; None where nothing does.
+
+    Args:
+        scene, records, prepared, unknowns: those of the fit; attempt: where it ended.
+    """
+    excess = np.inf if attempt is None else 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
+    ended = Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
+    if fits(ended):
+        return None
+    near = attempt is not None and excess < attempt.solved.problem.samples
+    found: list[tuple[float, str]] = []
+    for suspect in SUSPECTS:
+        freed = suspect.freed(scene)
+        if freed is None:
+            continue
+        try:
+            fitted = fit_smaller(ended, freed, records) if near else fit_model(freed, records, thorough=False)
+        except (FitError, SceneError):
+            continue
+        nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess
+        if fitted.attempt is None or not (fits(fitted) or nearly):
+            continue
+        value, stated = _values(suspect, fitted, scene)
+        if stated > 0.0 and abs(value / stated - 1.0) < CLEAR:
+            continue
+        rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
+        found.append((fitted.excess, f"{suspect.words(value, stated)} explains the misfit {rest}"))
+    least = min((misfit for misfit, _ in found), default=0.0)
+    return "; or ".join(words for misfit, words in sorted(found) if misfit < least + TOLD) or None
+
+
+def _values(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:
+    """Value found and value stated of a suspect (0 where none is stated)."""
+    assert fitted.attempt is not None
+    names = fitted.unknowns.names
+    base = fitted.unknowns.base({n: float(getattr(scene.rig, n)) for n in RIG_PARAMETERS})
+    value = fitted.unknowns.values(fitted.attempt.solved.theta, base)[names.index(suspect.parameter)]
+    return float(value), float(getattr(scene.rig, suspect.parameter, 0.0) or 0.0)
+
+
+def _rig(name: str) -> Callable[[Scene], Scene | None]:
+    """A scene with a rig quantity estimated."""
+
+    def freed(scene: Scene) -> Scene | None:
+        value = float(getattr(scene.rig, name))
+        if name in scene.parameters or value <= 0.0:
+            return None
+        spec = ParameterSpec(name, None, value / REACH, value * REACH)
+        return replace(scene, parameters={**scene.parameters, name: spec})
+
+    return freed
+
+
+def _effect(name: str, parameter: str, start: Callable[[Scene], float]) -> Callable[[Scene], Scene | None]:
+    """A scene with one effect more, its parameter started where it matters."""
+
+    def freed(scene: Scene) -> Scene | None:
+        if scene.effects == "auto" or name in scene.effects:
+            return None
+        made = scene.with_effects((*scene.effects, name))
+        spec = made.parameters[parameter]
+        begun = replace(spec, start=float(np.clip(start(scene), spec.lower, spec.upper)))
+        return replace(made, parameters={**made.parameters, parameter: begun})
+
+    return freed
+
+
+def _stated(name: str, unit: str, remedy: str) -> Callable[[float, float], str]:
+    def words(value: float, stated: float) -> str:
+        return (
+            f"a {name} of {value:.3g} {unit} instead of {stated:.3g} {unit} "
+            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{value:.3g} {unit}" }})'
+        )
+
+    return words
+
+
+SUSPECTS: tuple[Suspect, ...] = (
+    Suspect("mass", _rig("mass"), _stated("mass", "kg", "weigh what moves")),
+    Suspect("stiffness", _rig("stiffness"), _stated("stiffness", "N/m", "measure it against a rigid block")),
+    Suspect("damping", _rig("damping"), _stated("damping", "N/m", "let the rig ring down without contact")),
+    Suspect(
+        "lag_time",
+        _effect("sensor_lag", "lag_time", lambda scene: 0.3 * float(np.sqrt(scene.rig.mass / scene.rig.stiffness))),
+        lambda value, _stated: f"a lag of the force sensor of {1e3 * value:.3g} ms (add sensor_lag to effects)",
+    ),
+    Suspect(
+        "skin_stiffness",
+        _effect("skin_compliance", "skin_stiffness", lambda scene: 5.0 * float(scene.rig.stiffness)),
+        lambda value, _stated: f"something of {value:.3g} N/m in series with the rig (add skin_compliance to effects)",
+    ),
+)

@@ -1,0 +1,72 @@
+"""A misfit is traced to what is wrong with rig or sensor, and to nothing where nothing of the kind is."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from data_io import Record
+from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
+from identify import Scene, fit
+from identify.effects import MAIN
+from identify.model import assemble
+from identify.simulate import run
+
+LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
+
+
+@pytest.fixture(scope="module")
+def case():
+    return simulated_case(DEMO, 17)
+
+
+def _scene(rig):
+    logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in LOGS]
+    return Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs})
+
+
+def _lagging(lag):
+    """What a first-order sensor shows of the motion, on a fine grid, sampled: an answer from outside the model."""
+    random, out = np.random.default_rng(2), []
+    for speed, duration, rate in (SPEEDS[i] for i in LOGS):
+        fine = 20 * rate
+        motion = run(assemble(MAIN), DEMO | RIG, speed, NORMAL_FORCE, duration)
+        force = motion.sample(np.arange(round(duration * fine) + 1) / fine)["force"]
+        share = 1.0 - np.exp(-1.0 / (fine * lag))
+        shown = lfilter([share / 2, share / 2], [1.0, share - 1.0], force)[::20]
+        times = np.arange(shown.size) / rate
+        out.append(Record(times, np.full(times.size, NORMAL_FORCE), shown + NOISE * random.standard_normal(times.size)))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [({"mass": 0.3}, "a mass of 0.2 kg instead of 0.3 kg"), ({"stiffness": 1764.0}, "a stiffness of 1.47e+03 N/m")],
+)
+def test_a_wrong_rig_value_is_named_with_the_right_one(case, wrong, said):
+    result = fit(_scene(RIG | wrong), [case.records[i] for i in LOGS]).result
+    assert result["status"] == "model_misfit"
+    assert said in result["message"]
+    assert "[parameters]" in result["message"], "it says what to do"
+
+
+def test_a_lag_of_the_sensor_is_named():
+    result = fit(_scene(RIG), _lagging(5e-3)).result
+    assert result["status"] == "model_misfit"
+    assert "a lag of the force sensor of 5" in result["message"] or "of 4.9" in result["message"]
+
+
+def test_a_right_rig_is_not_accused(case):
+    result = fit(_scene(RIG), [case.records[i] for i in LOGS]).result
+    assert result["status"] == "converged"
+    assert "instead of" not in result["message"]
+
+
+def test_a_hidden_slip_is_not_blamed_on_the_rig(case):
+    records = [case.records[i] for i in LOGS]
+    time, force = records[0].time, records[0].friction_force.copy()
+    inside = (time > 1.0) & (time < 1.35)
+    force[inside] = np.interp(time[inside], time[~inside], force[~inside])
+    records[0] = Record(time, records[0].normal_force, force)
+    result = fit(_scene(RIG), records).result
+    assert result["status"] != "converged"
+    assert "explains the misfit within the noise" not in result["message"]
