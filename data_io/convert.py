@@ -12,8 +12,9 @@ from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
 from data_io.part import Part
 from data_io.source import Request, Source
-from data_io.units import SI_UNIT, factor, kind_of, to_si
+from data_io.units import SI_UNIT, column_factor, is_mass, kind_of, scaled, to_si
 
+_VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
 _CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
 
 
@@ -41,6 +42,7 @@ def convert(
     for role in COLUMN_ROLES[1:] if "drive_speed" in part.header.roles else COLUMN_ROLES[1:3]:
         values = _role(source, request, part, role)[rows]
         roles[role] = np.where(timeless, np.nan, values) if timeless.any() and role != "drive_speed" else values
+    notes += _weights(request, part)
     if request.normal_force is not None:
         notes.append(_constant_load(request.normal_force, part))
     channels = {name: (values[rows], unit) for name, values, unit in _raw_channels(request, part, settled)}
@@ -59,6 +61,18 @@ def _choices(part: Part) -> list[Finding]:
             text = f"the {words(role)} was taken from {shown([part.header.names[index].raw])}, not from {named}"
             notes.append(Finding("column_choice", "info", text))
     return notes
+
+
+def _weights(request: Request, part: Part) -> list[Finding]:
+    """Say where a unit of mass was taken as the weight of it."""
+    units = {role: _unit(request, part, role) or "" for role in COLUMN_ROLES[1:3] if role in part.header.roles}
+    if request.normal_force is not None:
+        units.pop("normal_force", None)
+    found = sorted({unit for unit in units.values() if is_mass(unit)})
+    if not found:
+        return []
+    text = f"forces in {' and '.join(found)} were taken as weights, {found[0]} as {found[0]}-force"
+    return [Finding("unit_by_context", "info", text)]
 
 
 def _same(one: FloatArray | None, other: FloatArray) -> bool:
@@ -86,10 +100,13 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
 
 def _check_unit(source: Source, part: Part, role: str, unit: str) -> None:
     try:
-        factor(unit, SI_UNIT[KIND[role]])
+        column_factor(unit, SI_UNIT[KIND[role]], part.header.names[part.header.roles[role]].unit)
     except UnitError as error:
         where = f"column {shown([part.header.names[part.header.roles[role]].raw])} ({words(role)})"
-        raise source.error(f"{where}: {error}; or give it with --units {role}=...") from error
+        way = f"--units {role}=..."
+        if unit in _VOLTS:
+            way = f'the scale of its sensor, as in --units {role}="2.5 N/V"'
+        raise source.error(f"{where}: {error}; or give it with {way}") from error
 
 
 def _missing(role: str, part: Part, label: str) -> str:
@@ -122,7 +139,7 @@ def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray
             f"column {shown([name.raw])} ({words(role)}) holds no numbers; a column of numbers was expected; "
             f"name another one with --columns {role}=<name>"
         )
-    return to_si(values, _unit(request, part, role) or "", KIND[role])
+    return scaled(values, column_factor(_unit(request, part, role) or "", SI_UNIT[KIND[role]], name.unit))
 
 
 def _filled(part: Part, index: int) -> FloatArray | None:

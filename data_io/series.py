@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 
@@ -39,7 +40,7 @@ def logs_at(path: Path) -> list[Path]:
             found = [p for p in anchor.glob(str(path.relative_to(path.anchor))) if p.is_file()]
         except (ValueError, OSError, NotImplementedError) as error:
             raise LogError(
-                f"{path}: the pattern cannot be read ({error}); one such as stroke_*.txt was expected"
+                f"{path}: the pattern cannot be read ({error}); one such as stroke_*.txt was expected; correct it"
             ) from error
     elif path.suffix.lower() == ".zip" and path.is_file():
         found = [path / name for name in members(path)]
@@ -68,7 +69,7 @@ def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Conten
     findings = [replace(f, message=f"{p.name}: {f.message}") for p, contents in read for f in contents.findings]
     parts = [(p, part) for p, contents in read for part in contents.parts]
     if all(part.started is not None for _, part in parts if part.rows):
-        parts.sort(key=lambda item: (item[1].started is None, item[1].started))
+        parts.sort(key=lambda item: item[1].started or datetime.max)
         order = "their starting times"
     else:
         _check_names(path, [p for p, _ in read])
@@ -86,9 +87,7 @@ def _check_names(path: Path, paths: Sequence[Path]) -> None:
     stems = {_DIGITS.sub("#", p.name) for p in paths}
     varying = [i for i in range(len(numbers[0])) if len({n[i] for n in numbers}) > 1] if len(stems) == 1 else []
     counted = [int(n[varying[0]]) for n in numbers] if len(varying) == 1 else []
-    if len(paths) > 1 and counted != list(
-        range(counted[0] if counted else 0, (counted[0] if counted else 0) + len(paths))
-    ):
+    if len(paths) > 1 and (not counted or counted != list(range(counted[0], counted[0] + len(paths)))):
         names = ", ".join(p.name for p in paths[:4]) + (", ..." if len(paths) > 4 else "")
         raise LogError(
             f"{path}: {len(paths)} files were found ({names}) that neither say when they were started nor count up by "

@@ -63,7 +63,7 @@ def to_si(values: Any, unit: str, kind: str) -> Any:
 
     Raises `UnitError` when the unit is unknown or is no unit of that kind.
     """
-    return _scaled(values, factor(unit, SI_UNIT[kind]))
+    return scaled(values, factor(unit, SI_UNIT[kind]))
 
 
 def parse_quantity(text: object, unit: str) -> float:
@@ -80,12 +80,37 @@ def parse_quantity(text: object, unit: str) -> float:
         raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a number with its unit")
     if not math.isfinite(number):
         raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a finite number")
-    return float(_scaled(number, factor(given, unit))) if given else number
+    return float(scaled(number, factor(given, unit))) if given else number
 
 
 def factor(unit: str, si_unit: str) -> float:
     """Return the number that turns a value in `unit` into `si_unit`; raises `UnitError` if there is none."""
     return 1.0 if unit == si_unit else _factor(unit, si_unit)
+
+
+def column_factor(unit: str, si_unit: str, file_unit: str | None = None) -> float:
+    """Return the number that turns a column into `si_unit`; `unit` may be a scale, as "2.5 N/V" for a column in volts.
+
+    A scale is what one unit of the file means; where the file says none, the unit below the slash. Raises `UnitError`.
+    """
+    match = _QUANTITY.fullmatch(unit)
+    if match is None:
+        return factor(unit, si_unit)
+    below = file_unit or (match[2].rpartition("/")[2] if "/" in match[2] else "")
+    scale, own = _parsed(match[2] or "1"), _parsed(below or "1")
+    whole = None if scale is None or own is None else scale * own
+    if whole is None or not whole.is_compatible_with(si_unit or "dimensionless"):
+        raise UnitError(
+            f"the scale {unit!r} does not turn {below or 'a plain number'} into {si_unit}; give it as in "
+            f'"2.5 {si_unit}/{below or "V"}"'
+        )
+    return float(match[1]) * float(whole.to(si_unit or "dimensionless").magnitude)
+
+
+def is_mass(unit: str) -> bool:
+    """Tell a unit of mass, which a force column means as the weight of it."""
+    measure = None if unit in ("N", "") else _parsed(unit)
+    return measure is not None and bool(measure.is_compatible_with("kg"))
 
 
 @functools.lru_cache(maxsize=1024)
@@ -103,7 +128,8 @@ def _fits(unit: str, si_unit: str) -> bool:
     return True
 
 
-def _scaled(values: Any, scale: float) -> Any:
+def scaled(values: Any, scale: float) -> Any:
+    """Return values times a factor, rounded once: 40 um is 40 / 1e6 m."""
     # 40 um is 40 / 1e6 m: the division rounds once, 40 * 1e-6 twice
     if scale == 1.0:
         return values
