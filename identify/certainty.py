@@ -19,6 +19,7 @@ from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
 from identify.profile import Profiles, profile
 from identify.search import Attempt, resolve
+from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
@@ -38,7 +39,8 @@ class Certainty:
     attempt: the answer, in a better optimum where a profile met one; information of all parameters; covariance (f, f)
     of theta with all that is allowed for, `white` (f, f) without the memory of the noise; colours: of the noise of
     each log; estimates; profiles, bootstrap, accuracy_table: None where not run; discretisation by name, in standard
-    errors; combinations and directions: of the covariance.
+    errors; joint (f + o, f + o) covariance with the parameters of single groups, shares: these groups, of_groups: the
+    estimates beyond the first group's; combinations and directions: of the covariance.
     """
 
     attempt: Attempt
@@ -51,6 +53,9 @@ class Certainty:
     bootstrap: Bootstrap | None = None
     accuracy_table: list[AccuracyRow] | None = None
     discretisation: Mapping[str, float] = field(default_factory=dict)
+    joint: Array = field(default_factory=lambda: np.empty((0, 0)))
+    shares: list[Share] = field(default_factory=list)
+    of_groups: list[tuple[Share, Estimate]] = field(default_factory=list)
     combinations: list[Combination] = field(default_factory=list)
     directions: list[Direction] = field(default_factory=list)
 
@@ -86,8 +91,11 @@ def certainty(
         colours = noise_colours(attempt)
         reached = _reached(attempt) if accepted and not all(c.white for c in colours) else None
         covariance = white + speed_tolerance**2 * np.outer(by_speed, by_speed)
+        joint = known.joint_covariance()
+        joint[: len(white), : len(white)] = covariance
         if reached is not None:
-            covariance = covariance + _excess(attempt, reached, colours)[: len(white), : len(white)]
+            joint = joint + _excess(attempt, reached, colours)
+            covariance = joint[: len(white), : len(white)]
         ends = _intervals(walked)
         found = estimates(unknowns, solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=ends)
         asks = asked.profile or bool(bounds) or doubtful(unknowns, covariance, found)
@@ -100,7 +108,22 @@ def certainty(
             attempt = resolve(attempt, replace(unknowns, start=walked.better))
             known, walked = information_at(attempt, unknowns), None
             accepted = attempt.gate.status is Status.CONVERGED
-    out = Certainty(attempt, known, covariance, white, colours, found, walked, discretisation=discretised)
+    groups = shares(attempt, unknowns)
+    bounds_of = {s.log: at_bound(attempt.solved.guesses[s.log].theta(attempt.solved.theta)) for s in groups}
+    of_groups = share_estimates(groups, unknowns, attempt.solved.theta, base, joint, at_bound=bounds_of, hints=told)
+    out = Certainty(
+        attempt,
+        known,
+        covariance,
+        white,
+        colours,
+        found,
+        walked,
+        discretisation=discretised,
+        joint=joint,
+        shares=groups,
+        of_groups=of_groups,
+    )
     return _deeper(out, unknowns, base, asked, reached, seed, progress) if accepted else out
 
 

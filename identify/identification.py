@@ -15,12 +15,13 @@ from identify.certainty import certainty
 from identify.choice import Choice
 from identify.diagnosis import diagnose
 from identify.errors import FitError
+from identify.findings import Findings
 from identify.grouped import search_grouped
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Fit, LogCurves, Status
 from identify.prepare import Prepared, prepare
 from identify.reconstruct import detected_curves, fitted_curves
-from identify.result import Findings, document
+from identify.result import document
 from identify.scene import Scene
 from identify.search import UNEQUAL, Attempt, Clock, Sources
 from identify.selection import choose_from_data

@@ -5,25 +5,23 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from identify.certainty import Certainty
 from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
 from identify.depth import depth_document, noise_note
+from identify.findings import Findings
+from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Status
-from identify.outlook import OperatingPoint, outlooks
 from identify.prepare import Prepared
 from identify.scene import Scene
-from identify.search import Attempt, Clock
-from identify.uncertainty import LEVEL, Estimate, Information
+from identify.search import Clock
+from identify.uncertainty import LEVEL, Estimate
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -31,25 +29,6 @@ Array = NDArray[np.float64]
 DISTRIBUTION = "stick-slip-workbench"
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
-
-
-@dataclass(frozen=True)
-class Findings:
-    """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
-    closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
-    of theta where the covariance alone could not be trusted, discretisation error by name in standard errors."""
-
-    status: Status
-    message: str
-    unknowns: Unknowns
-    attempt: Attempt | None
-    information: Information | None
-    covariance: Array | None
-    estimates: list[Estimate]
-    left_out: Mapping[int, str]
-    profiles: Mapping[str, object]
-    discretisation: Mapping[str, float] = field(default_factory=dict)
-    sure: Certainty | None = None
 
 
 def document(
@@ -71,7 +50,7 @@ def document(
         "schema": 1,
         "status": found.status.value,
         "message": found.message,
-        "parameters": {e.name: _parameter(e, converged) for e in _told(found)} or _untold(found.unknowns),
+        "parameters": _parameters(found, converged) or _untold(found.unknowns),
         "effects": _effects(prepared, found, choice),
         "correlation": _correlation(found) if converged else None,
         "gate": _gate(found),
@@ -79,7 +58,7 @@ def document(
         "derived": _derived(found) if converged else {},
         "logs": [
             _log(i, log, found, answer)
-            for i, (log, answer) in enumerate(zip(prepared, _outlooks(prepared, found), strict=True))
+            for i, (log, answer) in enumerate(zip(prepared, outlooks_of(prepared, found), strict=True))
         ],
         "notes": _notes(scene, prepared, found),
     }
@@ -124,6 +103,21 @@ def _timing(clock: Clock, began: float) -> dict[str, float]:
     return {name: clock.seconds.get(name, 0.0) for name in stages} | {"total": total}
 
 
+def _parameters(found: Findings, converged: bool) -> dict[str, Any]:
+    """Every parameter by name; of those that differ between groups the first group's stands under the bare name."""
+    out = {e.name: _parameter(e, converged) for e in _told(found)}
+    if found.sure is None or not found.sure.shares:
+        return out
+    names = found.unknowns.names
+    for share in found.sure.shares:
+        if share.place < 0:
+            out[names[share.index]] |= {"group": share.group, "per": found.unknowns.per[share.index]}
+    for share, estimate in found.sure.of_groups:
+        told = {"group": share.group, "per": found.unknowns.per[share.index], "parameter": names[share.index]}
+        out[estimate.name] = _parameter(estimate, converged) | told
+    return out
+
+
 def _told(found: Findings) -> list[Estimate]:
     """The friction parameters, and of the rig what was estimated."""
     free = set(np.array(found.unknowns.names)[found.unknowns.free])
@@ -157,8 +151,14 @@ def _correlation(found: Findings) -> dict[str, Any] | None:
     if found.covariance is None:
         return None
     names = [found.unknowns.names[i] for i in np.flatnonzero(found.unknowns.free)]
-    sd = np.sqrt(np.diag(found.covariance))
-    return {"names": names, "matrix": (found.covariance / np.outer(sd, sd)).tolist()}
+    covariance = found.covariance
+    if found.sure is not None and found.sure.of_groups:
+        beyond = [len(names) + share.place for share, _ in found.sure.of_groups]
+        order = [*range(len(names)), *beyond]
+        names += [estimate.name for _, estimate in found.sure.of_groups]
+        covariance = found.sure.joint[np.ix_(order, order)]
+    sd = np.sqrt(np.diag(covariance))
+    return {"names": names, "matrix": (covariance / np.outer(sd, sd)).tolist()}
 
 
 def _gate(found: Findings) -> dict[str, Any] | None:
@@ -239,28 +239,6 @@ def _log(index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> 
         **log.account.document(),
         "derived": answer,
     }
-
-
-def _outlooks(prepared: list[Prepared], found: Findings) -> list[dict[str, Any]]:
-    """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer."""
-    if found.status is not Status.CONVERGED or found.attempt is None or found.covariance is None:
-        return [{} for _ in prepared]
-    unknowns = found.unknowns
-    free = np.flatnonzero(unknowns.free)
-    # What these data do not tell has no variance to carry on: the curvature at one point says nothing of it.
-    untold = {e.name for e in found.estimates if e.verdict == "not identifiable"}
-    covariance = found.covariance.copy()
-    for i, index in enumerate(free.tolist()):
-        if unknowns.names[index] in untold:
-            covariance[i, i] = np.inf
-    points = []
-    for log in prepared:
-        p = unknowns.values(found.attempt.solved.theta, log.data.base)
-        slope = np.where(unknowns.logarithmic, p, 1.0)[free]
-        values = dict(zip(unknowns.names, p.tolist(), strict=True))
-        load = float(np.nanmean(log.record.normal_force))
-        points.append(OperatingPoint(values, log.data.drive_speed, load, covariance * np.outer(slope, slope)))
-    return outlooks(unknowns.model, points, [unknowns.names[i] for i in free])
 
 
 def _quality(log: Prepared) -> dict[str, Any]:
