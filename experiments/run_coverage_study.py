@@ -50,6 +50,7 @@ SPEEDS = ((1e-4, 14.0, 250.0), (1e-3, 2.2, 1000.0), (5e-3, 0.7, 2000.0))
 NOISE = 5e-3
 MEMORY = 0.8  # correlation from sample to sample of the coloured noise
 QUANTILE = 1.959964
+SHOWN_EVERY = 500
 METHODS = ("covariance", "white covariance", "profile", "bootstrap")
 
 
@@ -175,26 +176,31 @@ def _deep(
 
 
 def study(setting: Setting, repeats: int, deep: int, seed: int, memory: float) -> dict[str, Array]:
-    """Counts of intervals that hold the truth: per method (f,), and how many repeats; prints the table."""
+    """Whether each interval holds the truth: per method (repeats, f). Prints the table every 500 repeats."""
     random, began = np.random.default_rng(seed), time.perf_counter()
     hits: dict[str, list[Array]] = {name: [] for name in METHODS}
     failed = 0
-    for number in range(repeats):
-        seen = repeat(setting, random, memory, number < deep)
+    for number in range(1, repeats + 1):
+        seen = repeat(setting, random, memory, number <= deep)
         failed += seen is None
         for name, inside in (seen or {}).items():
             hits[name].append(inside)
+        if number % SHOWN_EVERY == 0 or number == repeats:
+            kind = "white noise" if memory == 0.0 else f"noise with a memory ({memory:g} from sample to sample)"
+            spent = (time.perf_counter() - began) / number
+            print(f"\n{kind}; {number} repeats, {failed} did not settle; {spent:.2f} s each")
+            table(setting, hits)
+    return {name: np.array(rows) for name, rows in hits.items()}
+
+
+def table(setting: Setting, hits: dict[str, list[Array]]) -> None:
+    """Counts and shares of intervals that hold the truth, one line per method."""
     names = [setting.unknowns.names[i] for i in np.flatnonzero(setting.unknowns.free)]
-    kind = "white noise" if memory == 0.0 else f"noise with a memory ({memory:g} from sample to sample)"
-    spent = (time.perf_counter() - began) / max(repeats, 1)
-    print(f"\n{kind}; {repeats} repeats, {failed} did not settle; {spent:.2f} s each")
     print(f"{'':18s} {'repeats':>8s} " + " ".join(f"{name:>12s}" for name in names))
     for name, rows in hits.items():
         if rows:
-            count = np.sum(rows, axis=0)
-            cells = " ".join(f"{n:5d} {100 * n / len(rows):5.1f}%" for n in count)
+            cells = " ".join(f"{n:5d} {100 * n / len(rows):5.1f}%" for n in np.sum(rows, axis=0))
             print(f"{name:18s} {len(rows):8d} {cells}", flush=True)
-    return {name: np.array(rows) for name, rows in hits.items()}
 
 
 def refinement(setting: Setting) -> float:

@@ -165,8 +165,12 @@ def estimates(
     step = abs(float(values[unknowns.names.index("mu_s")] - values[unknowns.names.index("mu_k0")]))
     quantile = float(norm.ppf(0.5 + LEVEL / 2))
     out = []
+    source = unknowns.source.tolist()
     for i, declared in enumerate(unknowns.model.parameters):
         value, name, unit = float(values[i]), declared.name, declared.unit
+        if source[i] != i:
+            out.append(_tied(unknowns, i, value, theta, base, sd, quantile, step))
+            continue
         if i not in sd:
             out.append(Estimate(name, unit, value, None, None, None, "fixed", "not estimated"))
             continue
@@ -193,6 +197,27 @@ def estimates(
         )
         out.append(Estimate(name, unit, value, float(error), low, high, verdict, reason))
     return out
+
+
+def _tied(
+    unknowns: Unknowns,
+    i: int,
+    value: float,
+    theta: Array,
+    base: Array,
+    sd: Mapping[int, float],
+    quantile: float,
+    step: float,
+) -> Estimate:
+    """The estimate of a parameter that follows another one: as sure as that one."""
+    declared, to = unknowns.model.parameters[i], int(unknowns.source[i])
+    reason = f"tied to {unknowns.names[to]}"
+    low, high = (parameter_value(unknowns, i, theta[to] + side * quantile * sd[to], base[i]) for side in (-1, 1))
+    verdict = _verdict(value, low, high, step if declared.name == "delta_mu_k" else abs(value), declared.scale == "log")
+    if verdict == "not identifiable" or low is None or high is None:
+        return Estimate(declared.name, declared.unit, value, None, None, None, "not identifiable", reason)
+    error = sd[to] * (value if declared.scale == "log" else 1.0)
+    return Estimate(declared.name, declared.unit, value, float(error), low, high, verdict, reason)
 
 
 def _within_walls(unknowns: Unknowns, i: int, interval: Interval) -> tuple[Interval, str]:
