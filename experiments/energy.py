@@ -7,12 +7,13 @@ integrals are Gauss sums over samples between the nodes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.phases import Phase
+from identify.samples import inside
 from identify.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -74,11 +75,11 @@ class Rig:
         )
         return Rig(p["stiffness"], c, p["mass"], skin, waves, p.get("finger_drift", 0.0))
 
-    def drive(self, programmed: float, t: Array) -> Array:
-        """Speed of the drive with all its motions at times t [s]."""
-        v = np.full_like(t, programmed + self.drift)
+    def drive(self, programmed: Array, t: Array) -> Array:
+        """Speed of the drive with all its motions at times t (n,) [s], from its programmed speeds (n,)."""
+        v = programmed + self.drift
         for amplitude, omega, phase in self.waves:
-            v += amplitude * omega * np.cos(omega * t + phase)
+            v = v + amplitude * omega * np.cos(omega * t + phase)
         return v
 
 
@@ -100,25 +101,30 @@ def _panels(phase: Phase, rig: Rig) -> Array:
 def balance(motion: Trajectory, p: Mapping[str, float]) -> Balance | None:
     """The balance from the first to the last instant; None where a rest has too many vibrations to add up."""
     rig = Rig.of(p)
-    sums = np.zeros(4)  # work, damper, contact, and the size of the work
-    for phase in motion.phases:
+    which, local, weights = [], [], []
+    for i, phase in enumerate(motion.phases):
         if phase.duration < SHORTEST:
             continue
         edges = _panels(phase, rig)
         if edges.size < 2:
             return None
         half = 0.5 * np.diff(edges)[:, None]
-        local = (edges[:-1, None] + half * (1.0 + POINTS)).ravel()
-        sums += _powers(motion, phase, rig, local) @ (half * WEIGHTS).ravel()
+        local.append((edges[:-1, None] + half * (1.0 + POINTS)).ravel())
+        weights.append((half * WEIGHTS).ravel())
+        which.append(np.full(local[-1].size, i))
+    # Work, damper, contact, and the size of the work.
+    sums = _powers(motion, rig, np.concatenate(which), np.concatenate(local)) @ np.concatenate(weights)
     first, last = (_stored(motion, rig, end) for end in (motion.phases[0].x[0], motion.phases[-1].x[-1]))
     turnover = sums[3] + abs(sums[1]) + abs(sums[2]) + first + last
     return Balance(float(sums[0]), last - first, float(sums[1]), float(sums[2]), float(turnover))
 
 
-def _powers(motion: Trajectory, phase: Phase, rig: Rig, local: Array) -> Array:
-    """Powers [W] at local times (n,) of a phase: of the drive, in the dampers, in the contact, size of the first."""
-    s = Trajectory(motion.model, (_at_zero(phase),), phase.duration).sample(local)
-    drive = rig.drive(phase.situated.drive_speed, phase.situated.time + local)
+def _powers(motion: Trajectory, rig: Rig, which: NDArray[np.intp], local: Array) -> Array:
+    """Powers [W] at times (n,) from the start of phases (n,): of the drive, in the dampers, in the contact, size of the
+    first."""
+    s = inside(motion.model, motion.phases, which, local)
+    speeds, starts = np.array([(p.situated.drive_speed, p.situated.time) for p in motion.phases]).T
+    drive = rig.drive(speeds[which], starts[which] + local)
     stretching, x = drive - s["sliding_speed"], s["elongation"]
     damper = np.zeros_like(local)
     if rig.skin is not None:
@@ -130,11 +136,6 @@ def _powers(motion: Trajectory, phase: Phase, rig: Rig, local: Array) -> Array:
     friction = s["coefficient"] * s["normal_force"]
     work = load * drive
     return np.stack([work, damper + rig.c * stretching**2, friction * s["sliding_speed"], np.abs(work)])
-
-
-def _at_zero(phase: Phase) -> Phase:
-    """The same phase on a clock that starts with it, so that late phases lose no digits."""
-    return replace(phase, start=0.0)
 
 
 def _stored(motion: Trajectory, rig: Rig, x: Array) -> float:

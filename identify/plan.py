@@ -45,9 +45,15 @@ class Plan:
     def other(self) -> tuple[Plan, float]:
         """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
         a tighter one where there is room for it, else a looser one."""
-        if self.rtol / APART >= TIGHTEST:
-            return Plan(self.rtol / APART, self.methods), TIGHT_SHARE
-        return Plan(self.rtol * APART, self.methods), CAUTION / APART
+        rtol, share = other(self.rtol)
+        return Plan(rtol, self.methods), share
+
+
+def other(rtol: float) -> tuple[float, float]:
+    """A tolerance to judge one by, and the share of the distance between the two runs that is the error of the one."""
+    if rtol / APART >= TIGHTEST:
+        return rtol / APART, TIGHT_SHARE
+    return rtol * APART, CAUTION / APART
 
 
 def accuracy_for(noise: float | None, force: float) -> float:

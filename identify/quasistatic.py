@@ -17,11 +17,13 @@ from identify.drive import Drive, NormalForce, breaks
 from identify.errors import SimulationError
 from identify.model import Model
 from identify.modes import ModeName, sliding_modes
+from identify.plan import other
 from identify.quasistatic_balance import settle
 from identify.quasistatic_collocation import Collocator
 from identify.quasistatic_phases import BalancedPhase, Slide, sizes, stick
 from identify.quasistatic_trajectory import BalancedTrajectory
 from identify.situated import Situated
+from identify.trajectory import Second
 
 Array = NDArray[np.float64]
 
@@ -38,6 +40,7 @@ def balanced(
     x: Array,
     *,
     rtol: float = 1e-11,
+    accuracy: float | None = None,
     locate: bool = True,
 ) -> BalancedTrajectory:
     """The motion of a model without inertia from rest at state x (n_x,), for `duration` [s]; arguments as `run`.
@@ -45,8 +48,14 @@ def balanced(
     Raises:
         SimulationError: a jump to another place, or phases without time passing.
     """
-    motion = _phases(model, p, (drive, normal_force), duration, x, rtol, locate)
-    return BalancedTrajectory(model, tuple(motion), duration)
+    motion = tuple(_phases(model, p, (drive, normal_force), duration, x, rtol, locate))
+    following, share = other(rtol)
+
+    def again() -> BalancedTrajectory:
+        outside = (drive, normal_force)
+        return balanced(model, p, *outside, duration, x, rtol=following, accuracy=accuracy, locate=locate)
+
+    return BalancedTrajectory(model, motion, duration, accuracy, Second(again, share, following < rtol))
 
 
 def _phases(

@@ -15,6 +15,7 @@ from identify.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+METHOD = "radau in balance"  # the name by which its method is reported
 BRIEF = 1e-6  # of a step: what is nearer to its start lies on a straight line
 
 
@@ -23,6 +24,11 @@ class BalancedTrajectory(Trajectory):
     """A motion without inertia: phases with speeds, and the same samples as with it."""
 
     phases: Sequence[BalancedPhase]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The one method there is, where anything slides."""
+        return (METHOD,) if any(phase.mode != "stick" for phase in self.phases) else ()
 
     def _moments(self, t: Array) -> dict[str, Array]:
         """The samples at rising times t (n,) [s], the force of the moment."""

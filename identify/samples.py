@@ -28,10 +28,15 @@ def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]
     """Samples (n,) at rising times t (n,) [s]: states by name, "force", "coefficient", "normal_force", "sliding"."""
     starts = np.array([phase.start for phase in phases])
     which = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, None)
-    local = np.clip(t - starts[which], 0.0, np.array([phase.duration for phase in phases])[which])
+    return inside(model, phases, which, t - starts[which])
+
+
+def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local: Array) -> dict[str, Array]:
+    """The same in phases `which` (n,), rising, at times from the start of each (n,) [s]: late phases lose no digits."""
+    local = np.clip(local, 0.0, np.array([phase.duration for phase in phases])[which])
     numbers = np.array([phase.situated.numbers for phase in phases])[which]
     n = len(model.states)
-    xth = np.zeros((t.size, n + 3))
+    xth = np.zeros((local.size, n + 3))
     kinds: dict[tuple[Method | None, ModeName], list[Array]] = {}
     edges = np.searchsorted(which, np.arange(len(phases) + 1))
     for i in np.unique(which).tolist():
@@ -46,7 +51,7 @@ def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]
         beyond = np.minimum(node + 1, phase.t.size - 1)
         xth[rows, :n], xth[rows, n] = phase.x[node], phase.t[node]
         xth[rows, n + 1], xth[rows, n + 2] = phase.t[beyond] - phase.t[node], at - phase.t[node]
-    shown = np.empty((t.size, n + SHOWN))
+    shown = np.empty((local.size, n + SHOWN))
     p = phases[0].situated.p
     tolerances = next((phase.tolerances for phase in phases if isinstance(phase, Slide)), np.ones(n + 1))
     for (method, mode), parts in kinds.items():

@@ -133,7 +133,8 @@ def run(
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
     programme, load = Drive.of(drive), NormalForce.of(normal_force)
     if model.balance is not None:
-        return balanced(model, p, programme, load, duration, x, rtol=rtol or accuracy / SAFETY, locate=locate)
+        step = rtol or accuracy / SAFETY
+        return balanced(model, p, programme, load, duration, x, rtol=step, accuracy=accuracy, locate=locate)
     scale = scales(model, p, float(load.at(0.0)))
     steps = plan(model, p, scale, accuracy, steady=len(load.times) == 1)
     if rtol is not None:
@@ -148,12 +149,12 @@ def run(
         finally:
             machine.close()
 
-    other, share = steps.other()
+    def made(steps: Plan) -> Trajectory:
+        other, share = steps.other()
+        second = Second(lambda: made(other), share, other.rtol < steps.rtol)
+        return Trajectory(model, motion(steps), duration, accuracy, second)
 
-    def second() -> Trajectory:
-        return Trajectory(model, motion(other), duration)
-
-    return Trajectory(model, motion(steps), duration, accuracy, Second(second, share))
+    return made(steps)
 
 
 def simulate(

@@ -32,10 +32,12 @@ class Achieved:
 
 @dataclass(frozen=True)
 class Second:
-    """Another run of the same scene, and the share of the distance to it that is the first one's error."""
+    """Another run of the same scene, the share of the distance to it that is the first one's error, and whether it is
+    the finer one of the two."""
 
     run: Callable[[], Trajectory]
     share: float
+    finer: bool
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,26 @@ class Trajectory:
         this is first asked for. None where no second run is known."""
         if self.second is None:
             return None
-        apart = distance(self, self.second.run())
+        apart = distance(self, self._other)
         share = self.second.share
         return Achieved(share * apart.switches + LAST_DIGITS, share * apart.forces + LAST_DIGITS)
+
+    @cached_property
+    def _other(self) -> Trajectory:
+        assert self.second is not None
+        return self.second.run()
+
+    def refined(self) -> Trajectory:
+        """The same scene as finely as its accuracy asks for: this motion where its estimated errors are within the
+        accuracy, else one with tighter tolerances; where none gets there the tightest, whose `achieved` says so.
+
+        A motion that nearly does two things needs more than a plan can know beforehand.
+        """
+        found = self.achieved
+        if found is None or self.accuracy is None or self.second is None or not self.second.finer:
+            return self
+        enough = found.switches <= self.accuracy and found.forces <= self.accuracy
+        return self if enough else self._other.refined()
 
     @property
     def methods(self) -> tuple[str, ...]:

@@ -185,6 +185,27 @@ def test_the_accuracy_asked_for_is_met_and_the_error_is_estimated(scene: str, ac
     assert error.forces <= found.achieved.forces
 
 
+@pytest.mark.parametrize(
+    ("drive", "duration", "accuracy"),
+    [(0.5 * PAIR["D"] / PAIR["t_cr"], 5.0, 1e-5), (20e-3, 2.0, 1e-2), (1e-3, 2.0, 1e-10)],
+    ids=["forces too coarse", "other slips", "fine as it is"],
+)
+def test_a_motion_is_refined_until_its_estimated_errors_meet_the_accuracy(
+    drive: float, duration: float, accuracy: float
+) -> None:
+    first = run(MODEL, PAIR, drive, 1.0, duration, accuracy=accuracy)
+    truth = run(MODEL, PAIR, drive, 1.0, duration, rtol=1e-13, method=HIGH)
+    assert first.achieved is not None
+    before = max(distance(first, truth).switches, distance(first, truth).forces)
+    missed = max(first.achieved.switches, first.achieved.forces) > accuracy
+    found = first.refined()
+    assert (found is first) == (not missed)
+    assert found.achieved is not None and found.accuracy == accuracy
+    after = distance(found, truth)
+    assert max(after.switches, after.forces) <= max(found.achieved.switches, found.achieved.forces) <= accuracy
+    assert not missed or before > accuracy  # what is refined was worth it
+
+
 def test_an_estimate_that_sees_other_switches_is_infinite() -> None:
     ours, theirs = (run(MODEL, PAIR | {"mu_s": mu}, 1e-3, 1.0, 2.0) for mu in (0.62, 0.82))
     assert np.isinf(distance(ours, theirs).switches)

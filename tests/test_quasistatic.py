@@ -40,7 +40,7 @@ STROKES = ((0.0, 1e-4), (8.0, 0.0), (12.0, -2e-4), (30.0, 1e-4))
 
 def _run(names: tuple[str, ...], drive: object, force: object, duration: float, **more: float) -> Trajectory:
     model = assemble(names)
-    options = {key: more.pop(key) for key in ("rtol", "locate", "start") if key in more}
+    options = {key: more.pop(key) for key in ("rtol", "accuracy", "locate", "start") if key in more}
     given = VALUES | more
     values = {n: given.get(n, model.parameter(n).default) for n in model.parameter_names}
     return run(model, values, drive, force, duration, **options)  # type: ignore[arg-type]
@@ -73,6 +73,20 @@ def test_a_coarse_tolerance_is_not_a_fine_one() -> None:
     times = np.linspace(fine.onsets[0], 20.0, 301)
     error = np.max(np.abs(coarse.sample(times)["gamma"] - fine.sample(times)["gamma"]))
     assert 1e-7 < error < 1e-4
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-5, 1e-8])
+def test_it_says_by_which_method_and_how_accurately(accuracy: float) -> None:
+    motion = _run(("contact_ageing",), 1e-4, 1.0, 20.0, accuracy=accuracy)
+    assert motion.methods == ("radau in balance",)
+    assert motion.accuracy == accuracy and motion.achieved is not None
+    onset = motion.onsets[0]
+    times = np.linspace(onset, 20.0, 301)
+    force = 0.45 + FALL * _aged(times - onset, -np.expm1(-onset / 0.5), 1e-4)
+    error = float(np.max(np.abs(motion.sample(times)["force"] - force)) / np.max(force))
+    assert error <= motion.achieved.forces <= accuracy
+    assert motion.refined() is motion
+    assert _run(("contact_ageing",), 1e-9, 1.0, 20.0).methods == ()  # nothing slides
 
 
 def test_a_damper_relaxes_exponentially_to_steady_sliding() -> None:

@@ -58,7 +58,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     if choice is not None:
         scene = scene.with_effects(choice.effects)
         terminal.say(f"effects by the numbers of the scene: {', '.join(choice.effects)}")
-    motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None)
+    motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None).refined()
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     samples = motion.sample(time)
     speed = scene.rig.drive_speed
@@ -75,7 +75,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     document = {"status": "done", "out": str(out), "rows": time.size, "slips": slips}
     if motion.achieved is not None:
         found = {name: error if np.isfinite(error) else None for name, error in asdict(motion.achieved).items()}
-        terminal.say(f"asked for {motion.accuracy:.2g}; {_words(found)}; {', '.join(motion.methods) or 'no slip'}")
+        asked = motion.accuracy or 0.0
+        terminal.say(f"asked for {asked:.2g}; {_words(found, asked)}; {', '.join(motion.methods) or 'no slip'}")
         document["accuracy"] = {"asked": motion.accuracy, **found, "methods": list(motion.methods)}
     if choice is not None:
         document["effects"] = document_of(choice, auto=True)
@@ -112,11 +113,12 @@ def _accuracy(given: str | None) -> float | None:
     return accuracy
 
 
-def _words(achieved: dict[str, float | None]) -> str:
-    """What the second run says of the first."""
+def _words(achieved: dict[str, float | None], asked: float) -> str:
+    """What the second run says of the first, `asked` being the accuracy."""
     if None in achieved.values():
         return "estimated errors: unknown, with another tolerance the slips come differently"
-    return f"estimated errors: switch times {achieved['switches']:.1g} of a cycle, forces {achieved['forces']:.1g}"
+    words = f"estimated errors: switch times {achieved['switches']:.1g} of a cycle, forces {achieved['forces']:.1g}"
+    return words if max(e for e in achieved.values() if e is not None) <= asked else f"{words}: as near as numbers get"
 
 
 def _asked(arguments: Namespace) -> tuple[float, float, float, int]:
