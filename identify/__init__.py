@@ -10,12 +10,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from identify import amplitude, stability
     from identify.identification import fit
+    from identify.mapping import continue_over, stability_map
     from identify.scene import Scene
     from identify.simulate import simulate
 
-__all__ = ["Scene", "amplitude", "fit", "simulate", "stability"]
+__all__ = ["Scene", "amplitude", "continue_over", "fit", "simulate", "stability", "stability_map"]
 
-_HOMES = {"Scene": "identify.scene", "fit": "identify.identification", "simulate": "identify.simulate"}
+_HOMES = {
+    "Scene": "identify.scene",
+    "continue_over": "identify.mapping",
+    "fit": "identify.identification",
+    "simulate": "identify.simulate",
+    "stability_map": "identify.mapping",
+}
 
 
 class _Package(ModuleType):

@@ -181,6 +181,7 @@ def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
         "sliding_unstable_between": [list(pair) for pair in answer.unstable],
         "searched_between": list(answer.searched),
         "multiplier": None if answer.orbit is None else answer.orbit.multiplier,
+        "multipliers": [[float(z.real), float(z.imag)] for z in answer.orbit.multipliers] if answer.orbit else None,
     }
 
 

@@ -10,13 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
 from identify.continuation import Continuation
-from identify.report.draw_map import DPI, FONT, LEGENDS, REGIONS, SLIDES, STICKS
-from identify.report.quantity_text import number, scale_for
+from identify.report.draw_map import DPI, FONT, LEGENDS, REGIONS, SLIDES, STICKS, ticks_in_powers
+from identify.report.quantity_text import scale_for
 from identify.report.style import ARREST, ONSET, drawing_style
 
 Array = NDArray[np.float64]
@@ -56,8 +55,7 @@ def continuation_figure(answer: Continuation, part: str = "stability") -> Figure
         axes.tick_params(labelsize=FONT)
     lower.set_xlabel(f"{q.label} [{scale.unit}]".replace("m^2", "m²") if scale.unit else q.label, fontsize=FONT + 0.5)
     if q.logarithmic:
-        lower.xaxis.set_major_formatter(FuncFormatter(lambda v, _: number(v, 3)))
-        lower.xaxis.set_minor_formatter(NullFormatter())
+        ticks_in_powers(lower.xaxis, x[[0, -1]])
     legend += [
         *([Line2D([], [], color=STICKS, lw=1.0, label="end of stick-slip")] if answer.ends else []),
         *([Line2D([], [], color=SLIDES, lw=1.0, label="sliding loses stability")] if answer.losses else []),
@@ -128,7 +126,7 @@ def _timing(axes: Axes, answer: Continuation, x: Array) -> list[Any]:
     axes.plot(x, period / unit.factor, color="0.15", lw=1.1)
     axes.plot(x, slip / unit.factor, color="0.5", lw=1.1, ls="--")
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _: number(v, 3)))
+    ticks_in_powers(axes.yaxis, np.array(axes.get_ylim()))
     axes.set_ylabel(f"time [{unit.unit}]", fontsize=FONT + 0.5)
     return [
         Line2D([], [], color="0.15", lw=1.1, label="period"),

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
@@ -49,6 +49,7 @@ PIXELS = 600  # of the regions, along each quantity
 LEVELS = 6
 LEGENDS = {Outcome.BISTABLE.value: "both: depends on the start"}  # words of the legend, where those inside are short
 BAND = 0.25  # opacity
+NARROW = 30.0  # ratio of the ends of an axis up to which it has numbers between the decades
 WIDE = 20.0  # ratio of drops from which their colours are even in powers
 
 
@@ -363,6 +364,14 @@ def _points(axes: Axes, chart: Chart, view: _View, marks: Marks) -> list[Any]:
     return legend
 
 
+def ticks_in_powers(axis: Any, ends: Array) -> None:
+    """Plain numbers at the decades, and between them where there are fewer than two."""
+    if ends[1] < NARROW * ends[0]:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda v, _: number(v, 3)))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def _axes(axes: Axes, chart: Chart, view: _View) -> None:
     axes.grid(False)
     for which, (q, places) in enumerate(zip(view.axes, (chart.plane.x_places, chart.plane.y_places), strict=True)):
@@ -372,8 +381,7 @@ def _axes(axes: Axes, chart: Chart, view: _View) -> None:
         (axes.set_xlim if which == 0 else axes.set_ylim)(*ends)
         axis.set_label_text(view.label(which), fontsize=FONT + 0.5)
         if q.logarithmic:
-            axis.set_major_formatter(FuncFormatter(lambda v, _: number(v, 3)))
-            axis.set_minor_formatter(NullFormatter())
+            ticks_in_powers(axis, ends)
     axes.tick_params(labelsize=FONT)
     for side in ("top", "right"):
         axes.spines[side].set_visible(True)

@@ -1,0 +1,423 @@
+"""Maps and continuations over rig and pair: against closed forms, single answers and plain simulation."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from identify import tested
+from identify.axes import Site, admissible, axis, check_axes, course, known_axes, moved, slopes
+from identify.chart import chart
+from identify.chart_closed import closed_plane
+from identify.chart_data import values_of, write_chart, write_continuation
+from identify.chart_spread import Known, bands, region
+from identify.cli.main import main
+from identify.continuation import continuation
+from identify.crossings import growth_at, losses_of_stability
+from identify.cycle import CycleMap
+from identify.errors import SimulationError
+from identify.model import assemble
+from identify.orbit import settle
+from identify.outline import outline
+from identify.plane import plane
+from identify.prospect import prospect
+from identify.report.draw_map import Marks, draw_map
+from identify.sensitivity import quantities
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
+import brute_force
+
+ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
+DEMO = {
+    "mass": 0.2,
+    "stiffness": 1470.0,
+    "damping": 147.0,
+    "mu_s": 0.62,
+    "mu_k0": 0.43,
+    "delta_mu_k": -0.13,
+    "a": 300.0,
+    "D": 37.4e-6,
+    "t_cr": 0.5,
+}
+SITE = Site(assemble(ALL), DEMO, 5e-3, 1.0, area=8e-5)
+SPANS = ((2e-3, 5e-2), (500.0, 5000.0))
+
+
+@pytest.fixture(scope="module")
+def speed_and_stiffness():
+    return chart(SITE, ("drive_speed", "stiffness"), SPANS, (9, 7))
+
+
+def entry(w, name):
+    return float(w[(*SITE.model.parameter_names, "normal_force", "drive_speed").index(name)])
+
+
+def test_a_quantity_moves_what_is_tied_to_it():
+    w = moved(SITE, {"mu_k0": 0.5, "zeta": 0.1, "stiffness": 1000.0})
+    assert [entry(w, n) for n in ("mu_k0", "mu_s", "damping")] == pytest.approx([0.5, 0.69, 200.0])
+    w = moved(SITE, {"mu_k0": 0.5, "mu_step": 0.1})
+    assert entry(w, "mu_s") == pytest.approx(0.6)
+    assert entry(moved(SITE, {"pressure": 1e4, "area": 2e-4}), "normal_force") == pytest.approx(2.0)
+    assert entry(moved(SITE, {"area": 1.6e-4}), "normal_force") == pytest.approx(2.0)  # pressure stays
+    assert entry(moved(SITE, {}), "mu_s") == 0.62
+
+
+def test_pressure_follows_the_area_law():
+    law = Site(SITE.model, DEMO, 5e-3, 3.0, area=2.262e-4 * 3.0**0.2395, area_exponent=0.2395)
+    load = entry(moved(law, {"pressure": 2 * axis(law, "pressure").value}), "normal_force")
+    assert load / (2.262e-4 * load**0.2395) == pytest.approx(2 * 3.0 / law.area)
+
+
+def test_under_pressure_dependence_the_nominal_area_moves_too():
+    model = assemble((*ALL, "pressure_dependence"))
+    values = {p.name: DEMO.get(p.name, p.default) for p in model.parameters}
+    site = Site(model, values, 5e-3, 1.0, area=2.262e-4, area_exponent=values["area_exponent"])
+    w = dict(zip(model.parameter_names, moved(site, {"pressure": 1e4, "normal_force": 2.0})[:-2], strict=True))
+    area = w["contact_area"] * (2.0 / w["area_force"]) ** w["area_exponent"]
+    assert 2.0 / area == pytest.approx(1e4)
+
+
+@pytest.mark.parametrize("name", known_axes(SITE.model))
+def test_slopes_of_settings_are_exact(name):
+    value, step = axis(SITE, name).value, 1e-6 * abs(axis(SITE, name).value)
+    by_difference = (moved(SITE, {name: value + step}) - moved(SITE, {name: value - step})) / (2 * step)
+    np.testing.assert_allclose(slopes(SITE, {name: value}, name), by_difference, rtol=1e-6, atol=1e-9)
+    q = axis(SITE, name)
+    way = course(SITE, q)
+    place = q.place(value)
+    by_place = (way.setting(place + 1e-6) - way.setting(place - 1e-6)) / 2e-6
+    np.testing.assert_allclose(way.slope(place), by_place, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(way.setting(place), SITE.setting, rtol=1e-12)
+
+
+def test_what_makes_no_map_is_refused_in_a_sentence():
+    for names in (("mass", "mass"), ("zeta", "damping"), ("normal_force", "area")):
+        with pytest.raises(SimulationError):
+            check_axes(SITE, names)
+    with pytest.raises(SimulationError, match="not known here"):
+        axis(Site(SITE.model, DEMO, 5e-3, 1.0), "pressure")
+    for span, points in (((2.0, 1.0), 5), ((-1.0, 1.0), 5), (None, 1)):
+        with pytest.raises(SimulationError):
+            plane(SITE, ("mass", "stiffness"), (span, None), (points, 5))
+    assert not admissible(SITE.model, moved(SITE, {"mu_k0": 0.1}))
+    assert admissible(SITE.model, SITE.setting)
+
+
+def test_an_outline_encloses_the_area_of_its_region():
+    """A ring, its crossings exact: the polygon misses it by the square of the mesh, half-way crossings by far more."""
+    x = np.linspace(-1.0, 1.0, 41)
+    grid_x, grid_y = np.meshgrid(x, x)
+    radius = np.hypot(grid_x, grid_y)
+    inside = (radius < 0.83) & (radius > 0.41)
+    across = {}
+    for name, fixed in (("x", x[:, None]), ("y", x[None, :])):
+        along = 0.5 * (x[1:] + x[:-1])
+        middle = along[None, :] if name == "x" else along[:, None]
+        ends = [np.sign(middle) * np.sqrt(np.maximum(r * r - fixed**2, 0.0)) for r in (0.83, 0.41)]
+        across[name] = np.where(np.abs(middle - ends[0]) < np.abs(middle - ends[1]), ends[0], ends[1])
+    half = {name: np.full_like(values, np.nan) for name, values in across.items()}
+    errors = []
+    for crossings in (across, half):
+        loops = outline(inside, x, x, crossings["x"], crossings["y"])
+        areas = [0.5 * float(p[:, 0] @ np.roll(p[:, 1], -1) - p[:, 1] @ np.roll(p[:, 0], -1)) for p in _points(loops)]
+        assert len(areas) == 2 and min(areas) < 0.0 < max(areas)  # the hole runs the other way round
+        assert all(loop.open_pieces()[0][0] == loop.open_pieces()[0][-1] for loop in loops)
+        errors.append(abs(sum(areas) / (np.pi * (0.83**2 - 0.41**2)) - 1))
+    assert errors[0] < 2e-3 < errors[1]
+
+
+def _points(loops):
+    return [loop.points for loop in loops]
+
+
+def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):
+    made = speed_and_stiffness
+    assert set(made.shares) == {"always sticks", "never sticks", "bistable"}
+    for j, i in ((0, 0), (3, 2), (6, 4), (3, 5), (1, 8)):
+        w = made.plane.settings[j, i]
+        map_ = CycleMap(SITE.model, w[-2], w[:-2])
+        answer = prospect(map_, w[-1])
+        assert made.outcomes[j, i] == answer.outcome.value
+        if answer.orbit is None:
+            assert np.isnan(made.figures["drop"][j, i])
+        else:
+            drop, period, *_ = quantities(map_, answer.orbit.cycle, w[-1])
+            assert made.figures["drop"][j, i] == pytest.approx(drop, rel=1e-4)
+            assert made.figures["period"][j, i] == pytest.approx(period, rel=1e-4)
+
+
+def test_the_end_on_a_map_is_where_simulation_stops_sticking(speed_and_stiffness):
+    """One crossing of a row and one of a column, from the last rest state just inside."""
+    made = speed_and_stiffness
+    for kind in ("x", "y"):
+        edge = next(e for e in made.sticking.crossings if e[0] == kind)
+        crossing = made.sticking.crossings[edge]
+        way, begin, _ = made.plane.way(edge)
+        inward = 1.0 if np.isfinite(made.multiplier[edge[1], edge[2]]) else -1.0
+        assert begin < crossing.place
+        state = None
+        for share, sticks in ((0.05, True), (0.01, True), (-0.01, False)):
+            w = way.setting(crossing.place - inward * share)
+            values = dict(zip(SITE.model.parameter_names, w[:-2].tolist(), strict=True))
+            pair = brute_force.Pair.of(values, float(w[-2]))
+            found = brute_force.settled(pair, float(w[-1]), *([] if state is None else [state]))
+            assert (found is not None) is sticks
+            state = None if found is None else found.end
+
+
+def test_an_end_moves_as_the_boundary_through_other_quantities_says(speed_and_stiffness):
+    """On the end, dv/dk by the derivatives of the end over speed and over stiffness, and by the boundary itself."""
+    made = speed_and_stiffness
+    names = (*SITE.model.parameter_names, "normal_force", "drive_speed")
+    k, v = names.index("stiffness"), names.index("drive_speed")
+    rows = [(edge, c) for edge, c in made.sticking.crossings.items() if edge[0] == "x"]
+    (lower, first), (upper, second) = (min(rows, key=lambda r: abs(r[0][1] - j)) for j in (2, 3))
+    ln_k = made.plane.y_places
+    chord = (second.place - first.place) / (ln_k[upper[1]] - ln_k[lower[1]])
+    exact = [c.slopes[k] * made.plane.y_values[e[1]] for e, c in ((lower, first), (upper, second))]
+    assert chord == pytest.approx(np.mean(exact), rel=1e-2)  # each end is closed in on to 2e-4
+    down = next(c for e, c in made.sticking.crossings.items() if e[0] == "y")
+    assert np.isfinite(down.slopes[v]) and down.slopes[v] > 0.0
+
+
+def test_sliding_loses_stability_where_its_damping_vanishes(speed_and_stiffness):
+    """Above v_cr that is c = -dmu_k a F_n exp(-a v), at every stiffness; and so are its derivatives."""
+    made = speed_and_stiffness
+    found = [(edge, c) for edge, c in made.unstable.crossings.items() if edge[0] == "x"]
+    assert len(found) == 7
+    names = (*SITE.model.parameter_names, "normal_force", "drive_speed")
+    for edge, crossing in found:
+        damper = DEMO["damping"] * np.sqrt(DEMO["mass"] / made.plane.y_values[edge[1]])
+        v = np.log(-DEMO["delta_mu_k"] * DEMO["a"] / damper) / DEMO["a"]
+        assert crossing.place == pytest.approx(np.log(v), abs=1e-7)
+        by_mass, by_load = (crossing.slopes[names.index(n)] for n in ("mass", "normal_force"))
+        assert by_mass == pytest.approx(-0.5 / (DEMO["a"] * DEMO["mass"]) / v, rel=1e-5)
+        assert by_load == pytest.approx(1 / (DEMO["a"] * v), rel=1e-5)
+
+
+def test_sliding_that_jumps_to_stability_does_so_where_the_contact_wears_out():
+    """Without weakening and with damping: unstable below v_cr = D/t_cr, stable above it."""
+    site = Site(SITE.model, {**DEMO, "delta_mu_k": -1e-9}, 1e-4, 1.0)
+    grid = plane(site, ("drive_speed", "t_cr"), ((1e-5, 1e-3), (0.1, 1.0)), (6, 3))
+    growth = growth_at(site.model, grid.settings.reshape(-1, 11)).reshape(grid.shape)
+    found = {edge: c for edge, c in losses_of_stability(grid, growth).items() if edge[0] == "x"}
+    assert len(found) == 3
+    for edge, crossing in found.items():
+        t_cr = grid.y_values[edge[1]]
+        assert np.exp(crossing.place) == pytest.approx(DEMO["D"] / t_cr, rel=1e-3)
+        assert crossing.slopes[site.model.parameter_names.index("t_cr")] == pytest.approx(-1 / t_cr, rel=1e-2)
+
+
+@pytest.mark.parametrize(("name", "below"), [("drive_speed", True), ("normal_force", False), ("damping", True)])
+def test_a_continuation_ends_where_simulation_does(name, below):
+    answer = continuation(SITE, name, points=16)
+    (end,) = answer.ends
+    assert end.below is below
+    sign, state = (1.0 if below else -1.0), None
+    for share in (0.05, 0.01, -0.01):
+        w = moved(SITE, {name: end.value * (1.0 - sign * share)})
+        values = dict(zip(SITE.model.parameter_names, w[:-2].tolist(), strict=True))
+        found = brute_force.settled(
+            brute_force.Pair.of(values, float(w[-2])), float(w[-1]), *([] if state is None else [state])
+        )
+        assert (found is not None) is (share > 0.0)
+        state = None if found is None else found.end
+    if name == "drive_speed":
+        single = prospect(CycleMap(SITE.model, 1.0, SITE.setting[:-2]), 5e-3)
+        assert end.value == pytest.approx(single.end, rel=1e-3)
+        i = int(np.argmin(np.abs(answer.values - 5e-3)))
+        orbit = settle(CycleMap(SITE.model, 1.0, SITE.setting[:-2]), float(answer.values[i])).orbit
+        assert orbit is not None
+        np.testing.assert_allclose(np.abs(answer.multipliers[i]), np.abs(orbit.multipliers), atol=1e-5)
+
+
+def test_multipliers_are_how_a_disturbance_shrinks_in_simulation():
+    """The arrest force, pushed off its cycle, comes back by the largest multiplier in each cycle."""
+    answer = continuation(SITE, "drive_speed", (1e-3, 1.1e-3), 2)
+    multiplier = answer.multipliers[0, 0].real
+    pair, speed = brute_force.Pair.of(DEMO), float(answer.values[0])
+    closed = brute_force.settled(pair, speed)
+    assert closed is not None and 0.1 < multiplier < 0.3
+    away = closed.end[0] + 1e-4 / DEMO["stiffness"]
+    gaps = []
+    for x in (away, closed.end[0]):
+        found = brute_force.jump(pair, (x, closed.end[1]), speed)
+        assert found is not None
+        gaps.append(found.end[0])
+    assert (gaps[0] - gaps[1]) * DEMO["stiffness"] / 1e-4 == pytest.approx(multiplier, rel=1e-2)
+
+
+def test_a_band_reaches_as_far_as_the_boundary_moves(speed_and_stiffness):
+    sd = 0.004
+    known = Known.of(("mu_s",), np.array([[sd**2]]))
+    ((left, right),) = bands(speed_and_stiffness.plane, speed_and_stiffness.sticking, known)
+    other = Site(SITE.model, {**DEMO, "mu_s": DEMO["mu_s"] + 1.959964 * sd}, 5e-3, 1.0)
+    again = chart(other, ("drive_speed", "stiffness"), SPANS, (9, 7))
+    ((points, _),) = again.sticking.lines()
+    size = np.ptp(points, axis=0)
+    far = [np.min(np.linalg.norm((side[:, None] - points) / size, axis=2)) for side in (left, right)]
+    inner = np.interp(np.median(points[:, 1]), *_by_height(points))
+    sides = [np.interp(np.median(points[:, 1]), *_by_height(side)) for side in (left, right)]
+    ((middle, _),) = speed_and_stiffness.sticking.lines()
+    half = inner - np.interp(np.median(points[:, 1]), *_by_height(middle))
+    assert min(far) < 0.02
+    assert abs(half) == pytest.approx(0.5 * abs(sides[0] - sides[1]), rel=0.1)
+    assert bands(speed_and_stiffness.plane, speed_and_stiffness.unstable, known)  # mu_s does not move it: a line
+    flat = bands(speed_and_stiffness.plane, speed_and_stiffness.unstable, known)[0]
+    assert np.allclose(*flat, atol=1e-9)
+
+
+def _by_height(points):
+    order = np.argsort(points[:, 1])
+    return points[order, 1], points[order, 0]
+
+
+def test_the_region_of_the_point_is_what_is_known_of_the_two_quantities():
+    grid = plane(SITE, ("t_cr", "D"), points=(3, 3))
+    cov = np.diag([0.02, 1e-6]) ** 2
+    ring = region(grid, Known.of(("t_cr", "D"), cov))
+    half = np.ptp(ring, axis=0) / 2
+    np.testing.assert_allclose(half, np.sqrt(5.991464547) * np.array([0.02 / 0.5, 1e-6 / 37.4e-6]), rtol=1e-3)
+    assert region(grid, Known.of(("mu_s",), np.array([[1e-4]]))) is None
+    assert Known.of(("mu_s",), np.array([[np.inf]])) is None
+
+
+def test_closed_forms_lie_on_the_map_where_they_are_exact():
+    """Without ageing and weakening eq. 18 is where the map of the nonlinear model ends; with them it is not valid."""
+    model = assemble(("inertia", "hysteresis_damping"))
+    site = Site(model, {name: DEMO[name] for name in model.parameter_names}, 2e-2, 1.0)
+    made = chart(site, ("drive_speed", "damping"), ((2e-3, 0.2), (60.0, 600.0)), (8, 4))
+    closed = closed_plane(made.plane)
+    assert closed is not None and np.all(closed.valid)
+    rows = {edge[1]: crossing.place for edge, crossing in made.sticking.crossings.items() if edge[0] == "x"}
+    assert sorted(rows) == [0, 1, 2, 3]
+    for j, place in rows.items():
+        assert np.interp(made.plane.y_places[j], closed.y, _zeros(closed)) == pytest.approx(place, abs=2e-3)
+    assert not np.any(closed_plane(plane(SITE, ("drive_speed", "stiffness"), SPANS)).valid)
+    assert closed_plane(plane(Site(*_with_pressure()), ("drive_speed", "stiffness"), SPANS, (3, 3))) is None
+
+
+def _zeros(closed):
+    """Where the margin of the slip rises through zero, row by row."""
+    return [float(np.interp(0.0, row, closed.x)) for row in closed.slip]
+
+
+def _with_pressure():
+    model = assemble((*ALL, "pressure_dependence"))
+    return model, {p.name: DEMO.get(p.name, p.default) for p in model.parameters}, 5e-3, 1.0
+
+
+def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
+    made = speed_and_stiffness
+    files = write_chart(made, tmp_path / "map.csv")
+    with files[0].open(encoding="utf-8") as handle:
+        rows = list(csv.DictReader(handle))
+    assert len(rows) == 63 and len(files) == 2
+    first = rows[0]
+    assert float(first["drive_speed [m/s]"]) == made.plane.x_values[0]
+    assert float(first["drop [N]"]) == made.figures["drop"][0, 0]
+    assert first["outcome"] == made.outcomes[0, 0]
+    lines = list(csv.DictReader(files[1].open(encoding="utf-8")))
+    assert len(lines) == sum(len(p) for b in (made.sticking, made.unstable) for p in values_of(made, b))
+    write_chart(made, tmp_path / "map.h5")
+    with h5py.File(tmp_path / "map.h5") as file:
+        np.testing.assert_array_equal(file["period"][()], made.figures["period"])
+        assert file["period"].attrs["units"] == "s" and file["outcome"].asstr()[0, 0] == made.outcomes[0, 0]
+        assert file["boundaries/end_of_stick-slip/piece_1"].shape[1] == 2
+    with pytest.raises(SimulationError, match="no format"):
+        write_chart(made, tmp_path / "map.txt")
+    answer = continuation(SITE, "mass", points=3)
+    (path,) = write_continuation(answer, SITE, tmp_path / "line.csv")
+    assert len(path.read_text(encoding="utf-8").splitlines()) == 4
+
+
+@pytest.mark.parametrize("part", ["stability", "amplitude"])
+def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, part):
+    import matplotlib.image
+
+    known = Known.of(("mu_s", "stiffness"), np.diag([1e-5, 900.0]))
+    marks = Marks(
+        [(1e-3, 1470.0), (5e-3, 1470.0)], known, tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
+    )
+    draw_map(speed_and_stiffness, tmp_path / "map.png", part, marks)
+    shape = matplotlib.image.imread(tmp_path / "map.png").shape
+    assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
+
+
+SCENE = """
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = "0.2 kg"
+stiffness = { value = "1470 N/m", tolerance = "3 %" }
+damping = "147 N/m"
+drive_speed = "5 mm/s"
+normal_force = "1 N"
+[contact]
+area = "0.8 cm^2"
+[parameters]
+mu_s = { fixed = 0.62 }
+mu_k0 = { fixed = 0.43 }
+delta_mu_k = { fixed = -0.13 }
+a = { start = "300 s/m", prior = { mean = "300 s/m", sd = "20 s/m" } }
+D = { fixed = "37.4 um" }
+t_cr = { fixed = "0.5 s" }
+"""
+
+
+def test_the_command_line_draws_and_stores_maps(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE, encoding="utf-8")
+    asked = ["stability", "--scene", str(scene), "--json", "--map", "pressure", "area", "--points", "4"]
+    files = ["--plot", str(tmp_path / "map.png"), "--data", str(tmp_path / "map.h5")]
+    assert main([*asked, "--range", "pressure=2 kPa:50 kPa", *files]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["map"]["x"]["values"][0] == pytest.approx(2e3) and len(document["map"]["outcomes"]) == 4
+    assert (tmp_path / "map.png").exists() and (tmp_path / "map.h5").exists()
+    line = ["amplitude", "--scene", str(scene), "--json", "--map", "normal_force", "--points", "8"]
+    assert main([*line, "--plot", str(tmp_path / "line.png")]) == 0
+    (end,) = json.loads(capsys.readouterr().out)["map"]["end_of_stick_slip"]
+    low, high = end["interval"]  # from the tolerance of the stiffness and the prior of a
+    assert end["holds"] == "above" and low < end["value"] == pytest.approx(0.1503, rel=1e-3) and end["value"] < high
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--map", "drive_sped"],
+        ["--map", "mass", "D", "a"],
+        ["--map", "mass", "--range", "D=1:2"],
+        ["--map", "mass", "--range", "mass=2 kg:1 kg"],
+        ["--map", "mass", "--range", "mass"],
+        ["--map", "mass", "--points", "1"],
+        ["--map", "mass", "--data", "map.txt"],
+        ["--data", "map.csv"],
+        ["--map", "normal_force", "area"],
+    ],
+)
+def test_a_wrong_map_is_one_sentence(tmp_path, capsys, wrong):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE, encoding="utf-8")
+    assert main(["stability", "--scene", str(scene), *wrong]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.startswith("stickslip: ") and "\n" not in said and "Traceback" not in said
+
+
+def test_scripts_map_a_scene_by_names(tmp_path):
+    import identify
+
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    scene = identify.Scene.from_toml(path)
+    made = identify.stability_map(scene, "drive_speed", "pressure", (2e-3, 5e-2), points=3)
+    assert made.outcomes.shape == (3, 3) and made.plane.y.value == pytest.approx(1.0 / 0.8e-4)
+    (end,) = identify.continue_over(scene, "drive_speed", points=8).ends
+    assert end.value == pytest.approx(21.98e-3, rel=1e-3)
+    with pytest.raises(SimulationError, match="normal force"):
+        identify.stability_map(replace(scene, rig=replace(scene.rig, normal_force=None)), "mass", "D")
