@@ -24,7 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--adjust",
         metavar="LABEL,…",
-        help='labels to adjust for, numbers or names (default: order, trial, hydration, site where told; "none")',
+        help='labels to adjust for, numbers or names (default: order, trial, hydration, site, material; "none")',
     )
     parser.add_argument("--without", action="append", default=[], metavar="FIT", help="leave out a fit by name")
     parser.add_argument(

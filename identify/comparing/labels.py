@@ -13,7 +13,7 @@ from identify.pooling.design import Setting
 # Labels that mean a person, and numbers that are adjusted for without being asked, where the fits have them.
 SUBJECTS = ("volunteer", "subject", "participant", "person")
 COVARIATES = ("order", "trial", "hydration")
-FACTORS = ("site",)  # names that are adjusted for in the same way: a run at another site is no repetition
+FACTORS = ("site", "material")  # names that are adjusted for in the same way: another site is no repetition
 FIRST_CHOICES = ("material", "sample", "surface", "site")  # what a batch is compared by when nobody says
 NONE = "none"
 LONG = 60  # characters of a label in a sentence
