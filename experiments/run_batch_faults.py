@@ -124,7 +124,7 @@ def killed_at_random(
         case: manifest and scene. reference: an undisturbed batch of it. home: where the batches go. kills: how many.
     """
     tally, pick = Tally(name), random.Random(kills)
-    span = 1.2 * WORK * len(put(reference)) if stub else 8.0  # seconds of work, about
+    span = 1.2 * WORK * len(put(reference)) if stub else 15.0  # seconds of work, about
     while tally.kills < kills:
         out, before, failed, code = home / f"out_{tally.batches}", {}, frozenset[str](), None
         while code != 0:
@@ -257,15 +257,16 @@ def full_disk(case: tuple[Path, Path], reference: Path, home: Path) -> Tally:
 
 
 def real_case(folder: Path, groups: int) -> tuple[Path, Path]:
-    """Groups of one quick log each, simulated, and a file of garbage."""
+    """Groups of two quick logs each, simulated, at two speeds."""
     case = write_case(folder, [])
     lines = ["path,group,drive_speed"]
-    time_ = np.arange(1001) / 500
-    motion = simulate(assemble(MAIN), DEMO | RIG, 1e-3, 1.0, 2.0).sample(time_)["force"]
-    for i in range(groups):
-        noise = 5e-3 * np.random.default_rng(i).standard_normal(time_.size)
-        write_csv(Record(time_, np.ones(time_.size), motion + noise), folder / f"real_{i}.csv")
-        lines.append(f"real_{i}.csv,R{i},1 mm/s")
+    for number, (speed, duration) in enumerate(((1e-3, 2.0), (5e-4, 3.0))):
+        times = np.arange(round(500 * duration) + 1) / 500
+        force = simulate(assemble(MAIN), DEMO | RIG, speed, 1.0, duration).sample(times)["force"]
+        for i in range(groups):
+            noise = 5e-3 * np.random.default_rng([i, number]).standard_normal(times.size)
+            write_csv(Record(times, np.ones(times.size), force + noise), folder / f"real_{i}_{number}.csv")
+            lines.append(f"real_{i}_{number}.csv,R{i},{1e3 * speed:g} mm/s")
     case[0].write_text("\n".join(lines) + "\n")
     return case
 
@@ -289,7 +290,7 @@ def main(fast: bool = False) -> list[Tally]:
         tallies.append(twice(case, reference, home, pairs))
         tallies.append(gone_wrong(home / "in", reference, home, names))
         if real:
-            case, reference = real_case(home / "real", 6), home / "real_reference"
+            case, reference = real_case(home / "real", 4), home / "real_reference"
             undisturbed(case, reference, stub=False)
             tallies.append(killed_at_random("killed, real fits", case, reference, home / "real", real, stub=False))
     print(HEADING)

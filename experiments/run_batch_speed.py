@@ -40,7 +40,7 @@ TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 class Figures:
     """One batch: seconds of wall time, of its fits and of fits with reports by their own clocks; processor seconds of
     the leader and of the workers; resident memory [MB] of the leader when a tenth and when all of the groups had
-    ended; largest of a worker; seconds that the first fit spent on building its problem, and the median of the others."""
+    ended; largest of a worker; seconds that the first fit spent on building, and the median of the others."""
 
     workers: int
     wall: float
