@@ -91,18 +91,38 @@ class Collector:
         own: Indices,
     ) -> None:
         """One block: its slots are the given ones and the parameters, of which this log has some for itself."""
+        one = [np.concatenate(slots)[None, :], np.concatenate(fixed)[None, :], constants[None, :], edges[None]]
+        self.put_all(kind, steps, log, cycle, *one, own)
+
+    def put_all(
+        self,
+        kind: BlockKind,
+        steps: int,
+        log: int,
+        cycle: int,
+        slots: Indices,
+        fixed: Array,
+        constants: Array,
+        edges: Array,
+        own: Indices,
+    ) -> None:
+        """Blocks of one kind and cycle: slots and fixed (B, n) but for the parameters, constants (B, n_c), edges
+        (B, cells, 2)."""
         made = self.made.get((kind, steps))
         if made is None:
             made = self.made[kind, steps] = block(self.model, kind, steps)
-        rows = np.arange(self.rows, self.rows + made.n_rows)
-        self.rows += made.n_rows
+        count = slots.shape[0]
+        rows = np.arange(self.rows, self.rows + count * made.n_rows).reshape(count, made.n_rows)
+        self.rows += rows.size
+        theta = np.where(own >= 0, own, self.theta)[self.source]
+        start = self.unknowns.start[self.source]
         entry = (
-            np.concatenate([*slots, np.where(own >= 0, own, self.theta)[self.source]]),
-            np.concatenate([*fixed, self.unknowns.start[self.source]]),
+            np.concatenate([slots, np.broadcast_to(theta, (count, theta.size))], axis=1),
+            np.concatenate([fixed, np.broadcast_to(start, (count, start.size))], axis=1),
             constants,
             rows,
-            np.array([log]),
-            np.array([cycle]),
+            np.full(count, log),
+            np.full(count, cycle),
             edges,
         )
         self.parts.setdefault((kind, steps), []).append(entry)
@@ -110,7 +130,7 @@ class Collector:
     def families(self) -> tuple[Family, ...]:
         """All blocks so far, one family per kind."""
         return tuple(
-            Family(self.made[kind, steps], *(np.stack(column) for column in zip(*entries, strict=True)))
+            Family(self.made[kind, steps], *(np.concatenate(column) for column in zip(*entries, strict=True)))
             for (kind, steps), entries in self.parts.items()
         )
 
@@ -323,33 +343,38 @@ class _LogWalk:
         known_at_end: tuple[int, ...],
     ) -> None:
         """The shooting intervals of one part of a slip."""
-        intervals, steps = nodes.shape[0] - 1, self.grid.steps
-        constants = self._constants(self.size, *span, span[0])
-        cells = span[0] + (span[1] - span[0]) * np.linspace(0.0, 1.0, intervals * steps + 1)
-        d_end = np.array([end])
-        for i in range(intervals):
-            final = i == intervals - 1
-            known = known_at_end if final else known_inside
-            value = nodes[i + 1].copy()
+        intervals, steps, n_x = nodes.shape[0] - 1, self.grid.steps, self.n_x
+        values = nodes[1:].copy()
+        unknown = np.ones((intervals, n_x), bool)
+        for row, known in ((slice(None, -1), known_inside), (slice(-1, None), known_at_end)):
             for component in known:
-                value[component] = self.c.model.states[component].lower or 0.0
-            node = self.c.state(value, self.size, known)
-            constants = constants.copy()
-            constants[-2:] = i / intervals, (i + 1) / intervals
-            edges = cells[i * steps : (i + 1) * steps + 1]
-            self.c.put(
-                kind,
-                steps,
-                self.number,
-                cycle,
-                [self.node, node, self.offset, d_end, self.load],
-                [self.value, value, ZERO, ZERO, self.load_value],
-                constants,
-                np.stack([edges[:-1], edges[1:]], axis=1),
-                self.own,
-            )
-            places[cycle, i + 1] = node
-            self.node, self.value = node, value
+                values[row, component] = self.c.model.states[component].lower or 0.0
+                unknown[row, component] = False
+        index = np.full((intervals, n_x), KNOWN)
+        index[unknown] = self.c.add(values[unknown], np.broadcast_to(self.size, unknown.shape)[unknown])
+        befores = np.concatenate([self.node[None], index[:-1]])
+        d_end = np.array([end])
+        tail = np.concatenate([self.offset, d_end, self.load])
+        tail_values = np.concatenate([ZERO, ZERO, self.load_value])
+        constants = np.tile(self._constants(self.size, *span, span[0]), (intervals, 1))
+        fractions = np.arange(intervals + 1) / intervals
+        constants[:, -2:] = np.stack([fractions[:-1], fractions[1:]], axis=1)
+        cells = span[0] + (span[1] - span[0]) * np.linspace(0.0, 1.0, intervals * steps + 1)
+        self.c.put_all(
+            kind,
+            steps,
+            self.number,
+            cycle,
+            np.concatenate([befores, index, np.tile(tail, (intervals, 1))], axis=1),
+            np.concatenate(
+                [np.concatenate([self.value[None], values[:-1]]), values, np.tile(tail_values, (intervals, 1))], axis=1
+            ),
+            constants,
+            np.stack([cells[:-1], cells[1:]], axis=1).reshape(intervals, steps, 2),
+            self.own,
+        )
+        places[cycle, 1:] = index
+        self.node, self.value = index[-1], values[-1]
         self.offset = d_end
 
 
@@ -375,10 +400,7 @@ def lay_out(
         _LogWalk(collector, number, log, guess, grid).walk()
         for number, (log, guess) in enumerate(zip(logs, guesses, strict=True))
     )
-    families = tuple(
-        Family(f.block, f.slots, f.fixed, f.constants, f.rows, f.log[:, 0], f.cycle[:, 0], f.edges)
-        for f in collector.families()
-    )
+    families = collector.families()
     joined = [
         np.concatenate(part)
         for part in (collector.scale, collector.start, collector.lower, collector.upper, collector.mean, collector.sd)

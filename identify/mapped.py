@@ -6,6 +6,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -28,6 +29,35 @@ def keep() -> None:
         native.start([job for mapped in list(_all) if (job := mapped.wanted()) is not None])
 
 
+@dataclass(frozen=True)
+class _Bench:
+    """Arrays with room for several chunks, and the calls that work on each chunk of them."""
+
+    given: list[Array]
+    out: list[Array]
+    calls: list[Callable[[], None]]
+    buffers: list[ca.FunctionBuffer]  # kept alive: the calls run on them
+    version: int
+
+    @staticmethod
+    def of(mapped: ca.Function, chunk: int, room: int, version: int) -> _Bench:
+        """Bind a function that is mapped over a chunk to arrays of so many chunks."""
+        given = [np.zeros((room * chunk, mapped.numel_in(i) // chunk)) for i in range(mapped.n_in())]
+        out = [np.zeros((room * chunk, mapped.numel_out(i) // chunk)) for i in range(mapped.n_out())]
+        buffers, calls = [], []
+        for first in range(0, room * chunk, chunk):
+            buffer, call = mapped.buffer()
+            for i, array in enumerate(given):
+                if array.size:
+                    buffer.set_arg(i, array[first : first + chunk].reshape(-1).data)
+            for i, array in enumerate(out):
+                if array.size:
+                    buffer.set_res(i, array[first : first + chunk].reshape(-1).data)
+            buffers.append(buffer)
+            calls.append(call)
+        return _Bench(given, out, calls, buffers, version)
+
+
 class Mapped:
     """A function with dense results, evaluated for any number of lanes at once.
 
@@ -36,7 +66,6 @@ class Mapped:
 
     def __init__(self, function: ca.Function, chunk: int) -> None:
         self._function, self._chunk = function, chunk
-        self._sizes = [function.numel_out(i) for i in range(function.n_out())]
         self._spent, self._ask = 0.0, 0.0
         self._key: str | None = None
         self._local = threading.local()
@@ -55,36 +84,26 @@ class Mapped:
         if not self._settled and self._spent >= self._ask:
             self._look()
         since = time.thread_time()
-        count, chunk = arguments[0].shape[0], self._chunk
-        padded = -(-count // chunk) * chunk
-        given = []
-        for a in arguments:
-            full = np.empty((padded, a.shape[1] if a.ndim > 1 else 1))
-            full[:count] = a.reshape(count, -1)
-            full[count:] = full[count - 1] if count else 0.0
-            given.append(full)
-        out = [np.empty((padded, size)) for size in self._sizes]
-        buffer, call = self._buffer()
-        for first in range(0, padded, chunk):
-            for i, a in enumerate(given):
-                if a.size:
-                    buffer.set_arg(i, a[first : first + chunk].reshape(-1).data)
-            for i, o in enumerate(out):
-                if o.size:
-                    buffer.set_res(i, o[first : first + chunk].reshape(-1).data)
+        count = arguments[0].shape[0]
+        chunks = -(-count // self._chunk)
+        bench = self._bench_for(chunks)
+        for held, given in zip(bench.given, arguments, strict=True):
+            held[:count] = given.reshape(count, -1)
+            held[count : chunks * self._chunk] = held[count - 1] if count else 0.0
+        for call in bench.calls[:chunks]:
             call()
         self._spent += time.thread_time() - since
-        return [o[:count] for o in out]
+        return [out[:count].copy() for out in bench.out]
 
-    def _buffer(self) -> tuple[ca.FunctionBuffer, Callable[[], None]]:
-        """This thread's buffer of the function that runs now."""
-        held = getattr(self._local, "held", None)
-        if held is None or held[0] != self._version:
+    def _bench_for(self, chunks: int) -> _Bench:
+        """This thread's bench for the function that runs now, with room for so many chunks."""
+        bench: _Bench | None = getattr(self._local, "bench", None)
+        if bench is None or bench.version != self._version or len(bench.calls) < chunks:
             if self._mapped is None:
                 self._mapped = self._function.map(self._chunk)
-            held = (self._version, *self._mapped.buffer())
-            self._local.held = held
-        return held[1], held[2]
+            room = max(chunks, 2 * len(bench.calls) if bench is not None else 1)
+            bench = self._local.bench = _Bench.of(self._mapped, self._chunk, room, self._version)
+        return bench
 
     def _look(self) -> None:
         """Take the machine code if it is there; have it made if the function has earned it."""
