@@ -13,6 +13,7 @@ from data_io.assemble import assemble
 from data_io.errors import LogError, UnitError
 from data_io.frozen import COLUMN_ROLES
 from data_io.listing import StepSummary, summaries
+from data_io.motion import strokes_as_steps, take_step
 from data_io.part import Contents
 from data_io.readers import READERS
 from data_io.record import Record
@@ -42,6 +43,8 @@ def read_log(
     channels: Sequence[str] | None = None,
     progress: Callable[[float], None] = no_progress,
     window: tuple[float, float] | None = None,
+    strokes: bool = False,
+    stroke: int | None = None,
 ) -> Record:
     """Read a log as one record in SI.
 
@@ -52,15 +55,24 @@ def read_log(
     keeps all. window: the (start, stop) [s] to keep, in the clock of the file; of an HDF5 file nothing else is read.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
-    channels: names of the other columns to keep, () for none; None keeps all. progress: called with the share read.
     A folder or a pattern (`stroke_*.txt`) is read as one test whose strokes or steps were exported to files of their
-    own; `logs.zip/slow.txt` is a file in an archive.
+    own; `logs.zip/slow.txt` is a file in an archive. strokes: each stroke of the drive, told by the position column, is
+    a step; stroke: only this one.
     """
     path = Path(path)
-    request = _request(path, step, run, units, columns, normal_force, channels, progress)
-    if not is_series(path):
-        source = load(path)
-        return assemble(source, request, contents_of(source, request))
+    request = replace(_request(path, step, run, units, columns, normal_force, channels, progress), window=window)
+    record = _read_series(path, request) if is_series(path) else _read_one(path, request)
+    if strokes or stroke is not None:
+        record = strokes_as_steps(record)
+    return record if stroke is None else take_step(record, stroke)
+
+
+def _read_one(path: Path, request: Request) -> Record:
+    source = load(path)
+    return assemble(source, request, contents_of(source, request))
+
+
+def _read_series(path: Path, request: Request) -> Record:
     paths = logs_at(path)
     read = [(p, contents_of(load(p), _part_of(request, i, len(paths)))) for i, p in enumerate(paths)]
     joined = joined_contents(path, read)
