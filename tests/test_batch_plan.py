@@ -159,7 +159,7 @@ def test_hostile_groups_get_harmless_folders(tmp_path):
         assert (tmp_path / name).parent == tmp_path and not name.startswith((".", "~")) and len(name) <= LONGEST + 10
         assert len(name.encode()) < 200 and name.isprintable() and Path(name).name == name
     assert len(list(tmp_path.iterdir())) == len(HOSTILE)
-    assert folder_names(["Pad 3 (left)", "G1"])["G1"] == "G1"
+    assert folder_names(["Pad 3 (left)", "G1"]) == {"Pad 3 (left)": "Pad 3 (left)", "G1": "G1"}
 
 
 def test_hostile_texts_are_harmless_in_the_index():

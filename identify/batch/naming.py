@@ -10,7 +10,7 @@ LONGEST = 80  # characters
 # What a batch itself writes, and what Windows keeps for itself: no folder may be called so.
 _PORTS = [f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10)]
 TAKEN = frozenset(["batch.json", "index.csv", "report.html", "con", "prn", "aux", "nul", *_PORTS])
-_HARMFUL = re.compile(r"[^\w.+=@()\[\]-]+")
+_HARMFUL = re.compile(r"[^\w.+=@()\[\] -]+")
 
 
 def folder_names(groups: Sequence[str]) -> dict[str, str]:
@@ -25,7 +25,7 @@ def folder_names(groups: Sequence[str]) -> dict[str, str]:
 
 def _harmless(group: str) -> str:
     """Word characters and a few signs; no leading or trailing dot, no name that is taken, not too long."""
-    name = _HARMFUL.sub("_", group).strip("._")
+    name = _HARMFUL.sub("_", group).strip("._- ")
     while len(name.encode()) > LONGEST:
         name = name[: len(name) - 1 - max(0, (len(name) - LONGEST))]
     if not name or name.split(".")[0].casefold() in TAKEN or name.casefold() in TAKEN:
