@@ -54,23 +54,23 @@ class Entry:
     content_sha256: str
 
 
-def write_file(record: Record, path: Path, progress: Callable[[float], None]) -> None:
+def write_file(record: Record, path: Path, progress: Callable[[float], None], *, dated: bool) -> None:
     """Write one record; read back and compared before the file appears. Raises `LogError`, `OSError`."""
     with atomic_path(path) as temporary:
-        with _created(temporary) as file:
+        with _created(temporary, dated) as file:
             about = _put(file, file, record, None, progress)
             for key in ("source_file", "source_sha256"):
                 file.attrs[key] = str(about["metadata"].get(key, ""))
         _check(temporary, path)
 
 
-def write_runs(records: Iterable[Record], path: Path) -> tuple[Entry, ...]:
+def write_runs(records: Iterable[Record], path: Path, *, dated: bool) -> tuple[Entry, ...]:
     """Write every record as a run of one file, one after the other, and an index. Raises `LogError`, `OSError`."""
     import h5py
 
     entries: list[Entry] = []
     with atomic_path(path) as temporary:
-        with _created(temporary) as file:
+        with _created(temporary, dated) as file:
             for number, record in enumerate(records, start=1):
                 group = file.create_group(f"run_{number}", track_order=True)
                 about = _put(file, group, record, number, lambda _: None)
@@ -117,14 +117,15 @@ def changed_runs(path: str | Path) -> list[str]:
         return [name for name, (told, group) in runs.items() if told != _content_of(group)]
 
 
-def _created(path: Path) -> Any:
+def _created(path: Path, dated: bool) -> Any:
     """Open a new file. Its structure is protected by checksums, which HDF5 writes from format 1.10 on."""
     import h5py
 
     file = h5py.File(path, "w", track_order=True, libver=("v110", "v110"))
     file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
     file.attrs["created_by"] = f"{_DISTRIBUTION} {metadata.version(_DISTRIBUTION)}"
-    file.attrs["created"] = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    if dated:
+        file.attrs["created"] = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     return file
 
 

@@ -20,22 +20,24 @@ CSV_MARK: Final = f"# {FORMAT} "
 T = TypeVar("T")
 
 
-def write_hdf5(record: Record, path: str | Path, progress: Callable[[float], None] = no_progress) -> None:
+def write_hdf5(
+    record: Record, path: str | Path, progress: Callable[[float], None] = no_progress, *, dated: bool = True
+) -> None:
     """Write `/run_1/step_1/{time,normal_force,friction_force,...}` with `units`, step parameters as attributes.
 
     Compressed, with checksums; the file is read back and compared, and appears whole or not at all. progress: called
-    with the share written. Raises `LogError` where it cannot be written.
+    with the share written. dated: the file tells when it was written. Raises `LogError` where it cannot be written.
     """
-    _written(path, lambda: write_file(record, Path(path), progress))
+    _written(path, lambda: write_file(record, Path(path), progress, dated=dated))
 
 
-def write_archive(records: Iterable[Record], path: str | Path) -> tuple[Entry, ...]:
+def write_archive(records: Iterable[Record], path: str | Path, *, dated: bool = True) -> tuple[Entry, ...]:
     """Write many logs into one file: run 1, run 2, ... and an index of them, which is returned.
 
     Records are taken one after the other; only one need be in memory. Read one back with `read_log(path, run=2)`.
     Raises `LogError` where it cannot be written or there is none.
     """
-    return _written(path, lambda: write_runs(records, Path(path)))
+    return _written(path, lambda: write_runs(records, Path(path), dated=dated))
 
 
 def write_csv(record: Record, path: str | Path) -> None:

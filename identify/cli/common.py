@@ -86,6 +86,30 @@ def add_log_options(parser: ArgumentParser) -> None:
     group.add_argument("--normal-force", metavar="FORCE", help='constant, where the log has none: "3 N"')
 
 
+def add_part_options(parser: ArgumentParser) -> None:
+    """The options of the commands that may read only a part of a log."""
+    group = parser.add_argument_group("how much of the logs to read")
+    group.add_argument("--window", metavar="START,STOP", help='by the clock of the file, such as "100 s,2 min"')
+    group.add_argument("--channels", metavar="NAME,…", help="which of the other columns to keep; none keeps none")
+
+
+def part_options(arguments: Namespace) -> dict[str, Any]:
+    """The options of `add_part_options` as `data_io.read_log` takes them.
+
+    Raises:
+        CommandLineError: no two times.
+    """
+    window, channels = getattr(arguments, "window", None), getattr(arguments, "channels", None)
+    times = None if window is None else [part for part in window.split(",") if part.strip()]
+    if times is not None and len(times) != 2:
+        raise CommandLineError(f"--window has {window!r}; expected two times: write --window 100,200")
+    names = None if channels is None else [name.strip() for name in channels.split(",") if name.strip()]
+    return {
+        "window": None if times is None else tuple(quantity(time, "s", "--window") for time in times),
+        "channels": [] if names == ["none"] else names,
+    }
+
+
 def pairs(text: str | None, option: str, example: str) -> dict[str, str] | None:
     """ "time=T,friction_force=Fx" as a table; None stays None.
 
@@ -126,7 +150,7 @@ def read(path: str, arguments: Namespace) -> Record:
     """
     from data_io import read_log
 
-    return read_log(path, **log_options(arguments))
+    return read_log(path, **log_options(arguments), **part_options(arguments))
 
 
 def quantity(text: str, unit: str, option: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identify.cli.common import (
@@ -13,6 +14,7 @@ from identify.cli.common import (
     CommandLineError,
     Terminal,
     add_log_options,
+    add_part_options,
     pairs,
     picture,
     quantity,
@@ -37,6 +39,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--threshold", metavar="NAME=NUMBER,…", help="move a threshold of the verdict, such as jitter=0.1,spikes=0.01"
     )
     add_log_options(parser)
+    add_part_options(parser)
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -53,11 +56,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     seen: list[Inspection] = []
     logs: list[Mapping[str, Any]] = []
     unread: list[str] = []
-    for path in arguments.logs:
+    listed = [item for path in arguments.logs for item in _logs_in(path, arguments)]
+    for path, options in listed:
         try:
-            seen.append(inspection(path, read(path, arguments), rig, thresholds))
+            seen.append(inspection(path, read(options.path, options), rig, thresholds))
         except LogError as error:
-            if len(arguments.logs) == 1:
+            if len(listed) == 1:
                 raise
             unread.append(str(error))
             logs.append(_unreadable(path, str(error), terminal))
@@ -70,9 +74,26 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         draw(seen, plot)
         terminal.say(f"plot: {plot}")
     if unread:
-        message = f"{len(unread)} of {len(arguments.logs)} logs cannot be read; {unread[0]}"
+        message = f"{len(unread)} of {len(listed)} logs cannot be read; {unread[0]}"
         return Answer(WRONG_INPUT, {"schema": 1, "status": "error", "message": message, "logs": logs})
     return Answer(DONE, {"status": "done", "logs": logs})
+
+
+def _logs_in(path: str, arguments: Namespace) -> list[tuple[str, Namespace]]:
+    """Name and reading options of every log: an archive stands for all logs in it unless a run was chosen."""
+    from data_io import LogError
+    from data_io.archive import read_index
+
+    alone = [(path, Namespace(**vars(arguments), path=path))]
+    if arguments.test_run is not None or Path(path).suffix.lower() not in (".h5", ".hdf5"):
+        return alone
+    try:
+        index = read_index(path)
+    except LogError:
+        return alone  # reading it says why
+    options = {key: value for key, value in vars(arguments).items() if key != "test_run"}
+    runs = [(f"{path} run {entry.run} ({entry.source_file})", entry.run) for entry in index]
+    return [(name, Namespace(**options, path=path, test_run=run)) for name, run in runs] or alone
 
 
 def _unreadable(path: str, sentence: str, terminal: Terminal) -> Mapping[str, Any]:

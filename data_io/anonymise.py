@@ -1,0 +1,122 @@
+"""A record without what could name a person, a place, a day or a file, and the key that tells it again.
+
+What stays is what a measurement needs: the numbers, usual names of columns, and settings whose names are made of the
+words below. Everything else goes into the key, which is a file of its own.
+"""
+
+import re
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from data_io.free_name import free_name
+from data_io.frozen import Scalar
+from data_io.record import Record
+from data_io.units import kind_of
+
+WORDS: Final = frozenset(
+    """
+    acceleration angle angular applied approach area axial axis cell code cof coefficient column constant count cycle
+    cycles data depth diameter dimension direction displacement distance drive duration elapsed fn force forces format
+    frequency friction gain given holder hold humidity in interval lap laps lateral layout length limit linear load
+    loading logging lower mass max maximum mean min minimum mode moving mu newton nominal none normal number of
+    offset period pitch points position pressure programme radial radius ramp range rate raw relative resolution
+    reciprocating rest rotary rotation rotational rows rpm run runs sample samples sampling sensor set slide sliding
+    speed start step steps stiffness stop stroke strokes tangential target temperature test time torque total track type
+    unit units upper user velocity voltage wear width x y z
+    """.split()
+)
+"""What names of settings and columns may be made of; a name with any other word is free text."""
+
+KEPT: Final = ("format", "source_format", "normal_force_source", "time_source", "friction_force_source")
+_SHORT: Final = re.compile(r"[A-Za-z]{1,3}\d?")
+_TOKEN: Final = re.compile(r"[^\W\d_]+")
+_VALUE: Final = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*(\S{0,12})\s*")
+_COLUMN_SOURCE: Final = re.compile(r"column (.*) in (\S{0,12})(, given by the user)?")
+
+
+@dataclass(frozen=True)
+class Anonymous:
+    """The record that may be given away, its name, and what was taken out of it (plain values that JSON can hold)."""
+
+    record: Record
+    name: str
+    key: Mapping[str, Any]
+
+
+def anonymous(record: Record) -> Anonymous:
+    """Take out paths, script names, operators, dates, free text and unusual names of columns.
+
+    Of findings their code stays. The columns themselves are not touched.
+    """
+    name = f"log-{secrets.token_hex(4)}"
+    kept = {key: value for key, value in record.metadata.items() if _harmless(key, value)}
+    sources = {key: _plain_source(str(record.metadata[key])) for key in KEPT if key in record.metadata}
+    steps = [{k: v for k, v in step.parameters.items() if is_plain_setting(k, v)} for step in record.steps]
+    channels = _channel_names(record)
+    about = record.about()
+    taken = [
+        {k: v for k, v in step.parameters.items() if k not in safe}
+        for step, safe in zip(record.steps, steps, strict=True)
+    ]
+    key = {
+        "metadata": {k: v for k, v in about["metadata"].items() if k not in kept},
+        "steps": [{"run": s.run, "step": s.number, "parameters": t} for s, t in zip(record.steps, taken, strict=True)],
+        "channels": {new: old for old, new in channels.items() if new != old},
+        "findings": about["findings"],
+    }
+    safe = replace(
+        record,
+        channels={channels[old]: values for old, values in record.channels.items()},
+        channel_units={channels[old]: _plain_unit(unit) for old, unit in record.channel_units.items()},
+        steps=tuple(replace(step, parameters=s) for step, s in zip(record.steps, steps, strict=True)),
+        metadata={**kept, **sources, "source_file": name},
+        findings=tuple(replace(f, message=f.code.replace("_", " ")) for f in record.findings),
+    )
+    return Anonymous(safe, name, key)
+
+
+def is_plain_setting(name: str, value: Scalar) -> bool:
+    """Tell a setting that names nobody: a number, perhaps with a unit, under a name of usual words."""
+    if isinstance(value, (bool, int, float)):
+        return is_usual(name)
+    match = _VALUE.fullmatch(value)
+    return match is not None and is_usual(name) and (not match[1] or kind_of(match[1]) is not None)
+
+
+def is_usual(name: str) -> bool:
+    """Tell a name that any tribometer might write: `Fx`, `V1`, `Set Force`."""
+    if _SHORT.fullmatch(name):
+        return True
+    words = _TOKEN.findall(name)
+    return bool(words) and name.isascii() and all(word.lower() in WORDS for word in words)
+
+
+def _harmless(key: str, value: Scalar) -> bool:
+    # a clock that counts from 1970 tells the day
+    return key not in KEPT and key not in ("path", "sha256", "file_time_start") and is_plain_setting(key, value)
+
+
+def _plain_source(text: str) -> str:
+    """Where a role came from, without an unusual name of its column."""
+    match = _COLUMN_SOURCE.fullmatch(text)
+    if match is None:
+        return text if is_usual(text) or text.startswith("constant ") else ""
+    name = match[1] if is_usual(match[1]) else "(renamed)"
+    return f"column {name} in {_plain_unit(match[2])}"
+
+
+def _plain_unit(unit: str) -> str:
+    return unit if not unit or kind_of(unit) is not None or _SHORT.fullmatch(unit) else "?"
+
+
+def _channel_names(record: Record) -> dict[str, str]:
+    """New name of each channel: its own where that is usual, else "channel 1", "channel 2", ..."""
+    names: dict[str, str] = {}
+    taken = {name for name in record.channels if is_usual(name)}
+    for name in record.channels:
+        new = name if is_usual(name) else free_name(f"channel {len(names) + 1}", taken)
+        taken.add(new)
+        names[name] = new
+    return names
