@@ -16,7 +16,7 @@ from data_io.listing import StepSummary, summaries
 from data_io.motion import strokes_as_steps, take_step
 from data_io.part import Contents
 from data_io.readers import READERS
-from data_io.record import Record
+from data_io.record import Record, within
 from data_io.segments import LONGEST_LINE
 from data_io.series import is_series, joined_contents, logs_at
 from data_io.source import Request, Source, load, no_progress
@@ -60,7 +60,10 @@ def read_log(
     a step; stroke: only this one.
     """
     path = Path(path)
-    request = replace(_request(path, step, run, units, columns, normal_force, channels, progress), window=window)
+    request = replace(
+        _request(path, step, run, units, columns, normal_force, channels, progress),
+        window=_checked_window(path, window),
+    )
     record = _read_series(path, request) if is_series(path) else _read_one(path, request)
     if strokes or stroke is not None:
         record = strokes_as_steps(record)
@@ -69,14 +72,14 @@ def read_log(
 
 def _read_one(path: Path, request: Request) -> Record:
     source = load(path)
-    return assemble(source, request, contents_of(source, request))
+    return within(assemble(source, request, contents_of(source, request)), request.window)
 
 
 def _read_series(path: Path, request: Request) -> Record:
     paths = logs_at(path)
     read = [(p, contents_of(load(p), _part_of(request, i, len(paths)))) for i, p in enumerate(paths)]
     joined = joined_contents(path, read)
-    record = assemble(load(paths[0]), request, joined)
+    record = within(assemble(load(paths[0]), request, joined), request.window)
     digests = "".join(load(p).sha256 for p in paths)
     about = {"path": str(path), "sha256": hashlib.sha256(digests.encode()).hexdigest()}
     return replace(record, metadata={**record.metadata, **about})
@@ -140,7 +143,9 @@ def _request(
 
 def _part_of(request: Request, number: int, count: int) -> Request:
     """Return the request for one of several files: all its steps, its share of the progress."""
-    return replace(request, step=None, run=None, progress=lambda share: request.progress((number + share) / count))
+    return replace(
+        request, step=None, run=None, window=None, progress=lambda share: request.progress((number + share) / count)
+    )
 
 
 def _check_roles(path: Path, columns: Mapping[str, str]) -> None:
@@ -149,6 +154,15 @@ def _check_roles(path: Path, columns: Mapping[str, str]) -> None:
             near = difflib.get_close_matches(role, ROLES, n=1)
             hint = f"did you mean {near[0]}?" if near else "use one of these"
             raise LogError(f"{path}: a column was named for {role!r}; {', '.join(ROLES)} were expected; {hint}")
+
+
+def _checked_window(path: Path, window: tuple[float, float] | None) -> tuple[float, float] | None:
+    if window is None:
+        return None
+    start, stop = (float(time) for time in window)
+    if not start < stop:
+        raise LogError(f"{path}: the window runs from {start:g} to {stop:g} s; a start before its stop was expected")
+    return start, stop
 
 
 def _load_force(path: Path, given: float | str | None) -> float | None:
