@@ -1,0 +1,70 @@
+"""`stickslip steps`: which runs and steps a log holds, before anybody chooses."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from identify.cli.common import Answer, Terminal, pairs
+from identify.cli.summary import columns, wrapped
+from identify.report.quantity_text import DASH, quantity
+
+if TYPE_CHECKING:
+    from data_io import StepSummary
+
+NAME = "steps"
+HELP = "the runs and steps of a log, with rows, durations, parameters and columns"
+MOST_PARAMETERS = 8
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The arguments of this command."""
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs, folders or patterns of one test's files")
+    parser.add_argument("--columns", metavar="NAME=COLUMN,…", help="such as time=T,friction_force=Fx")
+    parser.add_argument("--units", metavar="NAME=UNIT,…", help="such as time=s")
+
+
+def run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """List them.
+
+    Raises:
+        CommandLineError, LogError, OSError: one sentence each.
+    """
+    from data_io import list_steps
+
+    asked = pairs(arguments.columns, "--columns", "time=T,friction_force=Fx")
+    units = pairs(arguments.units, "--units", "time=s")
+    logs: list[dict[str, Any]] = []
+    for path in arguments.logs:
+        found = list_steps(path, units=units, columns=asked)
+        _say(path, found, terminal)
+        logs.append({"path": path, "steps": [_document(step) for step in found]})
+    return Answer(document={"status": "done", "logs": logs})
+
+
+def _say(path: str, steps: Sequence[StepSummary], terminal: Terminal) -> None:
+    terminal.say(path)
+    rows = [["run", "step", "rows", "duration", "started"]]
+    for step in steps:
+        length = DASH if step.duration is None else quantity(step.duration, "s")
+        started = DASH if step.started is None else step.started.time().isoformat(timespec="milliseconds")
+        rows.append([str(step.run), str(step.number), str(step.rows), length, started])
+    terminal.say(columns(rows))
+    for step in steps:
+        given = ", ".join(f"{key} = {value}" for key, value in list(step.parameters.items())[:MOST_PARAMETERS])
+        names = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in step.columns.items())
+        terminal.say(wrapped(f"run {step.run} step {step.number}: {given or 'no parameters'}; columns {names}", "  "))
+    terminal.say()
+
+
+def _document(step: StepSummary) -> dict[str, Any]:
+    return {
+        "run": step.run,
+        "step": step.number,
+        "rows": step.rows,
+        "duration_s": step.duration,
+        "started": None if step.started is None else step.started.isoformat(),
+        "columns": dict(step.columns),
+        "parameters": dict(step.parameters),
+    }
