@@ -37,7 +37,7 @@ def fit_on_worker(document: Mapping[str, Any], folder: str, limit: float, module
 def end_grips() -> None:
     """Runs on a Dask worker: end its fitting processes, which hold memory that nobody needs any more."""
     while _grips:
-        _grips.pop().end()
+        _grips.pop().close()
     _mine.__dict__.clear()
 
 

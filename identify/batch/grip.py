@@ -25,12 +25,13 @@ ONE_THREAD = (
 
 
 class Grip:
-    """Runs one job after the other in a process of its own; used by one thread at a time, `end` by any."""
+    """Runs one job after the other in a process of its own; used by one thread at a time, `close` by any."""
 
     def __init__(self, module: str | None = None) -> None:
         self._module = module or MODULE
         self._process: subprocess.Popen[str] | None = None
         self._errors: IO[bytes] | None = None
+        self._closed = False
 
     def run(self, job: Job, part: Path, limit: float) -> End:
         """Fit a job into the folder `part` within `limit` seconds; every end is an answer, a killed one too."""
@@ -45,7 +46,7 @@ class Grip:
         except OSError as error:
             return End(CRASHED, f"no process could be started for the fit: {error.strerror or error}")
         if process is None:
-            return self._died(f"the fitting process did not start within {START_LIMIT:g} s")
+            return self._died("the fitting process did not start")
         late = threading.Event()
         request = json.dumps({"job": job.as_document(), "part": str(part)})
         answer = self._asked(process, request, limit, late)
@@ -57,8 +58,13 @@ class Grip:
             return End(TIMED_OUT, f"the fit took longer than the {limit:g} s it was given; see --time-limit")
         return self._died("the fitting process died")
 
+    def close(self) -> None:
+        """End the process at once, and start no other."""
+        self._closed = True
+        self.end()
+
     def end(self) -> None:
-        """End the process at once."""
+        """End the process at once; the next job starts another."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -66,9 +72,9 @@ class Grip:
             for stream in (process.stdin, process.stdout):
                 if stream is not None:
                     _close(stream)
-        if self._errors is not None:
-            self._errors.close()
-            self._errors = None
+        errors, self._errors = self._errors, None
+        if errors is not None:
+            errors.close()
 
     def _started(self) -> subprocess.Popen[str] | None:
         """The process, ready; None where it did not get ready."""
@@ -87,6 +93,9 @@ class Grip:
             env=_environment(os.environ),
             **apart,
         )
+        if self._closed:  # while it was being started
+            self.end()
+            return None
         return self._process if self._asked(self._process, None, START_LIMIT, threading.Event()) else None
 
     def _asked(

@@ -128,7 +128,8 @@ class _Run:
             with self._stopping():
                 self._fit(todo, limit)
         except _DiskFullError as error:
-            return self._end("stopped", str(error), kept)
+            words = f"stopped: {error}; make room, then go on with --resume: what has ended is kept"
+            return self._end("stopped", words, kept)
         failures = [end for end in self._ended.values() if end.status != CONVERGED]
         message = f"{len(self._ended)} groups: {len(self._ended) - len(failures)} converged, {len(failures)} did not"
         return self._end("failures" if failures else "done", message, kept)
@@ -190,8 +191,6 @@ class _Run:
 
     def _end(self, status: str, message: str, kept: int) -> Summary:
         """Write the tables a last time and remove what is unfinished."""
-        if status == "stopped" and "--resume" not in message:
-            message = f"stopped: {message}; make room, then go on with --resume: what has ended is kept"
         try:
             self._gather()
             self._tables(status, message, utc())

@@ -66,7 +66,7 @@ class LocalWorkers:
         self._ending.set()
         self._threads.shutdown(wait=False, cancel_futures=True)
         for grip in self._grips:
-            grip.end()
+            grip.close()
         self._threads.shutdown(wait=True)
 
     def send(self, job: Job, folder: Path, limit: float) -> Pending:
