@@ -13,7 +13,20 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, NoReturn
 
-from identify.cli import amplitude, batch, compare, convert, demo, fit, inspect, scene, simulate, stability, verify
+from identify.cli import (
+    amplitude,
+    batch,
+    compare,
+    convert,
+    demo,
+    fit,
+    inspect,
+    scene,
+    simulate,
+    stability,
+    steps,
+    verify,
+)
 from identify.cli.common import (
     DEFECT,
     INTERRUPTED,
@@ -28,6 +41,7 @@ from identify.errors import IdentifyError
 COMMANDS: tuple[ModuleType, ...] = (
     demo,
     inspect,
+    steps,
     scene,
     fit,
     verify,
