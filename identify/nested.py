@@ -72,9 +72,10 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True)
 
 
 def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit a model with one effect more, from the motion of the smaller one alone."""
+    """Fit a model with one effect more, or another one in its place, from the motion of the smaller one alone."""
     prepared, unknowns = _prepared(scene, records)
-    warm = _warm(smaller, prepared, unknowns)
+    hopeless = np.inf if smaller.attempt is None else smaller.attempt.solved.solution.cost + HOPELESS
+    warm = _warm(smaller, prepared, unknowns, hopeless)
     return Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
 
 
