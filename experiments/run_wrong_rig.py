@@ -1,0 +1,160 @@
+"""A wrong rig on purpose: is it noticed, is it named, and is the truth found with the quantity set free?
+
+Random pairs at four drive speeds; the scene states a mass 1.5 times, or a stiffness 1.2 times the true one, or the
+force sensor lags by 5 ms and the scene does not say so. Noticed: the fit does not end with `converged`. Named: its
+message names the quantity, and the value it gives is within 5 % of the truth. Recovered: with the quantity free the fit
+converges, and the quantity is within 5 %. Every case follows from its number, so the study can be run in parts.
+
+    python experiments/run_wrong_rig.py mass|stiffness|lag FIRST LAST FILE
+    python experiments/run_wrong_rig.py table FILE...
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from data_io import Record
+from experiments.machine import describe
+from experiments.study_problem import NOISE, NORMAL_FORCE, SPEEDS, USUAL, Case, random_case, scene_of
+from identify import Scene
+from identify.effects import MAIN
+from identify.identification import find
+from identify.model import assemble
+from identify.outcome import Status
+from identify.scene.parameters import ParameterSpec
+from identify.search import Clock
+from identify.simulate import run
+
+CASES, SEED = 100, 7
+KINDS = {"mass": 1.5, "stiffness": 1.2, "lag": 5e-3}
+CLOSE = 0.05
+FINE = 20  # samples of the lagging force per sample of the log
+
+
+def wrong(kind: str, number: int) -> tuple[Case, Scene, float]:
+    """Case, scene as the user states it, and the true value of what it states wrongly."""
+    random = np.random.default_rng([SEED, number])
+    case, _ = random_case(random, USUAL)
+    if kind == "lag":
+        case = replace(case, records=_lagging(case, KINDS[kind], random))
+        return case, scene_of(case, None), KINDS[kind]
+    stated = replace(case, rig=case.rig | {kind: case.rig[kind] * KINDS[kind]})
+    return case, scene_of(stated, None), case.rig[kind]
+
+
+def _lagging(case: Case, lag: float, random: np.random.Generator) -> tuple[Record, ...]:
+    """The records as a first-order sensor shows them: exact for a force that is linear between fine samples."""
+    from scipy.signal import lfilter
+
+    out = []
+    for (speed, duration, rate), record in zip(SPEEDS, case.records, strict=True):
+        fine = FINE * rate * max(1.0, round(1.0 / (rate * lag)))
+        step = 1.0 / fine
+        motion = run(assemble(MAIN), case.truth | case.rig, speed, NORMAL_FORCE, duration)
+        force = motion.sample(np.arange(round(duration * fine) + 1) * step)["force"]
+        decay = np.exp(-step / lag)
+        ramp = lag * (1.0 - decay) / step
+        shown = lfilter([1.0 - ramp, ramp - decay], [1.0, -decay], force)[:: round(fine / rate)]
+        noisy = shown[: record.time.size] + NOISE * random.standard_normal(record.time.size)
+        out.append(Record(record.time, record.normal_force, noisy))
+    return tuple(out)
+
+
+def freed(scene: Scene, kind: str) -> Scene:
+    """The scene with the quantity estimated."""
+    if kind == "lag":
+        return scene.with_effects((*scene.model.effects, "sensor_lag"))
+    value = float(getattr(scene.rig, kind))
+    return replace(scene, parameters={**scene.parameters, kind: ParameterSpec(kind, None, value / 4.0, value * 4.0)})
+
+
+def trial(kind: str, number: int) -> dict[str, Any]:
+    """One case: fitted as stated, and with the quantity free."""
+    case, scene, truth = wrong(kind, number)
+    began = time.process_time()
+    _, found = find(scene, case.records, clock=Clock(), progress=lambda _s, _x: None, starts="data")
+    seconds = time.process_time() - began
+    told = _told(kind, found.message)
+    _, open_ = find(freed(scene, kind), case.records, clock=Clock(), progress=lambda _s, _x: None, starts="data")
+    value = np.nan
+    if open_.attempt is not None:
+        u = open_.unknowns
+        base = u.base({n: float(getattr(scene.rig, n)) for n in ("mass", "stiffness", "damping")})
+        name = "lag_time" if kind == "lag" else kind
+        value = float(u.values(open_.attempt.solved.theta, base)[u.names.index(name)])
+    return {
+        "kind": kind,
+        "number": number,
+        "noticed": found.status is not Status.CONVERGED,
+        "named": bool(np.isfinite(told) and abs(told / truth - 1.0) < CLOSE),
+        "recovered": open_.status is Status.CONVERGED and bool(abs(value / truth - 1.0) < CLOSE),
+        "status": found.status.value,
+        "freed": open_.status.value,
+        "seconds": seconds,
+        "message": found.message,
+    }
+
+
+def _told(kind: str, message: str) -> float:
+    """The value of the quantity that the message names first of all [SI]; NaN where it does not."""
+    first = message.split("explains the misfit")[0]
+    pattern = {"mass": r"a mass of (\S+) kg", "stiffness": r"a stiffness of (\S+) N/m", "lag": r"sensor of (\S+) ms"}
+    match = re.search(pattern[kind], first)
+    return np.nan if match is None else float(match[1]) * (1e-3 if kind == "lag" else 1.0)
+
+
+def study(kind: str, first: int, last: int, file: Path | None = None) -> list[dict[str, Any]]:
+    """Cases first to last of a kind, each printed, and appended to a file if one is given."""
+    out = []
+    for number in range(first, last + 1):
+        line = trial(kind, number)
+        out.append(line)
+        print(
+            f"{kind:9s} {number:4d} noticed {line['noticed']!s:5} named {line['named']!s:5} recovered "
+            f"{line['recovered']!s:5} {line['seconds']:5.1f} s  {line['message'][:150] if not line['named'] else ''}",
+            flush=True,
+        )
+        if file is not None:
+            with file.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(line) + "\n")
+    return out
+
+
+def table(lines: Sequence[dict[str, Any]]) -> None:
+    """Counts, a row per kind of error."""
+    print(f"\n{describe()}\n")
+    print("| wrong | cases | noticed | named, value within 5 % | recovered when free | processor seconds, median |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for kind in KINDS:
+        mine = [line for line in lines if line["kind"] == kind]
+        if mine:
+            counts = " | ".join(str(sum(line[what] for line in mine)) for what in ("noticed", "named", "recovered"))
+            print(f"| {kind} | {len(mine)} | {counts} | {np.median([line['seconds'] for line in mine]):.1f} |")
+
+
+def main(fast: bool = False) -> list[dict[str, Any]]:
+    """The whole study: CASES of each kind; fast: one."""
+    lines = study("mass", 1, 1) if fast else [line for kind in KINDS for line in study(kind, 1, CASES)]
+    table(lines)
+    return lines
+
+
+if __name__ == "__main__":
+    said = sys.argv[1:]
+    if not said:
+        main()
+    elif said[0] == "table":
+        table([json.loads(line) for path in said[1:] for line in Path(path).read_text(encoding="utf-8").splitlines()])
+    else:
+        study(said[0], int(said[1]), int(said[2]), Path(said[3]))
