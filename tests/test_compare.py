@@ -127,6 +127,22 @@ def test_an_index_gives_labels_and_reasons(tmp_path):
     assert first.labels == {"material": "=steel", "status": "wet"} and first.converged
     assert (second.status, second.message) == ("time_limit", "took longer than 60 s")
     assert usual((first, second)) is None
+    groups = [{"group": "a", "folder": "a", "labels": {"material": "two\nlines"}}, {"group": "b\n", "folder": "b"}]
+    (tmp_path / "batch.json").write_text(json.dumps({"groups": groups}))
+    first, second = read_fits([tmp_path])
+    assert first.labels == {"material": "two\nlines"} and second.name == "b\n"
+
+
+def test_labels_that_differ_between_the_logs_of_a_fit_are_no_labels(tmp_path):
+    one = draw(SMALL, np.random.default_rng(0))
+    told = document(one.y[0], one.noise[0], {"material": "A"})
+    told["logs"][1]["labels"] = {"material": "B"}
+    write_fit(tmp_path / "a", told)
+    (tmp_path / "index.csv").write_text(
+        "group,status,message,result,folder,logs,material\na,converged,,a/result.json,a,2,A; B\n"
+    )
+    (entry,) = read_fits([tmp_path])
+    assert "material" not in entry.labels and entry.mixed == ("material",)
 
 
 def test_covariates_are_used_where_all_have_them(tmp_path):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-INDEX = "index.csv"
+INDEX, BATCH = "index.csv", "batch.json"
 RESULT = "result.json"
 PAGE = "report.html"
 # Columns of a batch's index that say how a fit went; every other column is a label ("label: status" is the label
@@ -22,6 +22,7 @@ GUARDED = ("=", "+", "-", "@", "\t", "\r", "|", "%")  # what a spreadsheet may t
 MANY = 4  # folders below a batch folder in which results are sought
 CONVERGED = "converged"
 UNREADABLE = "unreadable"
+REASONS = {"waiting": "the batch has not come to it"}
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,9 @@ def _folder(folder: Path) -> list[FitEntry]:
         return [_read(folder, folder.name or str(folder), {})]
     if (folder / INDEX).is_file():
         rows = _index(folder / INDEX)
-        listed = [_row(folder, row) for row in rows]
+        exact = _groups(folder / BATCH)
+        groups = exact if len(exact) == len(rows) else [{} for _ in rows]
+        listed = [_row(folder, row, group) for row, group in zip(rows, groups, strict=True)]
         if listed:
             return listed
     depth = len(folder.parts)
@@ -110,17 +113,29 @@ def _unguarded(text: str) -> str:
     return text[1:] if text.startswith("'") and text[1:].lstrip().startswith(GUARDED) else text
 
 
-def _row(folder: Path, row: Mapping[str, str]) -> FitEntry:
+def _groups(path: Path) -> list[Mapping[str, Any]]:
+    """The groups of a batch as its document tells them: names and labels exactly as they were given."""
+    try:
+        groups = json.loads(path.read_text(encoding="utf-8"))["groups"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return []
+    return [g if isinstance(g, Mapping) else {} for g in groups] if isinstance(groups, list) else []
+
+
+def _row(folder: Path, row: Mapping[str, str], group: Mapping[str, Any]) -> FitEntry:
     """One row of an index: its result where there is one, else the reason why there is none."""
-    name = row.get("group") or "?"
+    name = str(group.get("group") or row.get("group") or "?")
     labels = {key.removeprefix(LABEL): value for key, value in row.items() if key not in NOT_LABELS and value}
+    if isinstance(group.get("labels"), Mapping):
+        labels = {str(key): str(value) for key, value in group["labels"].items() if value}
     told = row.get("result") or ""
-    path = folder / (told or f"{row.get('folder') or name}/{RESULT}")
+    path = folder / (told or f"{group.get('folder') or row.get('folder') or name}/{RESULT}")
     if path.is_dir():
         path = path / RESULT
     if path.is_file() and (told or row.get("status") in ("", CONVERGED)):
         return _read(path.parent, name, labels)
-    return FitEntry(name, path.parent, row.get("status") or UNREADABLE, row.get("message") or "no result", labels)
+    status = row.get("status") or UNREADABLE
+    return FitEntry(name, path.parent, status, row.get("message") or REASONS.get(status, "no result"), labels)
 
 
 def _read(folder: Path, name: str, labels: Mapping[str, str]) -> FitEntry:
@@ -136,8 +151,8 @@ def _read(folder: Path, name: str, labels: Mapping[str, str]) -> FitEntry:
         folder=folder,
         status=str(document.get("status") or UNREADABLE),
         message=str(document.get("message") or ""),
-        labels=dict(labels) | said,
-        mixed=tuple(label for label in mixed if label not in labels),
+        labels={key: value for key, value in labels.items() if key not in mixed} | said,
+        mixed=mixed,
         document=document,
     )
 
