@@ -13,6 +13,8 @@ from data_io.thresholds import Thresholds
 
 UNLOADED: Final = 0.1
 """Share of the typical load below which a row counts as not loaded."""
+_LOADED: Final = 0.3
+"""Share of the load above which a row counts as loaded: a load that ripples is loaded in its troughs as well."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +51,13 @@ def typical_load(normal: FloatArray) -> float:
     size = np.abs(finite)
     if size.size == 0 or not size.any():
         return 0.0
-    return float(np.median(finite[size >= 0.5 * np.quantile(size, 0.99)]))
+    level = abs(float(np.median(finite[size >= 0.5 * np.quantile(size, 0.99)])))
+    return float(np.median(finite[size >= _LOADED * level]))
 
 
 def _course(time: FloatArray, normal: FloatArray, level: float) -> tuple[float, float]:
     """Return drift and ripple of the loaded rows as shares of the load."""
-    loaded = normal > 0.5 * level
+    loaded = normal > _LOADED * level
     if np.count_nonzero(loaded) < 3:
         return 0.0, 0.0
     t, force = time[loaded], normal[loaded]

@@ -89,7 +89,7 @@ def drive_motion(record: Record) -> FloatArray | None:
     """Return how fast the drive moves [m/s], shape (n,), from a column of the log; None where none tells it.
 
     A speed that is a column is taken as it is; else the channel in metres with the largest range, by differences over
-    a fiftieth of its rows; else the largest channel in metres per second.
+    a hundredth of its rows; else the largest channel in metres per second.
     """
     if isinstance(record.drive_speed, np.ndarray):
         return np.abs(record.drive_speed)
@@ -103,7 +103,7 @@ def drive_motion(record: Record) -> FloatArray | None:
 
 
 def _speed(record: Record, position: FloatArray) -> FloatArray:
-    reach = max(len(record) // 50, 1)
+    reach = max(len(record) // 200, 5)
     index = np.arange(len(record))
     low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
     return np.abs(position[high] - position[low]) / (record.time[high] - record.time[low])

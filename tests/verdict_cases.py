@@ -1,0 +1,226 @@
+"""Records made so that one number of the quality gate has a value that is known: a bit beyond its threshold, or not."""
+
+import numpy as np
+from scipy.signal import lfilter
+
+from data_io import Record
+from identify.segment import segment
+from identify.slip_quality import Part
+
+N = 4000
+RATE = 500.0
+
+
+def noise(seed, n=N, sd=1e-3):
+    return sd * np.random.default_rng(seed).standard_normal(n)
+
+
+def saw(time, period=0.4, share=0.1, drop=0.2):
+    """Sticks and slips: a straight rise, and half a cosine down in `share` of the period; from 0 to `drop`."""
+    phase = (time / period) % 1.0
+    rise = phase / (1 - share)
+    fall = 0.5 * (1 + np.cos(np.pi * (phase - (1 - share)) / share))
+    return drop * np.where(phase < 1 - share, rise, fall)
+
+
+def made(friction=None, normal=None, time=None, slope=None, **columns):
+    """A record and its part, as the gate takes them; `slope`: what stiffness times drive speed would be [N/s]."""
+    time = np.arange(N) / RATE if time is None else time
+    friction = 0.4 + saw(time) + noise(1, time.size) if friction is None else friction
+    normal = 1.0 + noise(2, time.size) if normal is None else normal
+    record = Record(time, normal, friction, **columns)
+    return record, [Part(time, friction, segment(time, friction), slope)]
+
+
+def residual_force(x):
+    time = np.arange(N) / RATE
+    force = np.where(time < 1.0, 0.0, 0.4 + saw(time - 1.0)) + noise(1)
+    return made(force + x * 0.5 * (time < 1.0))
+
+
+def stopped_rows(rows):
+    time = np.arange(N) / RATE
+    moved = 1e-3 * np.minimum(time, time[-int(rows)])
+    return made(channels={"Y": moved}, channel_units={"Y": "m"})
+
+
+def friction_drift(x):
+    time = np.arange(N) / RATE
+    level = np.where(time < time[-1] / 2, 1.0, 1.0 + x)  # the first and the last third differ by x
+    return made((0.4 + saw(time)) * level + noise(1))
+
+
+def unloaded_rows(share):
+    normal = 1.0 + noise(2)
+    normal[77] = share
+    return made(normal=normal)
+
+
+def load_drift(x):
+    return made(normal=1.0 + x / 0.9 * np.linspace(-0.5, 0.5, N) + noise(2))
+
+
+def load_ripple(x):
+    return made(normal=1.0 + np.sqrt(2) * x * np.sin(2 * np.pi * 5 * np.arange(N) / RATE))
+
+
+def clipped_run(rows):
+    force = made()[0].friction_force.copy()
+    force[100 : 100 + int(rows)] = force.max() + 0.01
+    return made(force)
+
+
+def clipped_share(x):
+    force = 0.4 + saw(np.arange(N) / RATE, period=1.0) + noise(1)
+    return made(np.minimum(force, np.quantile(force, 1 - x)))
+
+
+def quantisation(x):
+    time = np.arange(N) / RATE
+    step = 0.2 * x
+    return made(step * np.round((0.4 + saw(time, drop=0.2)) / step))
+
+
+def gap(intervals):
+    time = np.arange(N) / RATE
+    return made(time=time + (intervals - 1) / RATE * (time > 2.0))
+
+
+def missing_share(x):
+    lost = np.zeros(N, bool)
+    every = round(1 / x)
+    lost[every::every] = True
+    time = (np.arange(N) / RATE)[~lost]
+    return made(time=time)
+
+
+def jitter(x):
+    # a robust standard deviation of x is a uniform spread of x / 0.7413 to either side
+    spread = np.random.default_rng(3).uniform(-x / 0.7413, x / 0.7413, N - 1)
+    return made(time=np.r_[0.0, np.cumsum((1 + spread) / RATE)])
+
+
+def rate_switch(factor):
+    steps = np.where(np.arange(N - 1) < N // 2, 1.0, 1.0 / factor)
+    return made(time=np.r_[0.0, np.cumsum(steps / RATE)])
+
+
+def repeated_rows(x):
+    record = made()[0]
+    # every row that is to repeat the one before it, each on its own
+    rows = np.random.default_rng(4).permutation(np.arange(1, N))[: int(x * N)]
+    taken = np.arange(N)
+    for row in np.sort(rows):
+        taken[row] = taken[row - 1]
+    return made(record.friction_force[taken], record.normal_force[taken])
+
+
+def coefficient(x):
+    record = made()[0]
+    told = np.abs(record.friction_force / record.normal_force) * (1 + x)
+    return made(channels={"COF": told})
+
+
+def ratio(x):
+    record = made()[0]
+    high = np.quantile(record.friction_force / record.normal_force, 0.9)
+    return made(record.friction_force * x / high, np.ones(N))
+
+
+def spikes(x):
+    force = made()[0].friction_force.copy()
+    rows = np.linspace(20, N - 20, round(x * N)).astype(int)
+    force[rows] += 0.5
+    return made(force)
+
+
+def cycles(count):
+    time = np.arange(int((count + 0.5) * 0.4 * RATE)) / RATE
+    return made(time=time)
+
+
+def samples_per_slip(count):
+    # from the last sample of the rise to the first of the next one
+    period = 0.4
+    time = np.arange(N) * 0.04 / count
+    return made(0.4 + saw(time, period, share=0.1) + noise(1), time=time)
+
+
+def samples_per_cycle(count):
+    time = np.arange(N) * 0.4 / count
+    return made(0.4 + saw(time, 0.4, share=0.3) + noise(1), time=time)
+
+
+def samples_per_swing(count):
+    time = np.arange(N) / RATE
+    return made(0.4 + 0.1 * np.sin(2 * np.pi * np.arange(N) / count + 0.3) + noise(1), time=time)
+
+
+def sensor_lag(x):
+    """Half cosines behind a first-order lag of x of their duration, integrated on a fine grid."""
+    fine, every = 20_000.0, 20
+    time = np.arange(int(8 * fine)) / fine
+    decay = np.exp(-1 / (fine * x * 0.04))
+    force = lfilter([1 - decay], [1, -decay], 0.4 + saw(time, 0.4, share=0.1))
+    return made((force[fine_start() :: every])[: 7 * 1000] + noise(1, 7000), time=np.arange(7000) / 1000.0)
+
+
+def fine_start():
+    return 8000  # one period of 0.4 s: what the lag starts with is gone
+
+
+def harmonic(share):
+    """First harmonic of that share of the variance: sin + b sin of twice the phase, share = 1 / (1 + b^2)."""
+    phase = 2 * np.pi * np.arange(N) / RATE / 0.4
+    b = np.sqrt(1 / share - 1)
+    return made(0.4 + 0.1 * (np.sin(phase) + b * np.sin(2 * phase)) + noise(1, sd=1e-4))
+
+
+def uneven_cycles(x):
+    """Slips that are by turns larger and smaller: their drop scatters by 1.4826 * 2 e / sqrt(2) of the mean."""
+    e = x / (1.4826 * 2 / np.sqrt(2))
+    time = np.arange(N) / RATE
+    turn = np.where((time / 0.4) % 2 < 1, 1 + e, 1 - e)
+    # valleys at one height, peaks at two
+    return made(0.4 + saw(time) * turn + noise(1))
+
+
+def stick_slope(x):
+    slope = 0.2 / (0.9 * 0.4)
+    return made(slope=slope / (1 + x))
+
+
+# threshold: how its record is made, a value beyond it and one that is not, the code of the finding
+CASES = {
+    "residual_force": (residual_force, 0.06, 0.04, "residual_force"),
+    "stopped_rows": (stopped_rows, 60, 15, "stopped"),
+    "friction_drift": (friction_drift, 0.12, 0.08, "friction_drift"),
+    "unloaded_rows": (unloaded_rows, 0.09, 0.11, "unloaded_rows"),
+    "load_drift": (load_drift, 0.11, 0.09, "load_drift"),
+    "load_ripple": (load_ripple, 0.055, 0.045, "load_ripple"),
+    "load_ripple_reject": (load_ripple, 0.26, 0.24, "load_ripple"),
+    "clipped_rows": (clipped_run, 10, 9, "friction_clipped"),
+    "clipped_rows_reject": (clipped_share, 0.06, 0.04, "friction_clipped"),
+    "quantisation": (quantisation, 0.021, 0.019, "friction_coarse"),
+    "quantisation_reject": (quantisation, 0.25, 0.125, "friction_coarse"),
+    "missing_rows": (gap, 2.0, 1.4, "dropouts"),
+    "missing_rows_reject": (missing_share, 1 / 4, 1 / 6, "dropouts"),
+    "jitter": (jitter, 0.055, 0.045, "jitter"),
+    "jitter_reject": (jitter, 0.32, 0.28, "jitter"),
+    "rate_switch": (rate_switch, 1.6, 1.4, "rate_switch"),
+    "repeated_rows": (repeated_rows, 0.055, 0.045, "repeated_rows"),
+    "repeated_rows_reject": (repeated_rows, 0.65, 0.55, "repeated_rows"),
+    "coefficient": (coefficient, 0.055, 0.045, "coefficient_disagrees"),
+    "coefficient_highest": (ratio, 10.5, 9.5, "strange_coefficient"),
+    "coefficient_lowest": (ratio, 0.00095, 0.00105, "strange_coefficient"),
+    "spikes": (spikes, 0.0025, 0.0015, "spikes"),
+    "spikes_reject": (spikes, 0.023, 0.017, "spikes"),
+    "cycles": (cycles, 2, 3, "few_cycles"),
+    "samples_per_slip": (samples_per_slip, 9, 12, "samples_per_slip"),
+    "samples_per_cycle": (samples_per_cycle, 24, 26, "samples_per_cycle"),
+    "samples_per_cycle_reject": (samples_per_swing, 3.9, 4.1, "sampled_too_slowly"),
+    "sensor_lag": (sensor_lag, 0.165, 0.135, "sensor_lag"),
+    "uneven_cycles": (uneven_cycles, 0.27, 0.23, "uneven_cycles"),
+    "harmonic": (harmonic, 0.985, 0.975, "near_harmonic"),
+    "stick_slope": (stick_slope, 0.11, 0.09, "stick_slope"),
+}
