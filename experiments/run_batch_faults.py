@@ -124,7 +124,7 @@ def killed_at_random(
         case: manifest and scene. reference: an undisturbed batch of it. home: where the batches go. kills: how many.
     """
     tally, pick = Tally(name), random.Random(kills)
-    span = 1.2 * WORK * len(put(reference)) if stub else 15.0  # seconds of work, about
+    span = WORK * len(put(reference)) if stub else 15.0  # seconds of work, about
     while tally.kills < kills:
         out, before, failed, code = home / f"out_{tally.batches}", {}, frozenset[str](), None
         while code != 0:
@@ -140,15 +140,16 @@ def killed_at_random(
             before = {group: inode for group, inode in now.items() if group not in failed}
         tally.finish(out, reference)
         shutil.rmtree(out)
+        print(f"{name}: {tally.kills} kills, {tally.batches} batches", file=sys.stderr, flush=True)
     return tally
 
 
 def _one_kill(process: subprocess.Popen[bytes], out: Path, tally: Tally, pick: random.Random, span: float) -> None:
     """Kill the batch or one of its fits at a random instant: of its start in some trials, of its work in most."""
     victim = pick.choice(VICTIMS)
-    if pick.random() < 0.8:
-        stamp = (out / "batch.json").stat().st_mtime_ns if (out / "batch.json").exists() else 0
-        wait_for(lambda: process.poll() is not None or _stamp(out) != stamp)
+    before = _standing(out)
+    if pick.random() < 0.8:  # from the first thing that a fit of this run has written
+        wait_for(lambda: process.poll() is not None or bool(_standing(out) - before), 300.0)
     time.sleep(pick.uniform(0.0, span))
     below = children(process.pid)
     if process.poll() is not None:
@@ -164,11 +165,9 @@ def _one_kill(process: subprocess.Popen[bytes], out: Path, tally: Tally, pick: r
         wait_for(lambda: not any(alive(pid) for pid in below))
 
 
-def _stamp(out: Path) -> int:
-    try:
-        return (out / "batch.json").stat().st_mtime_ns
-    except FileNotFoundError:
-        return 0
+def _standing(out: Path) -> set[str]:
+    """What stands in a batch folder, finished or not."""
+    return {item.name for item in out.iterdir() if item.is_dir()} if out.is_dir() else set()
 
 
 def _failed(out: Path) -> frozenset[str]:
