@@ -5,7 +5,7 @@ solves again. Repeats start from the truth's motion, which a search would find a
 not the search. The normal force is exact, and the fit is told so; the noise level is given. The bootstrap is the one
 linear in the residuals; a line shows how far replicates move when each is solved again.
 
-    python experiments/run_coverage_study.py [repeats] [of which with profile and bootstrap] [seed]
+    python experiments/run_coverage_study.py [repeats] [further ones with profile and bootstrap] [seed]
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ SPEEDS = ((1e-4, 14.0, 250.0), (1e-3, 2.2, 1000.0), (5e-3, 0.7, 2000.0))
 NOISE = 5e-3
 MEMORY = 0.8  # correlation from sample to sample of the coloured noise
 QUANTILE = 1.959964
-SHOWN_EVERY = 500
+SHOWN_EVERY = {False: 500, True: 100}
 METHODS = ("covariance", "white covariance", "profile", "bootstrap")
 
 
@@ -63,6 +63,7 @@ class Setting:
     solved: Solved
     clean: list[Array]
     truth: Array
+    warm: Warm
 
 
 def setting(fast: bool) -> Setting:
@@ -93,7 +94,11 @@ def setting(fast: bool) -> Setting:
     unknowns = replace(found.unknowns, start=solved.theta)
     base = unknowns.base(RIG)
     truth = unknowns.theta(np.array([(DEMO | RIG)[n] for n in unknowns.names]), base)[unknowns.free]
-    return Setting(logs, unknowns, solved, clean, truth)
+    layout, z = solved.problem.layout, solved.solution.z
+    size = np.sqrt(np.diag(_covariance(solved.problem, z)))
+    # Curves and weights do not depend on the noise, so these factors serve every repeat.
+    warm = Warm(solved.problem, z, np.arange(layout.free.size), size)
+    return Setting(logs, unknowns, solved, clean, truth, warm)
 
 
 def noisy(setting: Setting, random: np.random.Generator, memory: float) -> list[LogData]:
@@ -111,14 +116,13 @@ def repeat(setting: Setting, random: np.random.Generator, memory: float, deep: b
     layout = solved.problem.layout
     problem = Problem(data, layout)
     start = solved.solution.z
-    size = np.sqrt(np.maximum(np.diag(_covariance(problem, start)), 1e-300))
     f = layout.free.size
-    settled = Warm(problem, start, np.arange(f), size).settle(start, within=1e-3)
+    settled = setting.warm.settle(start, problem=problem, within=1e-3)
     if settled is None:
         return None
     theta = (settled.z * layout.scale)[:f]
     cycles = [guess.cycles for guess in solved.guesses]
-    known = influence(problem, settled.z, cycles)
+    known = influence(problem, settled.z, cycles, absorbed=deep)
     fitted = problem.fitted(settled.z)
     colours = [colour(log.force - curve) for log, curve in zip(data, fitted, strict=True)]
     moves = sample_moves(problem, settled.z, known.columns)
@@ -175,17 +179,17 @@ def _deep(
     return {"profile": held, "bootstrap": inside}
 
 
-def study(setting: Setting, repeats: int, deep: int, seed: int, memory: float) -> dict[str, Array]:
-    """Whether each interval holds the truth: per method (repeats, f). Prints the table every 500 repeats."""
+def study(setting: Setting, repeats: int, deep: bool, seed: int, memory: float) -> dict[str, Array]:
+    """Whether each interval holds the truth: per method (repeats, f). Prints the table on the way."""
     random, began = np.random.default_rng(seed), time.perf_counter()
     hits: dict[str, list[Array]] = {name: [] for name in METHODS}
     failed = 0
     for number in range(1, repeats + 1):
-        seen = repeat(setting, random, memory, number <= deep)
+        seen = repeat(setting, random, memory, deep)
         failed += seen is None
         for name, inside in (seen or {}).items():
             hits[name].append(inside)
-        if number % SHOWN_EVERY == 0 or number == repeats:
+        if number % SHOWN_EVERY[deep] == 0 or number == repeats:
             kind = "white noise" if memory == 0.0 else f"noise with a memory ({memory:g} from sample to sample)"
             spent = (time.perf_counter() - began) / number
             print(f"\n{kind}; {number} repeats, {failed} did not settle; {spent:.2f} s each")
@@ -209,9 +213,7 @@ def refinement(setting: Setting) -> float:
     problem = Problem(noisy(setting, random, 0.0), setting.solved.problem.layout)
     cycles = [guess.cycles for guess in setting.solved.guesses]
     z = setting.solved.solution.z
-    known = influence(problem, z, cycles)
-    f = np.arange(known.kept.size)
-    settled = Warm(problem, z, f, np.sqrt(np.diag(known.covariance))).settle(z, within=1e-3)
+    settled = setting.warm.settle(z, problem=problem, within=1e-3)
     assert settled is not None
     known = influence(problem, settled.z, cycles)
     made = [bootstrap(problem, settled.z, known, 50, cycles=cycles, refine=refine) for refine in (True, False)]
@@ -228,10 +230,12 @@ def main(fast: bool = False, repeats: int = 2000, deep: int = 400, seed: int = 1
     print(f"{len(made.clean)} logs, {sum(x.size for x in made.clean)} samples, ", end="")
     print(f"{sum(g.cycles for g in made.solved.guesses)} cycles")
     print(f"replicates solved again differ by at most {refinement(made):.3f} standard errors from linear ones")
-    return {
-        "white": study(made, repeats, deep, seed, 0.0),
-        "coloured": study(made, repeats, deep, seed + 1, MEMORY),
-    }
+    out = {}
+    for number, (kind, memory) in enumerate((("white", 0.0), ("coloured", MEMORY))):
+        out[kind] = study(made, repeats, False, seed + number, memory)
+    for number, (kind, memory) in enumerate((("white", 0.0), ("coloured", MEMORY))):
+        out[kind] |= study(made, deep, True, seed + 10 + number, memory)
+    return out
 
 
 if __name__ == "__main__":
