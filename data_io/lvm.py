@@ -21,6 +21,9 @@ _MARK: Final = b"LabVIEW Measurement"
 _BREAK = re.compile(r"\*\*\*End_of_Header\*\*\*|Channels\b")
 
 
+_TAG = re.compile(r"(?:[XY]_Dimension|[XY]_Unit_Label|X0|Delta_X|Samples|Channels|Date|Test_\w*|Time[\t,]+\d)")
+
+
 def can_read(head: bytes) -> bool:
     """Tell an .lvm by its first words."""
     return looks_like_text(head) and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(_MARK)
@@ -34,7 +37,7 @@ def read(source: Source, request: Request) -> Contents:
     Quirks: the clock is the column X_Value, or with `X_Columns No` an empty first field and X0 + Delta_X * row;
     `Decimal_Separator` may be a comma; units stand as suffix of the name (fx_N); a last column Comment, mostly empty.
     """
-    tables, _ = read_tables(source, request, breaks=_BREAK)
+    tables, _ = read_tables(source, request, breaks=_BREAK, never=_TAG)
     items = _items(tables[0].preamble)
     parts = [_part(table, {**items, **_items(table.preamble)}, i) for i, table in enumerate(tables, start=1)]
     metadata = {key: values[0] for key, values in items.items() if values and values[0]}

@@ -13,17 +13,21 @@ from data_io.walk import Walk
 
 
 def read_tables(
-    source: Source, request: Request, breaks: re.Pattern[str] | None = None, keep: Sequence[str] = ()
+    source: Source,
+    request: Request,
+    breaks: re.Pattern[str] | None = None,
+    keep: Sequence[str] = (),
+    never: re.Pattern[str] | None = None,
 ) -> tuple[list[Table], tuple[str, ...]]:
     """Return every table of a text, and the lines that follow the last one.
 
     A table is a header row with a role, perhaps a units row, then rows of numbers. Text between rows ends a table where
     it matches `breaks` or a header follows; other text between rows is left out with a remark. Where the request
-    chooses channels, only these, the columns with a role and those called as in `keep` are read. Raises `LogError`
-    where there is no table.
+    chooses channels, only these, the columns with a role and those called as in `keep` are read. A line that matches
+    `never` is no header, whatever it names. Raises `LogError` where there is no table.
     """
     with source.open() as handle:
-        walk = Walk(source, request, breaks, keep)
+        walk = Walk(source, request, breaks, keep, never)
         return _read_all(walk, Lines(source, request, handle))
 
 

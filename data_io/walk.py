@@ -23,9 +23,14 @@ class Walk:
     """The tables found so far, the one whose rows are being read, and text that waits for what follows it."""
 
     def __init__(
-        self, source: Source, request: Request, breaks: re.Pattern[str] | None = None, keep: Sequence[str] = ()
+        self,
+        source: Source,
+        request: Request,
+        breaks: re.Pattern[str] | None = None,
+        keep: Sequence[str] = (),
+        never: re.Pattern[str] | None = None,
     ) -> None:
-        self._source, self._request, self._breaks, self._keep = source, request, breaks, keep
+        self._source, self._request, self._breaks, self._keep, self._never = source, request, breaks, keep, never
         self._tables: list[Table] = []
         self._text, self._first_line, self._at_end = "", 1, False
         self._marks: list[int] = []
@@ -41,7 +46,7 @@ class Walk:
         self._above, self.carry = 0, ""
         i = self._rows(0, 0) if self.table is not None else 0
         while i < len(self._marks) and self.table is None and not self.carry:
-            head = head_at(self._source, self._text, self._marks[i], self._request)
+            head = self._head(i)
             i = i + 1 if head is None else self._begin(head, i)
         if self.table is None and not self._tables and (head := numbered_head(self._text, self._request.columns)):
             self._begin(head, -1)
@@ -136,7 +141,7 @@ class Walk:
             line, after = line_at(self._text, self._marks[i])
             if self._breaks is not None and self._breaks.match(line):
                 return None
-            if head_at(self._source, self._text, self._marks[i], self._request) is not None:
+            if self._head(i) is not None:
                 return None
             i += 1
             limit = self._marks[i] if i < len(self._marks) else len(self._text)
@@ -145,6 +150,12 @@ class Walk:
                 fields = split(row, head.delimiter)
                 return (position, i) if len(fields) == head.width and is_row(fields) else None
         return None
+
+    def _head(self, i: int) -> Head | None:
+        position = self._marks[i]
+        if self._never is not None and self._never.match(line_at(self._text, position)[0]):
+            return None
+        return head_at(self._source, self._text, position, self._request)
 
     def _line(self, position: int) -> int:
         return self._first_line + self._text.count("\n", 0, position)

@@ -1,0 +1,372 @@
+"""Files that look like those of real tribometers, with numbers of our own; what they hold is known as exact fractions.
+
+Layouts follow what was found in real files and public parsers; every number here is made up. Each maker writes its
+numbers as text first, and the truth is computed from that text, so that reading can be compared to the last digit.
+
+    python experiments/lookalikes.py FOLDER        writes one file of each kind
+"""
+
+from __future__ import annotations
+
+import io
+import random
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+GRAM = Fraction("0.00980665")  # [N] of one gram-force, by definition
+
+
+@dataclass(frozen=True)
+class Made:
+    """A file and what it holds: time [s] from 0, normal and friction force [N], as exact fractions."""
+
+    data: bytes
+    time: tuple[Fraction, ...]
+    normal: tuple[Fraction, ...]
+    friction: tuple[Fraction, ...]
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The truth as the floats nearest to the fractions."""
+        return {
+            "time": np.array([float(value - self.time[0]) for value in self.time]),
+            "normal_force": np.array([float(value) for value in self.normal]),
+            "friction_force": np.array([float(value) for value in self.friction]),
+        }
+
+
+@dataclass(frozen=True)
+class LookAlike:
+    """One kind of file: the format's name, a file name, how it is made, what the user has to say to have it read."""
+
+    form: str
+    file_name: str
+    make: Callable[[Sequence[Row]], Made]
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: time, normal and friction force as integers (0.1 ms, 1 uN, 1 uN), and four idle channels."""
+
+    time: int
+    normal: int
+    friction: int
+    idle: tuple[int, int, int, int]
+
+
+def rows(count: int = 60, seed: int = 1) -> list[Row]:
+    """A stick-slip-like signal, time from 0, with an odd first interval."""
+    draw = random.Random(seed)
+    made, force, time = [], draw.randrange(400_000, 600_000), 0
+    for i in range(count):
+        made.append(
+            Row(time, draw.randrange(1_990_000, 2_010_000), force, tuple(draw.randrange(-999, 9999) for _ in range(4)))  # type: ignore[arg-type]
+        )
+        time += 127 if i == 0 else 200
+        force = force + draw.randrange(9_000, 21_000) if force < 1_000_000 else draw.randrange(350_000, 450_000)
+    return made
+
+
+def number(value: int, digits: int, decimal: str = ".") -> str:
+    """An integer as a decimal number with so many digits behind the mark."""
+    sign, text = "-" if value < 0 else "", str(abs(value)).rjust(digits + 1, "0")
+    return sign + (text if digits == 0 else f"{text[:-digits]}{decimal}{text[-digits:]}")
+
+
+def _truth(data: bytes, table: Sequence[tuple[str, str, str]], units: tuple[Any, Any, Any]) -> Made:
+    exact = [[Fraction(text.replace(",", ".")) * unit for text in column]
+             for column, unit in zip(zip(*table, strict=True), units, strict=True)]  # fmt: skip
+    exact[1] = [abs(load) for load in exact[1]]  # compression is positive in a record
+    return Made(data, tuple(exact[0]), tuple(exact[1]), tuple(exact[2]))
+
+
+def _umt(rows: Sequence[Row], order: Sequence[str], units: Mapping[str, str], top: str, load_sign: int) -> Made:
+    """Two steps with parameters; the second starts 7.25 s after the first, its clock at 0 again."""
+    half = len(rows) // 2
+    text, table = top, []
+    for step, part in enumerate((rows[:half], rows[half:]), start=1):
+        start = f"12:21:{58.029 + 7.25 * (step - 1):06.3f} 12 May 2022" if step == 1 else "12:22:05.279 12 May 2022"
+        text += (
+            f"Step No. {step}\n\nStep Type Code: 0\nRadius       = 3.9493\nVelocity     = 240\nSet Force    = -200\n"
+            f"Duration     = 2.17\nData Count   = {len(part)}\nStarted at: {start}\n\n"
+            f"{','.join(order)}\n{','.join(units[name] for name in order)}\n\n"
+        )
+        for row in part:
+            cells = {
+                "Fx": number(row.friction * 100, 6), "Fz": number(load_sign * row.normal * 100, 6),
+                "T": number(row.time - part[0].time, 4), "Z": number(row.idle[0], 4), "Y": number(row.idle[1], 6),
+                "X": number(row.idle[2], 6), "V1": number(row.idle[3], 6), "V2": "0.000000", "V3": "0.000000",
+            }  # fmt: skip
+            cells["Ff"] = cells["Fx"].removeprefix("-")
+            cells["COF"] = f"{abs(row.friction) / row.normal:.6f}"
+            text += ",".join(cells[name] for name in order) + "\n"
+            table.append((number(row.time - part[0].time + 72500 * (step - 1), 4), cells["Fz"], cells["Fx"]))
+        text += "\n\n"
+    force = GRAM if units["Fx"] == "g" else 1
+    return _truth(text.replace("\n", "\r\n").encode("cp1252"), table, (1, force, force))
+
+
+CETR_TOP = """Created by CETR Data Viewer ver.2.19.106 05/12/22 14:43:46
+Created by CETR UMT ver.1.136.257 12 May 2022 12:21:50
+Total number of runs - 1
+Total number of steps = 2
+Indenter tip ID = 0
+C:\\Prüfstand\\Haut\\pair.tst
+
+Run # 1
+Script file C:\\Prüfstand\\Haut\\pair.cts
+Run date 12 May 2022 12:21:50
+"""
+CETR_UNITS = {"Fx": "g", "Fz": "g", "Z": "mm", "Y": "mm", "X": "mm", "V1": "mm/sec", "V2": "mm/sec", "V3": "mm/sec",
+              "T": "sec", "Ff": "g", "COF": ""}  # fmt: skip
+BRUKER_TOP = "Bruker UMT TriboLab\x01 export\x02\nOperator - NN\n\nRun # 1\nRun date 12 May 2022 12:21:50\n"
+
+
+def cetr(rows: Sequence[Row]) -> Made:
+    """CETR UMT-2: eleven columns, gram-force, negative load."""
+    return _umt(rows, ("Fx", "Fz", "Z", "Y", "X", "V1", "V2", "V3", "T", "Ff", "COF"), CETR_UNITS, CETR_TOP, -1)
+
+
+def cetr_reordered(rows: Sequence[Row]) -> Made:
+    """The same of another machine: fewer columns in another order."""
+    return _umt(rows, ("COF", "T", "Fz", "X", "Fx", "Ff"), CETR_UNITS, CETR_TOP, -1)
+
+
+def bruker(rows: Sequence[Row]) -> Made:
+    """Bruker TriboLab: time first, newtons, positive load, odd bytes above."""
+    units = {**CETR_UNITS, "Fx": "N", "Fz": "N", "Ff": "N"}
+    return _umt(rows, ("T", "Fx", "Fz", "Ff", "COF"), units, BRUKER_TOP, 1)
+
+
+def rtec(rows: Sequence[Row]) -> Made:
+    """Rtec MFT: CR within line 1, mixed line ends, trailing commas, Timestamp restarting with Step, footer."""
+    half = len(rows) // 2
+    head = (
+        "Recipe, UpperSample, LowerSample, OtherInfo, Averaging, LogFrequency, Type, Radius\r"
+        "Rotary_3N_pair,,,,100,1000,Rotary,1,\nStep, Timestamp, RecipeStep, DAQ.Fz (N),DAQ.Fx (N),DAQ.COF (),Rotary.Velocity (rpm),"
+        "XYZ.X Position (mm),\r\n"
+    )
+    text, table = head, []
+    for i, row in enumerate(rows):
+        part = rows[:half] if i < half else rows[half:]
+        time, fz, fx = number(row.time - part[0].time + 1510, 4), number(row.normal, 6), number(row.friction, 6)
+        cof = f"{row.friction / row.normal:.6f}"
+        step = 4 if i < half else 5
+        text += f"{step},{time},{step},{fz},{fx},{cof},99.26,{number(row.idle[0], 3)},\n"
+        table.append((time, fz, fx))
+    last, interval = Fraction(table[half - 1][0]), Fraction(2, 100)
+    made = _truth((text + "TotalTime\r\n00:12:56.5661021\r\n").encode(), table, (1, 1, 1))
+    first = made.time[half]  # what the pause was, the file does not tell: one sampling interval
+    time = [t if i < half else t - first + last + interval for i, t in enumerate(made.time)]
+    return Made(made.data, tuple(time), made.normal, made.friction)
+
+
+def trb3(rows: Sequence[Row]) -> Made:
+    """Anton Paar TRB3: tabs, decimal comma, nominal load only, tabs at the ends of rows."""
+    names = ("Time [s]", "Distance [m]", "Laps", "Nominal Load [N]", "µ", "Angle [°]", "Friction Force [N]")
+    text, table = "\t".join(names) + "\t\r\n", []
+    for row in rows:
+        time, force = number(row.time, 4, ","), number(row.friction, 6, ",")
+        cells = (time, number(abs(row.idle[0]), 5, ","), "1", "5,000", number(row.idle[1], 4, ","), "12,5", force)
+        text += "\t".join(cells) + "\t\r\n"
+        table.append((time, "5,000", force))
+    return _truth(text.encode("utf-8-sig"), table, (1, 1, 1))
+
+
+def nano(rows: Sequence[Row]) -> Made:
+    """CSM Nano tribometer: tabs, millinewtons, points, cp1252."""
+    text = "Sample: Prüfling 7\r\nTime [s]\tDistance [m]\tLaps\tNormal force [mN]\tFriction force [mN]\tµ [-]\r\n"
+    table = []
+    for row in rows:
+        time, fz, fx = number(row.time, 4), number(row.normal, 3), number(row.friction, 3)
+        text += f"{time}\t{number(abs(row.idle[0]), 5)}\t1\t{fz}\t{fx}\t{row.friction / row.normal:.4f}\r\n"
+        table.append((time, fz, fx))
+    return _truth(text.encode("cp1252"), table, (1, Fraction(1, 1000), Fraction(1, 1000)))
+
+
+def bare_tab(rows: Sequence[Row]) -> Made:
+    """A .csv separated by tabs with decimal commas, no units and no load."""
+    text, table = "Time\tDistance\t Laps\t mu\tFrictionForce\n", []
+    for row in rows:
+        time, force = number(row.time, 4, ","), number(row.friction, 6, ",")
+        text += f"{time}\t{number(row.idle[0], 3, ',')}\t1\t0,31\t{force}\n"
+        table.append((time, "2,5", force))
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
+def t11(rows: Sequence[Row]) -> Made:
+    """T11: semicolons, decimal comma, load and speed only in the file name."""
+    text, table = "Time [s];Friction force [N];Temperature [°C]\r\n", []
+    for row in rows:
+        time, force = number(row.time, 4, ","), number(row.friction, 6, ",")
+        text += f"{time};{force};{number(abs(row.idle[0]), 2, ',')}\r\n"
+        table.append((time, "10", force))
+    return _truth(text.encode("cp1252"), table, (1, 1, 1))
+
+
+def micronewton(rows: Sequence[Row]) -> Made:
+    """Forces in micronewtons, names with their units in brackets, tabs."""
+    text, table = "Time [s]\tNormal [uN]\tPosition [mm]\tFriction [uN]\n", []
+    for row in rows:
+        time, fz, fx = number(row.time, 4), str(row.normal), str(row.friction)
+        text += f"{time}\t{fz}\t{number(row.idle[0], 3)}\t{fx}\n"
+        table.append((time, fz, fx))
+    return _truth(text.encode(), table, (1, Fraction(1, 10**6), Fraction(1, 10**6)))
+
+
+def _lvm(rows: Sequence[Row], x_columns: str, decimal: str) -> Made:
+    text = (
+        f"LabVIEW Measurement\t\r\nWriter_Version\t2\r\nReader_Version\t2\r\nSeparator\tTab\r\n"
+        f"Decimal_Separator\t{decimal}\r\nMulti_Headings\tNo\r\nX_Columns\t{x_columns}\r\nTime_Pref\tAbsolute\r\nDate\t2026/01/15\r\n"
+        "***End_of_Header***\t\r\n\t\r\nChannels\t2\t\t\r\n"
+        f"Samples\t{len(rows)}\t{len(rows)}\t\r\nX_Dimension\tTime\tTime\t\r\nX0\t0{decimal}0\t0{decimal}0\t\r\n"
+        f"Delta_X\t0{decimal}002\t0{decimal}002\t\r\n***End_of_Header***\t\t\t\r\nX_Value\tfx_N\tfz_N\tComment\r\n"
+    )
+    table = []
+    for i, row in enumerate(rows):
+        time = number(row.time, 4, decimal) if x_columns == "One" else ""
+        fz, fx = number(row.normal, 6, decimal), number(row.friction, 6, decimal)
+        text += f"{time}\t{fx}\t{fz}\r\n"
+        table.append((time or number(20 * i, 4), fz, fx))
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
+def lvm(rows: Sequence[Row]) -> Made:
+    """LabVIEW, the clock from Delta_X."""
+    return _lvm(rows, "No", ".")
+
+
+def lvm_comma(rows: Sequence[Row]) -> Made:
+    """LabVIEW, the clock in X_Value, decimal comma."""
+    return _lvm(rows, "One", ",")
+
+
+def volts(rows: Sequence[Row]) -> Made:
+    """NI export in volts with an interval instead of a time column; 2.5 N/V and 4 N/V."""
+    text, table = "Channels,2\nInterval,0.0005\n\nFx (V),Fz (V)\n", []
+    for i, row in enumerate(rows):
+        fz, fx = number(row.normal, 6), number(row.friction, 6)
+        text += f"{fx},{fz}\n"
+        table.append((number(5 * i, 4), fz, fx))
+    return _truth(text.encode(), table, (1, Fraction(4), Fraction(5, 2)))
+
+
+def mtm(rows: Sequence[Row]) -> Made:
+    """PCS MTM: empty columns, a name twice, degree signs in latin-1."""
+    names = "Time (s),,Traction Force (N),Temp (°C),Temp (°C),,Load (N),,Friction (N),"
+    text, table = names + "\r\n", []
+    for row in rows:
+        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
+        text += f"{time},,0.1,{number(abs(row.idle[0]), 2)},,,{fz},,{fx},\r\n"
+        table.append((time, fz, fx))
+    return _truth(text.encode("latin-1"), table, (1, 1, 1))
+
+
+def semicolons(rows: Sequence[Row]) -> Made:
+    """Spreadsheet text: semicolons, decimal comma, a units row, mixed line ends."""
+    text, table = "Zeit;Reibkraft;Normalkraft;Weg\r\n[ms];[mN];[N];[mm]\n", []
+    for i, row in enumerate(rows):
+        time, fz, fx = number(row.time, 1, ","), number(row.normal, 6, ","), number(row.friction, 3, ",")
+        text += f"{time};{fx};{fz};{number(row.idle[0], 3, ',')}" + ("\r\n", "\n", "\r")[i % 3]
+        table.append((time, fz, fx))
+    return _truth(text.encode(), table, (Fraction(1, 1000), 1, Fraction(1, 1000)))
+
+
+def blanks(rows: Sequence[Row]) -> Made:
+    """Columns apart by blanks, a commented header, kilogram-force."""
+    text, table = "# T (min)   Fx (kgf)   Fz (kgf)\n", []
+    for row in rows:
+        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
+        text += f"  {time}   {fx}   {fz}\n"
+        table.append((time, fz, fx))
+    return _truth(text.encode(), table, (60, 1000 * GRAM, 1000 * GRAM))
+
+
+def _floats(rows: Sequence[Row]) -> tuple[Made, np.ndarray, np.ndarray, np.ndarray]:
+    columns = [np.array(c) for c in zip(*((r.time / 1e4, r.normal / 1e6, r.friction / 1e6) for r in rows), strict=True)]
+    made = Made(b"", *(tuple(Fraction(float(v)) for v in column) for column in columns))
+    return made, *columns
+
+
+def hdf5(rows: Sequence[Row]) -> Made:
+    """HDF5 of somebody else: chunked and compressed datasets with units, a name and a picture beside them."""
+    import h5py
+
+    made, t, fz, fx = _floats(rows)
+    held = io.BytesIO()
+    with h5py.File(held, "w") as file:
+        for name, unit, values in (("t", "s", t), ("Fz", "N", fz), ("Fx", "N", fx)):
+            file.create_dataset(f"daq/{name}", data=values, chunks=True, compression="gzip").attrs["units"] = unit
+        file["notes"] = "held by nobody"
+        file["camera"] = np.zeros((4, 4), np.uint8)
+    return Made(held.getvalue(), made.time, made.normal, made.friction)
+
+
+def matlab(rows: Sequence[Row]) -> Made:
+    """MATLAB 5: a struct with column vectors, units as suffix."""
+    import scipy.io
+
+    made, t, fz, fx = _floats(rows)
+    held = io.BytesIO()
+    scipy.io.savemat(held, {"log": {"t_s": t[:, None], "Fz_N": fz[:, None], "Fx_N": fx[:, None]}, "operator": "NN"})
+    return Made(held.getvalue(), made.time, made.normal, made.friction)
+
+
+def excel(rows: Sequence[Row]) -> Made:
+    """A workbook: a sheet of words, a sheet with names, units and numbers."""
+    import openpyxl
+
+    made, t, fz, fx = _floats(rows)
+    book = openpyxl.Workbook()
+    book.active.append(["Prüfung", "vom Januar"])
+    sheet = book.create_sheet("log")
+    for cells in (["T", "Fx", "Fz"], ["s", "N", "N"], *zip(t.tolist(), fx.tolist(), fz.tolist(), strict=True)):
+        sheet.append(list(cells))
+    held = io.BytesIO()
+    book.save(held)
+    return Made(held.getvalue(), made.time, made.normal, made.friction)
+
+
+BARE = {"units": {"time": "s", "friction_force": "N"}, "normal_force": "2.5 N"}
+SCALES = {"units": {"friction_force": "2.5 N/V", "normal_force": "4 N/V"}}
+NAMED = {"columns": {"time": "/daq/t", "normal_force": "/daq/Fz", "friction_force": "/daq/Fx"}}
+
+ALL: Mapping[str, LookAlike] = {
+    "cetr": LookAlike("cetr-text", "cetr.txt", cetr),
+    "cetr reordered": LookAlike("cetr-text", "cetr_reordered.txt", cetr_reordered),
+    "bruker": LookAlike("bruker-csv", "bruker.csv", bruker),
+    "rtec": LookAlike("rtec-csv", "rtec.csv", rtec),
+    "trb3": LookAlike("anton-paar", "trb3.txt", trb3),
+    "nano": LookAlike("anton-paar", "nano.txt", nano),
+    "bare tab": LookAlike("delimited", "bare_tab.csv", bare_tab, BARE),
+    "t11": LookAlike("delimited", "T11_10N_0.1m-s.csv", t11),
+    "micronewton": LookAlike("delimited", "micronewton.txt", micronewton),
+    "lvm": LookAlike("labview-lvm", "pair.lvm", lvm),
+    "lvm comma": LookAlike("labview-lvm", "pair_comma.lvm", lvm_comma),
+    "volts": LookAlike("interval-text", "volts.csv", volts, SCALES),
+    "mtm": LookAlike("delimited", "mtm.csv", mtm),
+    "semicolons": LookAlike("delimited", "semicolons.csv", semicolons),
+    "blanks": LookAlike("delimited", "blanks.dat", blanks),
+    "hdf5": LookAlike("hdf5", "daq.h5", hdf5, NAMED),
+    "matlab": LookAlike("matlab", "pair.mat", matlab),
+    "excel": LookAlike("excel", "pair.xlsx", excel),
+}
+TEXTS = tuple(name for name in ALL if name not in ("hdf5", "matlab", "excel"))
+
+
+def main(folder: Path) -> None:
+    """Write one file of each kind."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for kind in ALL.values():
+        (folder / kind.file_name).write_bytes(kind.make(rows()).data)
+        print(folder / kind.file_name)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "lookalikes"))
