@@ -14,17 +14,20 @@ from identify.comparison import ClosedForms, beyond, closed_forms, contact, judg
 from identify.cycle import CycleMap
 from identify.drawn import POINT
 from identify.errors import SimulationError
+from identify.form_slopes import Table, form_slopes
 from identify.groups import MEANING
 from identify.model import Model
 from identify.outlook_words import amplitude_text, closed_form_text, stability_text
 from identify.prospect import Outcome, Prospect, prospects
-from identify.sensitivity import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
+from identify.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
 from identify.spread import Interval, Spread
 from identify.stability import printed_form
 
 Array = NDArray[np.float64]
 
 MODEL = "nonlinear model, valid at any speed"
+EITHER_SIGN = ("alpha", "z", "overshoot", "loading")  # groups told by their value, not its logarithm
+STAND_INS = ("slope", "damping_frequency")  # parameters of other effects that the closed forms take for the paper's own
 QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it were this large
 
 
@@ -120,10 +123,12 @@ def _document(map_: CycleMap, point: OperatingPoint, answer: Prospect, names: Se
         "stability": _stability(answer, spread),
         "amplitude": _amplitude(map_, answer, spread),
         "groups": {
-            name: number(value, MEANING[name][0], MEANING[name][1]) for name, value in asdict(forms.groups).items()
+            name: number(value, MEANING[name][0], MEANING[name][1], spread.group(name, value))
+            for name, value in asdict(forms.groups).items()
         },
     }
-    document["closed_forms"] = _closed_forms(forms, answer, document, values.get("a", 0.0), beyond(map_.model.effects))
+    ignored = beyond(map_.model.effects)
+    document["closed_forms"] = _closed_forms(forms, answer, document, spread, ignored)
     document["stability"]["text"] = stability_text(document)
     document["amplitude"]["text"] = amplitude_text(document)
     document["closed_forms"]["text"] = closed_form_text(document)
@@ -139,6 +144,58 @@ class _Intervals:
         matrix = None if covariance is None or not names else np.asarray(covariance, float)
         point = dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
         self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix, point)
+        self._forms: tuple[Table, Table] = ({}, {})
+        if self._spread is not None:
+            values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True))
+            self._forms = form_slopes(contact(values), answer.steady.drive_speed, map_.normal_force)
+            steady = answer.steady
+            self._growth, self._force = sliding_slopes(map_, steady.drive_speed, names)
+
+    def form(self, name: str, value: float) -> Interval | None:
+        """Of a number of the closed forms."""
+        return self._by_name(self._forms[0], name, value)
+
+    def group(self, name: str, value: float) -> Interval | None:
+        """Of a dimensionless group."""
+        return self._by_name(self._forms[1], name, value)
+
+    def _by_name(self, table: Table, name: str, value: float) -> Interval | None:
+        if self._spread is None or not np.isfinite(value):
+            return None
+        slopes = np.array([self._slope(table[name], n) for n in self._names])
+        if not np.any(slopes):
+            return Interval(value, value)
+        if value > 0.0 and name not in EITHER_SIGN:
+            return self._spread.positive(value, slopes)
+        return self._spread.signed(value, slopes, abs(value))
+
+    def _slope(self, table: Mapping[str, float], name: str) -> float:
+        """The closed forms know the paper's quantities; of others that stand in for one of them nothing is said."""
+        return np.nan if name in STAND_INS else table.get(name, 0.0)
+
+    def validity(self, a: float, peak: float) -> Interval | None:
+        """Of a V_max, from the orbit."""
+        orbit = self._answer.orbit
+        if self._spread is None or orbit is None or not a * peak > 0.0:
+            return None
+        slopes = a * orbit_slopes(self._map, orbit, self._names)[list(QUANTITIES).index("peak_speed")]
+        slopes = slopes + np.array([peak if name == "a" else 0.0 for name in self._names])
+        return self._spread.positive(a * peak, slopes)
+
+    def share(self, values: Array) -> Interval | None:
+        """Of the share of a period that is slip; values as of `sensitivity.quantities`."""
+        orbit = self._answer.orbit
+        if self._spread is None or orbit is None:
+            return None
+        slopes = orbit_slopes(self._map, orbit, self._names)
+        slip, period = (list(QUANTITIES).index(name) for name in ("slip_duration", "period"))
+        share = values[slip] / values[period]
+        return self._spread.positive(float(share), (slopes[slip] - share * slopes[period]) / values[period])
+
+    def force(self) -> Interval | None:
+        """Of the force in steady sliding."""
+        force = self._answer.steady.force
+        return None if self._spread is None else self._spread.signed(force, self._force, abs(force))
 
     def orbit(self, values: Array) -> list[Interval | None]:
         orbit = self._answer.orbit
@@ -156,8 +213,7 @@ class _Intervals:
     def growth(self) -> Interval | None:
         if self._spread is None:
             return None
-        slopes = growth_slopes(self._map, self._answer.steady.drive_speed, self._names)
-        return self._spread.signed(self._answer.steady.growth, slopes, QUIET / self._map.time)
+        return self._spread.signed(self._answer.steady.growth, self._growth, QUIET / self._map.time)
 
 
 def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
@@ -174,7 +230,7 @@ def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
         "sliding": {
             "stable": steady.stable,
             "growth_rate": number(steady.growth, "1/s", MODEL, spread.growth()),
-            "friction_force": number(steady.force, "N", MODEL),
+            "friction_force": number(steady.force, "N", MODEL, spread.force()),
             "eigenvalues": [[float(z.real), float(z.imag)] for z in steady.eigenvalues],
             "worn": steady.worn,
         },
@@ -196,7 +252,7 @@ def _amplitude(map_: CycleMap, answer: Prospect, spread: _Intervals) -> dict[str
     rows = zip(QUANTITIES.items(), values.tolist(), intervals, strict=True)
     out = {name: number(value, unit, MODEL, interval) for (name, unit), value, interval in rows}
     out["frequency"] = number(1 / values[1], "Hz", MODEL, _inverse(intervals[1]))
-    out["share_in_slip"] = number(values[3] / values[1], "", MODEL)
+    out["share_in_slip"] = number(values[3] / values[1], "", MODEL, spread.share(values))
     return out
 
 
@@ -207,30 +263,33 @@ def _inverse(interval: Interval | None) -> Interval | None:
 
 
 def _closed_forms(
-    forms: ClosedForms, answer: Prospect, document: dict[str, Any], a: float, ignored: tuple[str, ...]
+    forms: ClosedForms, answer: Prospect, document: dict[str, Any], spread: _Intervals, ignored: tuple[str, ...]
 ) -> dict[str, Any]:
     nonlinear, alpha = document["amplitude"], forms.groups.alpha
-    peak = nonlinear["peak_speed"]["value"]
-    validity_number = None if peak is None else a * peak
+    peak, a = nonlinear["peak_speed"]["value"], forms.groups.v_a / answer.steady.drive_speed
+    validity = (None, None) if peak is None else (a * peak, spread.validity(a, peak))
 
     unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
 
-    def beside(value: float, unit: str, other: float | None) -> dict[str, Any]:
-        return number(value, unit, unaware or judged(value, other, forms.status, alpha))
+    def beside(name: str, value: float, unit: str, other: float | None) -> dict[str, Any]:
+        return number(value, unit, unaware or judged(value, other, forms.status, alpha), spread.form(name, value))
+
+    def alone(name: str, value: float, why: str, there: bool = True) -> dict[str, Any]:
+        return number(value if there else None, "", why, spread.form(name, value))
 
     local = unaware or "exact for small disturbances of steady sliding"
     printed = printed_form(forms.groups.zeta, forms.groups.tau_cr)
     return {
-        "a_V_max": number(validity_number, "", "the closed forms of a slip need this to be far below 1"),
+        "a_V_max": number(validity[0], "", "the closed forms of a slip need this to be far below 1", validity[1]),
         "slip": forms.status,
         "ignores": list(ignored),
-        "drop": beside(forms.drop, "N", nonlinear["drop"]["value"]),
-        "period": beside(forms.period, "s", nonlinear["period"]["value"]),
-        "slip_duration": beside(forms.slip_duration, "s", nonlinear["slip_duration"]["value"]),
-        "peak_speed": beside(forms.peak_speed, "m/s", peak),
-        "critical_speed": beside(forms.critical_speed, "m/s", answer.end),
-        "Pi": number(None if forms.worn else forms.friction_parameter, "", local),
-        "Pi_fc": number(None if forms.worn else forms.critical_friction, "", local),
-        "Pi_fc_printed": number(forms.critical_friction_printed, "", printed),
-        "Omega_c": number(None if forms.worn else forms.critical_frequency, "", local),
+        "drop": beside("drop", forms.drop, "N", nonlinear["drop"]["value"]),
+        "period": beside("period", forms.period, "s", nonlinear["period"]["value"]),
+        "slip_duration": beside("slip_duration", forms.slip_duration, "s", nonlinear["slip_duration"]["value"]),
+        "peak_speed": beside("peak_speed", forms.peak_speed, "m/s", peak),
+        "critical_speed": beside("critical_speed", forms.critical_speed, "m/s", answer.end),
+        "Pi": alone("Pi", forms.friction_parameter, local, not forms.worn),
+        "Pi_fc": alone("Pi_fc", forms.critical_friction, local, not forms.worn),
+        "Pi_fc_printed": alone("Pi_fc_printed", forms.critical_friction_printed, printed),
+        "Omega_c": alone("Omega_c", forms.critical_frequency, local, not forms.worn),
     }

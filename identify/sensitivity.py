@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from identify.branch import Branch, along
 from identify.cycle import Cycle, CycleMap, loads
 from identify.orbit import Orbit
-from identify.sliding import growth_rates
+from identify.sliding import slidings
 
 Array = NDArray[np.float64]
 
@@ -69,14 +69,21 @@ def end_slopes(map_: CycleMap, branch: Branch, names: Sequence[str]) -> Array:
 
 
 def growth_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> Array:
-    """Derivatives of the growth rate of steady sliding [1/s] by parameters, "drive_speed" or "normal_force", by
-    central differences."""
+    """Derivatives of the growth rate of steady sliding [1/s] by parameters, "drive_speed" or "normal_force"."""
+    return sliding_slopes(map_, drive_speed, names)[0]
+
+
+def sliding_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> tuple[Array, Array]:
+    """Derivatives of the growth rate [1/s] and of the force [N] of steady sliding, (len(names),) each, by parameters,
+    "drive_speed" or "normal_force"; by central differences."""
     if not names:
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0)
     columns, w = _columns(map_, names), map_.setting(drive_speed)
     steps = STEP * np.where(w == 0.0, LEAST, np.abs(w))[columns]
     moved = np.zeros((len(columns), w.size))
     moved[np.arange(len(columns)), columns] = steps
     each = np.concatenate([w + moved, w - moved])
-    rates = growth_rates(map_.model, each[:, :-2], each[:, -1], each[:, -2])
-    return np.asarray((rates[: len(columns)] - rates[len(columns) :]) / (2.0 * steps))
+    found = slidings(map_.model, np.ascontiguousarray(each[:, :-2]), each[:, -1], each[:, -2])
+    table = np.array([[state.growth, state.force] for state in found])
+    slopes = (table[: len(columns)] - table[len(columns) :]) / (2.0 * steps[:, None])
+    return slopes[:, 0], slopes[:, 1]
