@@ -15,6 +15,8 @@ _MIDDLE: Final = (0.25, 0.95)
 """Part of a stroke that is averaged: behind the turn the spring is still being loaded the other way."""
 _CLEAR: Final = 0.3
 """Share of the swing of the ratio between both directions that counts as a direction."""
+_TURNING: Final = 0.4
+"""Share of the rows that may lie between both directions: the turns. A saw-tooth of one direction has 0.75."""
 _WIDTH: Final = 0.01
 
 
@@ -78,6 +80,8 @@ def _strokes(friction: FloatArray, normal: FloatArray) -> list[tuple[int, int, i
     middle, clear = 0.5 * (low + high), _CLEAR * (high - low)
     if not (low < middle - clear and high > middle + clear):
         return []
+    if np.mean(np.abs(ratio - middle) < clear) > _TURNING:
+        return []  # it swings through the middle and dwells on neither side: stick-slip one way
     side = np.where(ratio > middle + clear, 1, np.where(ratio < middle - clear, -1, 0))
     return _runs(side)
 

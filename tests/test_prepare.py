@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from data_io import Record
+from data_io.thresholds import Thresholds
 from experiments.study_problem import DEMO, RIG
 from identify.effects import MAIN
 from identify.errors import FitError, SceneError
@@ -138,3 +139,67 @@ def test_laws_outside_their_measured_range_are_refused_with_the_measured_load():
     with pytest.raises(SceneError, match=r"load_dependence was measured from 0.1 to 50 N .* is 98 N"):
         _loaded(np.full(4000, 98.0), (*MAIN, "load_dependence"))
     assert _loaded(np.full(4000, 20.0), (*MAIN, "load_dependence")).left_out is None
+
+
+def test_what_was_cut_and_corrected_stands_in_the_account_and_the_raw_record_is_kept():
+    record = _record(quiet=QUIET, offset=0.3, sign=-1.0)
+    log = _prepared(record, tare=[0.0, 0.35], window=[0.0, 3.5], skip_cycles=1, crosstalk="0 %")
+    kinds = [change.kind for change in log.account.changes]
+    assert kinds == ["tare", "crosstalk", "window", "flip_sign", "skip_cycles"]
+    assert log.account.changes[0].value == pytest.approx(0.3, abs=1e-3)
+    assert log.account.raw is record and np.array_equal(
+        log.record.channels["raw friction force"], record.friction_force
+    )
+    cuts = {cut.kind: (cut.start, cut.stop) for cut in log.account.cuts}
+    assert cuts["tare"] == (0.0, 0.35) and cuts["window"][0] == 3.5 and cuts["skip_cycles"][1] == log.data.begin
+    document = log.account.document()
+    assert document["corrections"][0]["unit"] == "N" and len(document["cuts"]) == len(log.account.cuts)
+    assert _prepared(_record()).account.changes == ()
+
+
+def test_crosstalk_and_tilt_of_a_scene_in_percent_degrees_and_by_strokes():
+    scene = _scene(crosstalk="2 %", tilt="1.5 deg", normal_tare="5 mN")
+    (entry,) = scene.logs
+    assert (entry.crosstalk, entry.normal_tare) == (0.02, 5e-3) and entry.tilt == pytest.approx(np.radians(1.5))
+    assert Scene.from_document(scene.as_document()).logs[0] == replace(entry, path=entry.path.absolute())
+    assert _scene(tilt="strokes").logs[0].tilt == "strokes"
+    for wrong in ({"crosstalk": 1.5}, {"tilt": "60 deg"}, {"tilt": "much"}):
+        with pytest.raises(SceneError, match=next(iter(wrong))):
+            _scene(**wrong)
+    with pytest.raises(FitError, match="goes one way only"):
+        _prepared(_record(), crosstalk="strokes")
+
+
+def test_a_rejected_log_is_left_out_with_its_reason_and_a_threshold_lets_it_in():
+    record = _record()
+    rippling = 1.0 + 0.4 * np.sqrt(2) * np.sin(2 * np.pi * 5 * record.time)
+    bad = Record(record.time, rippling, record.friction_force)
+    log = _prepared(bad)
+    assert log.judgement.verdict == "reject"
+    assert log.left_out is not None and "quality gate: the normal force ripples by 40 %" in log.left_out
+    scene = replace(_scene(), thresholds=Thresholds({"load_ripple_reject": 0.5}))
+    assert prepare(scene, scene.logs[0], bad, from_scene(scene)).left_out is None
+    document = scene.as_document()
+    assert document["quality"] == {"load_ripple_reject": 0.5}
+    assert Scene.from_document(document).thresholds == scene.thresholds
+
+
+def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():
+    assert _prepared(_record()).judgement.verdict == "accept"
+    wrong = replace(_scene(), rig=replace(_scene().rig, drive_speed=1.2e-3))
+    told = prepare(wrong, wrong.logs[0], _record(), from_scene(wrong)).judgement.findings
+    assert [f.code for f in told if f.severity == "warning"] == ["stick_slope"]
+    record = _record()
+    dip = 1.0 - 0.92 * np.exp(-(((record.time - 1.25) / 0.2) ** 2))
+    unloaded = Record(record.time, dip, record.friction_force)
+    assert "unloaded_rows" in {f.code for f in _prepared(unloaded).judgement.findings}
+    cut = _prepared(unloaded, exclude=[[0.6, 1.9]]).judgement.findings
+    assert not {"unloaded_rows", "dropouts"} & {f.code for f in cut}
+
+
+def test_a_threshold_of_a_scene_that_is_none_is_refused_by_name():
+    for quality, words in (({"jiter": 0.1}, "did you mean 'jitter'"), ({"jitter": "much"}, "jitter")):
+        with pytest.raises(SceneError, match=words):
+            Scene.from_document({"effects": list(MAIN), "rig": dict(RIG) | {"drive_speed": 1e-3}, "quality": quality})
+    given = {"effects": list(MAIN), "rig": dict(RIG) | {"drive_speed": 1e-3}, "quality": {"spikes": "1 %"}}
+    assert Scene.from_document(given).thresholds["spikes"] == 0.01
