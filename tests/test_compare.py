@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 import zipfile
 from html.parser import HTMLParser
 from xml.etree import ElementTree
@@ -143,6 +144,14 @@ def test_labels_that_differ_between_the_logs_of_a_fit_are_no_labels(tmp_path):
     )
     (entry,) = read_fits([tmp_path])
     assert "material" not in entry.labels and entry.mixed == ("material",)
+
+
+def test_fits_of_the_same_logs_are_named(tmp_path):
+    write_study(tmp_path, SMALL)
+    assert not any("same logs" in note for note in compare(read_fits([tmp_path]), Question("material")).taken.notes)
+    shutil.copytree(tmp_path / "M1_V1_0", tmp_path / "copy")
+    notes = compare(read_fits([tmp_path]), Question("material")).taken.notes
+    assert "copy and M1_V1_0 are fits of the same logs: leave out one." in notes
 
 
 def test_covariates_are_used_where_all_have_them(tmp_path):

@@ -215,6 +215,12 @@ def test_one_more_person_scatters_as_people_do():
     assert 7 < df < 20
 
 
+def test_many_groups_have_means_but_no_pairs():
+    y, setting = np.random.default_rng(0).standard_normal(80), Setting(tuple(f"g{k % 40}" for k in range(80)))
+    found = pool(y, np.zeros(80), setting)
+    assert len(found.means) == 40 and found.differences == ()
+
+
 def test_too_few_fits_are_refused_in_one_sentence():
     with pytest.raises(PoolingError, match="2 fits were found for 2 means"):
         pool(np.array([1.0, 2.0]), np.zeros(2), Setting(("A", "B")))

@@ -109,6 +109,7 @@ def take(entries: Sequence[FitEntry], question: Question) -> Taken:
     kept, lost, factors, covariates, notes = _adjusted(kept, question)
     if subject is not None:
         notes += _nameless(kept, subject)
+    notes += _twice(kept)
     return Taken(
         tuple(kept),
         Setting(
@@ -202,6 +203,18 @@ def _nameless(kept: Sequence[FitEntry], subject: str) -> list[str]:
     if told + mixed < len(kept):
         notes.append(f"{len(kept) - told - mixed} fits do not tell the {subject}; each counts as another person.")
     return notes
+
+
+def _twice(kept: Sequence[FitEntry]) -> list[str]:
+    """Fits that were made from the very same logs and would count twice."""
+    made_from: dict[tuple[str, ...], list[str]] = {}
+    for entry in kept:
+        key = tuple(sorted(str(log.get("sha256") or "") for log in entry.taken))
+        if key and all(key):
+            made_from.setdefault(key, []).append(entry.name)
+    return [
+        f"{' and '.join(map(_short, n))} are fits of the same logs: leave out one." for n in made_from.values() if n[1:]
+    ]
 
 
 def _short(text: str) -> str:

@@ -243,7 +243,8 @@ def _sentence(entry: PooledQuantity) -> str:
         return f"not compared: {entry.reason}."
     found = entry.pooled.differences
     if not found:
-        return "there is only one group."
+        count = len(entry.pooled.means)
+        return "there is only one group." if count < 2 else f"{count} groups are too many to compare in pairs."
     if all(d.verdict == NOT_TESTED for d in found):
         return f"not tested: {found[0].reason}."
     told = ["{} above {}".format(*_ordered(d)) for d in found if d.verdict == DIFFERENT]

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 LEVEL = 0.95
 DIFFERENT, NOT_TOLD_APART, NOT_TESTED = "different", "not told apart", "not tested"
 LEAST_DF = 0.9  # below this an interval says nothing
+MOST_GROUPS = 30  # beyond these, pairs are too many to be told apart, and to be looked at
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Pooled:
-    """A pooled quantity. rows: indices of the fits that tell it; level: of the simultaneous intervals."""
+    """A pooled quantity. rows: indices of the fits that tell it; differences: of all pairs, none beyond MOST_GROUPS;
+    level: of the simultaneous intervals."""
 
     rows: tuple[int, ...]
     design: Design
@@ -153,7 +155,7 @@ def _few(group: str, fits: int, subjects: int | None) -> str:
 
 
 def _differences(plan: Design, mixed: Mixed, setting: Setting, level: float) -> tuple[Difference, ...]:
-    pairs = list(combinations(range(len(plan.groups)), 2))
+    pairs = list(combinations(range(len(plan.groups)), 2)) if len(plan.groups) <= MOST_GROUPS else []
     contrasts = np.zeros((len(pairs), len(mixed.beta)))
     for row, (i, j) in enumerate(pairs):
         contrasts[row, [i, j]] = 1.0, -1.0
