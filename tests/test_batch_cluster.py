@@ -38,7 +38,7 @@ GROUPS = [f"G{i}" for i in range(6)]
 
 @contextmanager
 def cluster(folder, seconds=0.02, workers=2):
-    """The address of a scheduler, and the processes of its workers."""
+    """The address of a scheduler; its process and those of its workers."""
     told = folder / "scheduler.json"
     told.unlink(missing_ok=True)
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT, "env": environment(seconds)}
@@ -47,7 +47,7 @@ def cluster(folder, seconds=0.02, workers=2):
         wait_for(told.exists, 60)
         command = [*WORKER, "--scheduler-file", str(told), "--local-directory", str(folder)]
         processes += [subprocess.Popen(command, **quiet) for _ in range(workers)]
-        yield json.loads(told.read_text())["address"], processes[1:]
+        yield json.loads(told.read_text())["address"], processes
     finally:
         for process in reversed(processes):
             process.kill()
@@ -77,7 +77,7 @@ def test_a_cluster_gives_the_results_of_one_machine_also_where_a_worker_is_kille
         def ended(*told):
             teller.heard.append(told)
             if not killed:
-                killed.append(os.kill(processes[0].pid, signal.SIGKILL))
+                killed.append(os.kill(processes[1].pid, signal.SIGKILL))
 
         teller.ended = ended
         summary = run_batch(plan(*case), out, workers, resume=False, limit=2.0, teller=teller, scheduler=address)
@@ -88,6 +88,18 @@ def test_a_cluster_gives_the_results_of_one_machine_also_where_a_worker_is_kille
     assert results(out) == results(tmp_path / "local") and len(results(out)) == len(GROUPS)
     assert all(complete(out / group) for group in GROUPS)
     assert [item.name for item in out.iterdir() if item.name.startswith(".")] == [".lock"]
+
+
+def test_a_batch_that_loses_its_scheduler_stops_and_can_go_on(tmp_path):
+    case, out = write_case(tmp_path / "in", GROUPS), tmp_path / "out"
+    teller = Silent()
+    with cluster(tmp_path, seconds=0.2, workers=1) as (address, processes):
+        workers = joined(address, out, 1)
+        teller.ended = lambda *told: os.kill(processes[0].pid, signal.SIGKILL)
+        summary = run_batch(plan(*case), out, workers, resume=False, limit=9.0, teller=teller, scheduler=address)
+    assert summary.status == "stopped" and "scheduler was lost" in summary.message and 1 <= len(summary.ended) < 6
+    again = run_batch(plan(*case), out, LocalWorkers(1, STUB), resume=True, limit=9.0, teller=Silent())
+    assert again.status == "done" and again.kept == len(summary.ended)
 
 
 def test_a_cluster_that_is_not_there_or_sees_other_folders_is_refused(tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +15,7 @@ from identify.batch.job import CRASHED, End, Job
 from identify.batch.key import numerics
 from identify.batch.refusal import BatchError
 from identify.batch.store import new_part
-from identify.batch.workers import Answer, Pending
+from identify.batch.workers import Answer, Pending, WorkersLostError
 
 EXTRA = "pip install 'stick-slip-workbench[cluster]'"
 WAIT = 30.0  # s for the scheduler, and for its first worker
@@ -94,10 +94,9 @@ class ClusterWorkers:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
+        with suppress(OSError, RuntimeError, ValueError, TimeoutError):  # of a cluster that is gone
             self._client.run(end_grips, on_error="ignore")
-        finally:
-            self._client.close()
+        self._client.close()
 
     def send(self, job: Job, folder: Path, limit: float) -> Pending:
         """Have a job fitted by whichever worker is free; Dask sends it again where its worker dies."""
@@ -127,6 +126,8 @@ class _Sent:
 
     def result(self) -> Answer:
         """The answer; what went wrong on the way there and back is one, too."""
+        if self._future.cancelled():  # by nobody of ours: Dask does so when it loses its scheduler
+            raise WorkersLostError("the Dask scheduler was lost; start it again, then go on with --resume")
         error = self._future.exception()
         if error is not None:
             words = f"the fit took down every Dask worker it was given to, or never came back ({error})"

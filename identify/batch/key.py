@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import Any
 
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py")  # whose numbers a fit uses
-OUTSIDE = ("cli", "report", "comparing", "batch", "examples")  # folders of identify that make no number of a fit
+OUTSIDE = (
+    "cli",
+    "report",
+    "comparing",
+    "pooling",
+    "batch",
+    "examples",
+)  # folders of identify that make no number of a fit
 BLOCK = 1 << 20  # bytes
 
 

@@ -17,7 +17,7 @@ from identify.batch.planning import Plan
 from identify.batch.refusal import BatchError
 from identify.batch.store import BATCH, INDEX, Store, complete, discard, is_full, utc, write_document
 from identify.batch.tables import Ended, batch_document, index_csv
-from identify.batch.workers import Answer, Workers, answers
+from identify.batch.workers import Answer, Workers, WorkersLostError, answers
 
 EVERY = 5.0  # s between two versions of index.csv
 
@@ -46,8 +46,8 @@ class Summary:
     seconds: float
 
 
-class _DiskFullError(Exception):
-    """Nothing more can be written; the text says what happened where."""
+class _StopError(Exception):
+    """Going on makes no sense; the text says why and what to do."""
 
 
 def run_batch(
@@ -69,6 +69,7 @@ def run_batch(
         BatchError: the folder holds something else, or another batch runs there. OSError: it cannot be made.
     """
     check_place(out, resume)
+    out = out.absolute()  # a cluster stands elsewhere
     out.mkdir(parents=True, exist_ok=True)
     with locked(out):
         check_place(out, resume)
@@ -107,6 +108,10 @@ def _check_foreign(store: Store, jobs: Sequence[Job]) -> None:
         raise BatchError(complaints)
 
 
+def _full(words: str) -> _StopError:
+    return _StopError(f"{words}; make room, then go on with --resume")
+
+
 class _Run:
     """One run of a batch, while its folder is locked."""
 
@@ -127,9 +132,8 @@ class _Run:
         try:
             with self._stopping():
                 self._fit(todo, limit)
-        except _DiskFullError as error:
-            words = f"stopped: {error}; make room, then go on with --resume: what has ended is kept"
-            return self._end("stopped", words, kept)
+        except _StopError as error:
+            return self._end("stopped", f"stopped, and what has ended is kept: {error}", kept)
         failures = [end for end in self._ended.values() if end.status != CONVERGED]
         message = f"{len(self._ended)} groups: {len(self._ended) - len(failures)} converged, {len(failures)} did not"
         return self._end("failures" if failures else "done", message, kept)
@@ -173,7 +177,7 @@ class _Run:
             return Ended.of(document)
         discard(part)
         if end.status == UNWRITTEN:
-            raise _DiskFullError(f"{job.group}: {end.message}")
+            raise _full(end.message)
         return Ended.of(self._store.put_without_result(job, end))
 
     @contextmanager
@@ -184,7 +188,9 @@ class _Run:
         except OSError as error:
             if not is_full(error):
                 raise
-            raise _DiskFullError(f"{error.filename or self._store.folder}: {error.strerror}") from None
+            raise _full(f"{error.filename or self._store.folder}: {error.strerror}") from None
+        except WorkersLostError as error:
+            raise _StopError(str(error)) from None
         except KeyboardInterrupt:
             self._end("stopped", "the batch was interrupted; go on with --resume", 0)
             raise

@@ -20,6 +20,10 @@ TICK = 0.5  # s between two looks at the clock
 Answer = tuple[End, Path]  # how a job ended, and the hidden folder it wrote into
 
 
+class WorkersLostError(Exception):
+    """Nobody is left to fit; the text says what was lost and what to do."""
+
+
 class Pending(Protocol):
     """A job on its way, as concurrent.futures and dask.distributed have it."""
 
@@ -27,7 +31,7 @@ class Pending(Protocol):
         """Call `function` with this once there is an answer."""
 
     def result(self) -> Answer:
-        """The answer."""
+        """The answer; WorkersLostError where there will be none, for this job or any other."""
 
     def cancel(self) -> object:
         """Forget it, if it has not begun."""
