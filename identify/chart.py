@@ -27,6 +27,7 @@ Bools = NDArray[np.bool_]
 Range = tuple[float, float]
 
 NOT_ADMITTED = "not possible"  # outcome where the model takes no such pair
+NO_ANSWER = "no answer"  # outcome where a motion cannot be integrated
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,9 @@ class Boundary:
 class Chart:
     """A map. Arrays (n_y, n_x) on the grid of `plane`.
 
-    outcomes: the words of `Outcome`, or "not possible"; growth: rate of a disturbance of steady sliding [1/s];
-    multiplier: largest Floquet multiplier of the orbit in magnitude; figures: QUANTITIES of the orbit, SI; NaN where
-    there is none. sticking: outline of where stick-slip exists; unstable: of where steady sliding is unstable.
+    outcomes: the words of `Outcome`, "not possible" or "no answer"; growth: rate of a disturbance of steady sliding
+    [1/s]; multiplier: largest Floquet multiplier of the orbit in magnitude; figures: QUANTITIES of the orbit, SI; NaN
+    where there is none. sticking: outline of where stick-slip exists; unstable: of where steady sliding is unstable.
     """
 
     plane: Plane
@@ -103,6 +104,9 @@ def _drawn(grid: Plane, growth: Array, sea: Sea) -> Chart:
     figures = {name: np.full(grid.shape, np.nan) for name in QUANTITIES}
     sticks = np.zeros(grid.shape, dtype=bool)
     for j, i in np.argwhere(grid.admitted).tolist():
+        if (j, i) in sea.refused:
+            outcomes[j, i] = NO_ANSWER
+            continue
         orbit, irregular = sea.orbits.get((j, i)), (j, i) in sea.irregular
         outcome: Outcome = outcome_of(orbit, irregular, bool(growth[j, i] < 0.0))
         outcomes[j, i] = outcome.value

@@ -81,6 +81,7 @@ class CycleMap:
         typical = scales(model, self.p, normal_force)
         self.time, self.speed = typical.time, float(typical.state[SPEED])
         self._swing = typical.time * _softened(model, self.p)
+        self._drag = _drag(model, self.p)
         self.scale = np.delete(typical.state, SPEED)  # typical size of y
         floor = FLOOR * typical.state
         floor[SPEED] = SPEED_FLOOR * self.speed
@@ -110,14 +111,15 @@ class CycleMap:
         return np.append(self.p, [self.normal_force, drive_speed])
 
     def run(self, y: Array, drive_speed: float, patience: float = SLIDES_AFTER) -> Cycle | None:
-        """The cycle that starts at rest in y; None when the mass does not come to rest within `patience` half periods.
+        """The cycle that starts at rest in y; None when the mass does not come to rest within `patience` half periods
+        (longer under heavy damping).
 
         Args:
             y: rest state (n_y,). drive_speed: [m/s], positive.
         """
         w, start = self.setting(drive_speed), np.insert(y, SPEED, 0.0)
         onset, duration = self._hold.onset(start, w)
-        glide = self.glider.slide(onset, w, patience * self.half_period)
+        glide = self.glider.slide(onset, w, patience * self.half_period * self._drag)
         if not glide.rests or glide.t[-1] < CREEP * self.half_period:
             return None
         return self._cycle(start, onset, duration, w, glide)
@@ -173,6 +175,15 @@ def _softened(model: Model, p: Array) -> float:
     pull = float(model.driving_force(high, p, u)) - float(model.driving_force(low, p, u))
     give = float(high[ELONGATION] - low[ELONGATION])
     return float(np.sqrt(give * p[model.parameter_names.index("stiffness")] / pull))
+
+
+def _drag(model: Model, p: Array) -> float:
+    """How much longer than a few swings a slip takes under heavy damping: an overdamped mass creeps to rest."""
+    x = np.zeros(len(model.states))
+    pulls = [float(model.driving_force(x, p, np.array([speed, 1.0, 1.0, 0.0]))) for speed in (0.0, 1.0)]
+    values = dict(zip(model.parameter_names, p.tolist(), strict=True))
+    zeta = (pulls[1] - pulls[0]) / (2.0 * float(np.sqrt(values["mass"] * values["stiffness"])))
+    return 1.0 + zeta if zeta > 1.0 else 1.0
 
 
 def _peak(glide: Glide) -> tuple[float, Array]:

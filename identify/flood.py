@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from identify.branch import Followed, expected, piece
 from identify.cycle import CycleMap
+from identify.errors import SimulationError
 from identify.orbit import Orbit, close, settle
 from identify.outline import Edge
 from identify.plane import Plane
@@ -35,6 +36,7 @@ class Sea:
     orbits: dict[Node, Orbit] = field(default_factory=dict)
     maps: dict[Node, CycleMap] = field(default_factory=dict)
     irregular: set[Node] = field(default_factory=set)
+    refused: set[Node] = field(default_factory=set)  # motions that cannot be integrated
     ends: dict[Edge, End] = field(default_factory=dict)
 
 
@@ -56,10 +58,14 @@ class Flood:
         return self.sea
 
     def _seed(self, node: Node) -> None:
-        if not self._plane.admitted[node] or node in self.sea.orbits or node in self.sea.irregular:
+        if not self._plane.admitted[node] or node in self.sea.orbits or self._given_up(node):
             return
         there = self._map(node)
-        found = settle(there, self._speed(node), patience=self._patience(there, node))
+        try:
+            found = settle(there, self._speed(node), patience=self._patience(there, node))
+        except SimulationError:
+            self.sea.refused.add(node)
+            return
         if found.orbit is not None:
             self._take(node, there, found.orbit)
             self._spread(node)
@@ -76,15 +82,22 @@ class Flood:
 
     def _reached(self, here: Node, there: Node, edge: Edge) -> bool:
         """Whether the orbit of one node leads to one of the next; else the end between them is noted."""
-        if there in self.sea.irregular:
+        if self._given_up(there):
             return False
         map_ = self._map(there)
-        orbit = self._near(map_, there, self.sea.orbits[here], self.sea.maps[here].scale)
-        if orbit is None and there not in self.sea.irregular:
-            orbit = self._along(map_, here, there, edge)
+        try:
+            orbit = self._near(map_, there, self.sea.orbits[here], self.sea.maps[here].scale)
+            if orbit is None and not self._given_up(there):
+                orbit = self._along(map_, here, there, edge)
+        except SimulationError:
+            self.sea.refused.add(there)
+            return False
         if orbit is not None:
             self._take(there, map_, orbit)
         return orbit is not None
+
+    def _given_up(self, node: Node) -> bool:
+        return node in self.sea.irregular or node in self.sea.refused
 
     def _near(self, map_: CycleMap, node: Node, orbit: Orbit, scale: Array) -> Orbit | None:
         """The stable orbit at a node that the derivatives of another one expect."""

@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt
 
 from data_io.atomic import atomic_path
 from identify.axes import Axis
-from identify.chart import NOT_ADMITTED, Boundary, Chart
+from identify.chart import NO_ANSWER, NOT_ADMITTED, Boundary, Chart
 from identify.chart_closed import closed_plane
 from identify.chart_spread import Known, bands, region
 from identify.prospect import Outcome
@@ -42,6 +42,7 @@ REGIONS = {
     Outcome.IRREGULAR.value: ("#e3c7d8", "irregular\nstick-slip"),
     Outcome.UNDECIDED.value: ("#c9cdd2", "oscillates\nwithout rest"),
     NOT_ADMITTED: ("#ffffff", "not possible"),
+    NO_ANSWER: ("#ffffff", "no answer"),
 }
 LEAST_LABELLED = 0.03  # share of the map from which a region is labelled inside
 HATCH = "0.72"
@@ -146,7 +147,7 @@ def _regions(axes: Axes, chart: Chart, view: _View) -> list[Any]:
         if unstable is not None:
             always = _fill(axes, unstable, colour[Outcome.ALWAYS_STICKS.value])
             always.set_clip_path(PathPatch(sticks, transform=axes.transData))
-    for word in (Outcome.IRREGULAR.value, NOT_ADMITTED):
+    for word in (Outcome.IRREGULAR.value, NOT_ADMITTED, NO_ANSWER):
         _cells(axes, chart, x, y, word, colour[word])
     return _named(axes, chart, view)
 
