@@ -18,13 +18,14 @@ from scipy.stats import norm, t
 
 from identify.influence import Influence
 from identify.shooting import Moments, Problem
-from identify.warm import Warm
+from identify.warm import Settled, Warm
 
 Array = NDArray[np.float64]
 
 WEIGHTS = np.array([-np.sqrt(1.5), -1.0, -np.sqrt(0.5), np.sqrt(0.5), 1.0, np.sqrt(1.5)])
 FEWEST = 40  # replicates from which on an interval is given
 FEWEST_FREEDOM = 2.0
+LEAPS = (1, 3, 8)  # in which a replicate is reached
 
 
 @dataclass(frozen=True)
@@ -133,18 +134,33 @@ class _Replicates:
         self.push = np.asarray(full @ direction)
 
     def solve(self, weights: Array, drawn: Array) -> Array | None:
-        """The parameters (f,) for one set of weights (g,) and one draw (f,) of what leaves no residuals."""
+        """The parameters (f,) for one set of weights (g,) and one draw (f,) of what leaves no residuals.
+
+        Where one leap does not settle, the residuals grow in steps from none, which is the answer itself.
+        """
+        for leaps in LEAPS:
+            z, multipliers = self.z, np.zeros_like(self.warm.multipliers)
+            for share in np.arange(1, leaps + 1) / leaps:
+                found = self._settled(share * weights, share * drawn, z, multipliers)
+                if found is None:
+                    break
+                z, multipliers = found.z, found.multipliers
+            else:
+                return (z * self.problem.layout.scale)[self.known.kept]
+        return None
+
+    def _settled(self, weights: Array, drawn: Array, z: Array, multipliers: Array) -> Settled | None:
         made = self.problem.with_moments(
             [
                 replace(m, pull=m.pull * weights[g][:, None, None], square=m.square * weights[g] ** 2)
                 for m, g in zip(self.moments, self.groups, strict=True)
             ]
         )
-        prior = (self.z * self.problem.layout.scale - self.problem.layout.prior_mean) / self.problem.layout.prior_sd**2
+        layout = self.problem.layout
         # The priors pull as hard as they did at the answer; their own errors are in the draw.
-        push = -self.push @ drawn - prior * self.problem.layout.scale
-        found = self.warm.settle(self.z, problem=made, multipliers=np.zeros_like(self.warm.multipliers), push=push)
-        return None if found is None else (found.z * self.problem.layout.scale)[self.known.kept]
+        prior = (self.z * layout.scale - layout.prior_mean) / layout.prior_sd**2
+        push = -self.push @ drawn - prior * layout.scale
+        return self.warm.settle(z, problem=made, multipliers=multipliers, push=push)
 
 
 def _around(moments: Moments, curve: Array) -> Moments:

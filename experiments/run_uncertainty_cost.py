@@ -1,0 +1,79 @@
+"""What a bootstrap and a profile cost, in fits: 200 replicates within 30 fits, a profile of all six within 40.
+
+The joint fit of the four study logs from their samples in a warm process, then on its answer the bootstrap, the profile
+that finds the ends of all intervals, and the one that is drawn. Processor time, so that a busy machine counts less.
+
+    python experiments/run_uncertainty_cost.py
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from experiments.machine import describe
+from experiments.study_problem import DEMO, scene_of, simulated_case
+from identify.bootstrap import bootstrap
+from identify.certainty import CURVE_STEPS
+from identify.identification import find
+from identify.influence import influence
+from identify.profile import profile
+from identify.search import Clock
+
+REPLICATES, FIT_REPEATS = 200, 3
+ALLOWED = {"bootstrap": 30.0, "profile": 40.0, "profile, drawn": 40.0}
+
+
+def timed(work: Callable[[], object]) -> tuple[float, object]:
+    """Processor seconds of some work, and what it gives."""
+    since = time.process_time()
+    made = work()
+    return time.process_time() - since, made
+
+
+def main(fast: bool = False) -> dict[str, float]:
+    """Costs in fits, by name; fast: fewer replicates."""
+    replicates = 10 if fast else REPLICATES
+    case = simulated_case(DEMO, 1)
+
+    def fit() -> object:
+        return find(scene_of(case), case.records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+
+    fit()  # the functions of the model are built once per process
+    found = fit()
+    one = float(np.median([timed(fit)[0] for _ in range(1 if fast else FIT_REPEATS)]))
+    attempt, unknowns = found.attempt, found.unknowns  # type: ignore[attr-defined]
+    covariance, solved = found.covariance, attempt.solved  # type: ignore[attr-defined]
+    cycles = [guess.cycles for guess in solved.guesses]
+
+    def resample() -> object:
+        known = influence(solved.problem, solved.solution.z, cycles)
+        return bootstrap(solved.problem, solved.solution.z, known, replicates, cycles=cycles)
+
+    def walk(steps: int) -> object:
+        return profile(attempt.prepared, solved, unknowns, covariance, lambda _stage, _share: None, steps=steps)
+
+    print(describe())
+    print(f"{solved.problem.samples} samples, {sum(cycles)} cycles; one fit {one:.2f} s of processor time")
+    costs = {}
+    for name, work in (
+        ("bootstrap", resample),
+        ("profile", lambda: walk(1)),
+        ("profile, drawn", lambda: walk(CURVE_STEPS)),
+    ):
+        seconds, made = timed(work)
+        costs[name] = seconds / one
+        failed = int(np.count_nonzero(~made.settled)) if name == "bootstrap" else 0  # type: ignore[attr-defined]
+        told = f", {replicates} replicates, {failed} did not settle" if name == "bootstrap" else ""
+        print(f"{name:16s} {seconds:7.2f} s = {costs[name]:6.1f} fits (allowed {ALLOWED[name]:g}){told}", flush=True)
+    return costs
+
+
+if __name__ == "__main__":
+    main()
