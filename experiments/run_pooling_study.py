@@ -5,7 +5,7 @@ Prints, per plan: coverage of the 95 % intervals of the means; how often a study
 "different" anywhere (family-wise: all pairs, all parameters); then how often three materials come out in the right
 order, and the power of a study by number of volunteers and size of the difference.
 
-    python experiments/run_pooling_study.py [studies per plan]
+    python experiments/run_pooling_study.py [studies per plan] [number of the first plan, from 1]
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def power(studies: int, seed: int) -> None:
         print(f"{volunteers:10d} " + " ".join(f"{100 * s:8.0f} %  " for s in shares), flush=True)
 
 
-def main(fast: bool = False, studies: int = 1000) -> None:
+def main(fast: bool = False, studies: int = 1000, first: int = 1) -> None:
     """The whole study; fast: a few studies of two plans."""
     count = 3 if fast else studies
     half = max(count // 2, 1)
@@ -145,6 +145,8 @@ def main(fast: bool = False, studies: int = 1000) -> None:
     print(f"{'':50s}{'':>8s}{'means':>9s}{'false':>9s}{'all':>9s}{'D/t_cr':>9s}")
     print(f"{'plan':50s}{'studies':>8s}{'covered':>9s}{'differ':>9s}{'covered':>9s}{'covered':>9s}")
     for number, plan in enumerate(NULL if not fast else NULL[:2]):
+        if number + 1 < first:
+            continue
         t = tally(plan, count if number < FULL else half, 100 + number)
         print(
             f"{plan.name:50s}{t.studies:8d}{100 * t.covered / t.intervals:7.2f} %{100 * t.false / t.studies:7.2f} %"
@@ -164,4 +166,7 @@ def main(fast: bool = False, studies: int = 1000) -> None:
 
 
 if __name__ == "__main__":
-    main(studies=int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
+    main(
+        studies=int(sys.argv[1]) if len(sys.argv) > 1 else 1000,
+        first=int(sys.argv[2]) if len(sys.argv) > 2 else 1,
+    )

@@ -225,3 +225,18 @@ def test_too_few_fits_are_refused_in_one_sentence():
     with pytest.raises(PoolingError, match="2 fits were found for 2 means"):
         pool(np.array([1.0, 2.0]), np.zeros(2), Setting(("A", "B")))
     assert indicators(["b", "a", "b"]).tolist() == [[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]
+
+
+def test_steps_do_not_swing_about_the_top():
+    """Where observed and expected information differ twofold, plain Fisher scoring swings for hundreds of steps."""
+    random = np.random.default_rng(103)
+    plan = Plan("paired, 4 volunteers, 2 runs", volunteers=4, runs=2)
+    for _ in range(26):
+        study = draw(plan, random)
+    found = pool(study.y[:, 4], study.noise[:, 4, 4], study.setting)
+    slope = [
+        0.5 * (y @ c.Z @ c.Z.T @ y - np.trace(found.mixed.projection @ c.Z @ c.Z.T))
+        for c in found.design.components
+        for y in [found.mixed.projection @ found.mixed.y]
+    ]
+    assert np.all(np.abs(slope * found.mixed.theta) < 1e-3)
