@@ -16,13 +16,12 @@ from typing import Any, Final
 from data_io.errors import LogError
 from data_io.source import Source
 
-PATIENCE: Final = 1.5
-"""Seconds after which a file whose structure cannot be walked is given up; a sound one takes milliseconds."""
-_IMPORTING: Final = 10.0
-"""Seconds more where the look is taken by a new interpreter, which loads its libraries first."""
-_PER_BYTE: Final = 1 / 2e9
-_CHECKSUMMED: Final = 3
-"""Version of the superblock from which on HDF5 protects all of its structure by checksums."""
+PATIENCE: Final = 1
+"""Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
+milliseconds. Of computing, so that a busy machine refuses nothing."""
+_LONGEST: Final = 60.0
+"""Seconds of waiting after which it is given up whatever the reason."""
+_BYTES_PER_SECOND: Final = 2e9
 _SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _MOST_ITEMS: Final = 100_000
 _SMALL: Final = 1 << 20
@@ -40,15 +39,13 @@ def signature_at(head: bytes) -> int | None:
 def opened(source: Source) -> Iterator[Any]:
     """Open the file read-only; a packed one is unpacked in memory. Raises the source's `LogError` for a damaged one.
 
-    A damaged file can send the HDF5 library round in circles, where nothing stops it. Unless the file protects its
-    structure by checksums, another process therefore walks through it first, and is stopped after `PATIENCE`.
+    A damaged file can send the HDF5 library round in circles, where nothing stops it: its heaps of texts carry no
+    checksum in any version. Another process therefore walks through it first, and is stopped after `PATIENCE`.
     """
     import h5py
 
     target: Any = str(source.path) if source.packing is None else io.BytesIO(source.data)
-    place = signature_at(source.head) or 0
-    if source.head[place + 8 : place + 9] < bytes([_CHECKSUMMED]):
-        _look_first(source, target)
+    _look_first(source, target)
     try:
         with h5py.File(target, "r", **({"locking": "best-effort"} if source.packing is None else {})) as file:
             yield file
@@ -113,57 +110,72 @@ def check_own(source: Source, dataset: Any) -> None:
 
 def _look_first(source: Source, target: Any) -> None:
     """Have another process walk through the structure; a `LogError` where it hangs or dies of it."""
-    patience = PATIENCE + _PER_BYTE * source.size
-    alone = sys.platform == "linux" and threading.active_count() == 1 and hasattr(os, "fork")
-    if alone or not isinstance(target, str):
-        ended = _forked(target, patience) if sys.platform == "linux" else "sound"
-    else:
-        ended = _spawned(target, patience + _IMPORTING)
-    if ended != "sound":
-        raise _damaged(source, f"the library {ended} on it")
+    if not hasattr(os, "fork") or not hasattr(signal, "SIGXCPU"):
+        return  # Windows: no way to limit the computing of a process
+    patience = PATIENCE + int(source.size / _BYTES_PER_SECOND)
+    alone = sys.platform == "linux" and threading.active_count() == 1
+    # a copy of this process would inherit the locks of its other threads
+    status = _forked(target, patience) if alone or not isinstance(target, str) else _spawned(target, patience)
+    if status is None or status == -signal.SIGXCPU:
+        raise _damaged(source, "the library hangs on it")
+    if status < 0:
+        raise _damaged(source, "the library crashes on it")
 
 
-def _forked(target: Any, patience: float) -> str:
+def _forked(target: Any, patience: int) -> int | None:
+    """Walk in a copy of this process; return how it ended (negative: by that signal), None where it did not."""
     import h5py  # noqa: F401  in the parent, so that every child has it
 
     child = os.fork()
     if child == 0:
         with contextlib.suppress(BaseException):
             signal.signal(signal.SIGINT, signal.SIG_DFL)
-            walk(target)
+            limited_walk(target, patience)
         os._exit(0)
-    until = time.monotonic() + patience
-    pause = 1e-4
+    until, pause = time.monotonic() + _LONGEST, 1e-4
     while time.monotonic() < until:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
-            return "crashes" if os.WIFSIGNALED(status) else "sound"
+            return os.waitstatus_to_exitcode(status)
         time.sleep(pause)
         pause = min(2 * pause, 0.01)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    return "hangs"
+    return None
 
 
-def _spawned(path: str, patience: float) -> str:
-    """The same where a copy of this process would inherit the locks of its other threads."""
-    code = "import sys; from data_io.hdf5_open import walk; walk(sys.argv[1])"
+def _spawned(path: str, patience: int) -> int | None:
+    """The same in a new interpreter."""
+    code = "import sys; from data_io.hdf5_open import limited_walk; limited_walk(sys.argv[1], int(sys.argv[2]))"
     where = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     try:
-        ended = subprocess.run(
-            [sys.executable, "-c", code, str(Path(path).resolve())],
+        return subprocess.run(
+            [sys.executable, "-c", code, str(Path(path).resolve()), str(patience)],
             env=where,
-            timeout=patience,
+            timeout=_LONGEST,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             check=False,
-        )
+        ).returncode
     except subprocess.TimeoutExpired:
-        return "hangs"
+        return None
     except OSError:  # no process can be started here: better an unguarded look than none
-        return "sound"
-    return "crashes" if ended.returncode < 0 else "sound"
+        return 0
+
+
+def limited_walk(target: Any, patience: int) -> None:
+    """Walk through a file; the system ends this process when that takes more seconds of computing than `patience`."""
+    import resource
+
+    import h5py  # noqa: F401  before the clock starts
+
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    limit = int(used.ru_utime + used.ru_stime) + patience + (1 if used.ru_utime + used.ru_stime > 0.2 else 0)
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, hard))
+    signal.signal(signal.SIGXCPU, signal.SIG_DFL)
+    walk(target)
 
 
 def walk(target: str | Path | io.BytesIO) -> None:
