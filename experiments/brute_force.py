@@ -20,6 +20,7 @@ from scipy.optimize import brentq
 RTOL = 1e-9
 FINEST = 100  # steps of a natural period, at least
 SETTLED = 1e-6  # relative change of drop and period from cycle to cycle
+LONGEST, DRIFTING = 2000, 10  # cycles of a motion that still drifts one way
 SLIDES_AFTER = 60.0  # natural periods without rest
 State = tuple[float, float]  # at rest: elongation [m], gamma
 
@@ -210,14 +211,23 @@ def jump(pair: Pair, state: State, drive: float, patience: float = SLIDES_AFTER)
 def settled(
     pair: Pair, drive: float, start: State = (0.0, 1.0), cycles: int = 60, patience: float = SLIDES_AFTER
 ) -> Jump | None:
-    """The cycle on which the motion from a rest state settles (the last of `cycles`); None when it ends in sliding."""
+    """The cycle on which the motion from a rest state settles (the last of `cycles`); None when it ends in sliding.
+
+    More cycles are given to a drop that still falls or still grows: just beyond its end stick-slip lingers.
+    """
     before: Jump | None = None
-    for _ in range(cycles):
+    drift, lasted = 0.0, 0
+    for i in range(LONGEST):
+        if i >= cycles and lasted < DRIFTING:
+            break
         now = jump(pair, start if before is None else before.end, drive, patience)
         if now is None or now.period <= 0.0:
             return None
         if before is not None and max(abs(now.drop / before.drop - 1), abs(now.period / before.period - 1)) < SETTLED:
             return now
+        if before is not None:
+            sign = math.copysign(1.0, now.drop - before.drop)
+            drift, lasted = sign, lasted + 1 if sign == drift else 0
         before = now
     return before
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.cycle import SLIDES_AFTER, Cycle, CycleMap, Tangent, rest_state
+from identify.model import ELONGATION
 
 Array = NDArray[np.float64]
 
@@ -16,6 +17,7 @@ FARTHEST = 0.3  # of one step towards closure, in the same units
 MAX_STEPS = 12
 SETTLING = 40  # plain cycles before a motion that has not settled is called irregular
 TRIES = (1, 9, 24)  # cycles after which the orbit is sought by Newton's method
+LONGEST, DRIFTING = 600, 10  # cycles: a motion that still drifts one way lingers, as just beyond an end
 SURE = 24  # cycles after which an orbit that is found but unstable is taken for what the motion hovers around
 
 
@@ -109,16 +111,22 @@ def settle(
 ) -> Settled:
     """What the motion from rest state y (default: spring unloaded, contact saturated) settles on.
 
-    Plain cycles, with `close` tried now and then, until it succeeds or that many `cycles` are over.
+    Plain cycles, with `close` tried now and then, until it succeeds or that many `cycles` are over; more where the
+    motion still drifts one way.
     """
     y = map_.rested() if y is None else y
-    for i in range(cycles):
+    drift, lasted = 0.0, 0
+    for i in range(LONGEST):
+        if i >= cycles and lasted < DRIFTING:
+            break
         cycle = map_.run(y, drive_speed, patience=patience)
         if cycle is None:
             return Settled(None, sticks=False)
         before, y = y, rest_state(cycle.end)
+        now = float(np.sign(y[ELONGATION] - before[ELONGATION]))
+        drift, lasted = now, lasted + 1 if now == drift else 0
         still = float(np.max(np.abs((y - before) / map_.scale))) < TOLERANCE
-        if still or i in TRIES or i == cycles - 1:
+        if still or i in TRIES or i == cycles - 1 or (i >= cycles and i % cycles == 0):
             orbit = close(map_, y, drive_speed, patience=patience)
             if orbit is not None and (orbit.stable or i >= min(SURE, cycles - 1)):
                 return Settled(orbit, sticks=True)
