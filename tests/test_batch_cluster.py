@@ -58,7 +58,7 @@ def joined(address, out, workers=2):
     """The workers of the cluster, all of them there."""
     made = ClusterWorkers(address, STUB)
     made._client.wait_for_workers(workers, timeout=60)
-    out.mkdir()
+    out.mkdir(exist_ok=True)
     made.check(out)
     return made
 
@@ -81,6 +81,8 @@ def test_a_cluster_gives_the_results_of_one_machine_also_where_a_worker_is_kille
 
         teller.ended = ended
         summary = run_batch(plan(*case), out, workers, resume=False, limit=2.0, teller=teller, scheduler=address)
+        more = run_batch(plan(*case), out, joined(address, out, 1), resume=True, limit=2.0, teller=Silent())
+        assert more.kept == len(GROUPS) and more.ended["crash"].message == summary.ended["crash"].message, "once more"
     assert killed and len(teller.heard) == 9
     ends = {group: end.status for group, end in summary.ended.items()}
     assert ends == {**dict.fromkeys(GROUPS, "converged"), "crash": "crashed", "hang": "timed_out"}

@@ -27,7 +27,7 @@ _grips: list[Grip] = []
 def fit_on_worker(document: Mapping[str, Any], folder: str, limit: float, module: str | None) -> tuple[Any, str]:
     """Runs on a Dask worker: fit in a process of its own, one per thread of the worker, which can be timed out."""
     grip: Grip | None = getattr(_mine, "grip", None)
-    if grip is None:
+    if grip is None or grip.closed:  # the batch before this one closed it
         grip = _mine.grip = Grip(module)
         _grips.append(grip)
     part = new_part(Path(folder))
@@ -38,7 +38,6 @@ def end_grips() -> None:
     """Runs on a Dask worker: end its fitting processes, which hold memory that nobody needs any more."""
     while _grips:
         _grips.pop().close()
-    _mine.__dict__.clear()
 
 
 def look_around(folder: str) -> tuple[bool, str]:

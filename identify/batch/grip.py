@@ -31,7 +31,7 @@ class Grip:
         self._module = module or MODULE
         self._process: subprocess.Popen[str] | None = None
         self._errors: IO[bytes] | None = None
-        self._closed = False
+        self.closed = False
 
     def run(self, job: Job, part: Path, limit: float) -> End:
         """Fit a job into the folder `part` within `limit` seconds; every end is an answer, a killed one too."""
@@ -60,7 +60,7 @@ class Grip:
 
     def close(self) -> None:
         """End the process at once, and start no other."""
-        self._closed = True
+        self.closed = True
         self.end()
 
     def end(self) -> None:
@@ -93,7 +93,7 @@ class Grip:
             env=_environment(os.environ),
             **apart,
         )
-        if self._closed:  # while it was being started
+        if self.closed:  # while it was being started
             self.end()
             return None
         return self._process if self._asked(self._process, None, START_LIMIT, threading.Event()) else None
