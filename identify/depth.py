@@ -46,6 +46,18 @@ def noise_note(sure: Certainty) -> str:
     )
 
 
+def profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dict[str, list[float | None]]:
+    """The ends of every profile by name, SI: of a parameter at its bound, one is that bound. Empty without profiles."""
+    if sure is None or sure.profiles is None:
+        return {}
+    out = {}
+    for i, name in _names(unknowns):
+        sides = sure.profiles.ends.get(name)
+        if sides is not None:
+            out[name] = [None if s.end is None else parameter_value(unknowns, i, s.end, base[i]) for s in sides]
+    return out
+
+
 def _names(unknowns: Unknowns) -> list[tuple[int, str]]:
     return [(i, unknowns.names[i]) for i in np.flatnonzero(unknowns.free).tolist()]
 
@@ -77,17 +89,16 @@ def _noise(sure: Certainty, unknowns: Unknowns) -> dict[str, Any]:
 
 def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]:
     assert sure.profiles is not None
-    memory = np.diag(sure.covariance) / np.diag(sure.white)
+    memory, ends = np.diag(sure.covariance) / np.diag(sure.white), profile_ends(sure, unknowns, base)
     out = {}
     for k, (i, name) in enumerate(_names(unknowns)):
         curve, sides = sure.profiles.curves.get(name), sure.profiles.ends.get(name)
         if curve is None or sides is None:
             continue
-        ends = [None if side.end is None else parameter_value(unknowns, i, side.end, base[i]) for side in sides]
         out[name] = {
             "values": [parameter_value(unknowns, i, float(t), base[i]) for t in curve.theta],
             "loss": (curve.loss / memory[k]).tolist(),
-            "interval": ends,
+            "interval": ends[name],
             "failed": [side.failed for side in sides],
             "at_bound": [side.walled for side in sides],
             "standard_error": math.sqrt(float(sure.covariance[k, k])),

@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
-from identify.depth import depth_document, noise_note
+from identify.depth import depth_document, noise_note, profile_ends
 from identify.findings import Findings
 from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
@@ -66,7 +66,9 @@ def document(
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
         result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
     else:
-        iterate = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
+        iterate: dict[str, Any] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
+        for name, ends in profile_ends(found.sure, found.unknowns, _base(scene, found)).items():
+            iterate[name]["interval"] = ends  # of a parameter at its bound, one end is that bound
         untold = {name: {"value": None, "unit": entry["unit"]} for name, entry in result["parameters"].items()}
         result["last_iterate"] = iterate or untold
     result["timing_s"] = _timing(clock, began)
