@@ -101,6 +101,7 @@ def read_numbers(
     mark = decimal or ("," if head.delimiter != "," and "," in block else ".")
     frame = _parse(source, block, first_line, head, mark)
     names = head.header.names
+    frame = _without_short_rows(block, first_line, head, frame, remarks)
     extra = frame.iloc[:, len(names) :].notna().to_numpy().any(axis=1)
     if extra.any():
         raise source.error(
@@ -117,6 +118,29 @@ def read_numbers(
         if values is not None:
             columns[index] = values
     return Numbers(columns, len(frame), tuple(remarks), decimal)
+
+
+def _without_short_rows(
+    block: str, first_line: int, head: Head, frame: pd.DataFrame, remarks: list[Finding]
+) -> pd.DataFrame:
+    """Empty the rows that lack fields: nobody knows which ones, so every number in them may stand in a wrong column."""
+    lines = [(i, line) for i, line in enumerate(block.split("\n")) if line.strip()]
+    if len(lines) != len(frame) or '"' in block:
+        return frame
+    if head.delimiter == BLANKS:
+        fields = np.array([len(line.split()) for _, line in lines])
+    else:
+        fields = np.array([line.count(head.delimiter) + 1 for _, line in lines])
+    usual = int(np.bincount(fields).argmax()) if fields.size else 0
+    short = np.flatnonzero(fields < min(usual, head.width))
+    if not short.size:
+        return frame
+    frame = frame.copy()
+    frame.iloc[short, :] = np.nan
+    offset, line = lines[int(short[0])]
+    text = f"line {first_line + offset} holds {fields[short[0]]} fields where the others hold {usual} ({line!r:.60}); "
+    remarks.append(Finding("short_rows", "warning", text + f"{short.size} such row(s) were left empty"))
+    return frame
 
 
 def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str) -> pd.DataFrame:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from data_io.columns import Header, find_column, with_unit
+from data_io.frozen import Finding
 from data_io.opened_table import Table
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
@@ -16,6 +17,7 @@ from data_io.text import looks_like_text
 NAME: Final = "rtec-csv"
 _SIGN = re.compile(rb"(?:^|[\r\n])\W*(?:[^\r\n]*,)?\s*Step\s*,(?:[^\r\n]*,)?\s*Timestamp\s*,", re.IGNORECASE)
 _STEP: Final = "Step"
+_FEWEST: Final = 3
 
 
 def can_read(head: bytes) -> bool:
@@ -38,8 +40,12 @@ def read(source: Source, request: Request) -> Contents:
     metadata = {"recipe": " | ".join(above)} if above else {}
     if footer:
         metadata["footer"] = " ".join(footer)
+    findings = [remark for table in tables for remark in table.remarks]
+    if any(part.rows < _FEWEST for part in parts):
+        text = f"the column Step holds steps of fewer than {_FEWEST} rows; are rows out of order?"
+        findings.append(Finding("short_steps", "warning", text))
     counted = [_numbered(part, number) for number, part in enumerate(parts, start=1)]
-    return Contents(NAME, counted, metadata, [remark for table in tables for remark in table.remarks])
+    return Contents(NAME, counted, metadata, findings)
 
 
 def _steps(table: Table) -> list[Part]:

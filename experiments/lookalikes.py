@@ -149,7 +149,8 @@ def rtec(rows: Sequence[Row]) -> Made:
     half = len(rows) // 2
     head = (
         "Recipe, UpperSample, LowerSample, OtherInfo, Averaging, LogFrequency, Type, Radius\r"
-        "Rotary_3N_pair,,,,100,1000,Rotary,1,\nStep, Timestamp, RecipeStep, DAQ.Fz (N),DAQ.Fx (N),DAQ.COF (),Rotary.Velocity (rpm),"
+        "Rotary_3N_pair,,,,100,1000,Rotary,1,\n"
+        "Step, Timestamp, RecipeStep, DAQ.Fz (N),DAQ.Fx (N),DAQ.COF (),Rotary.Velocity (rpm),"
         "XYZ.X Position (mm),\r\n"
     )
     text, table = head, []

@@ -1,0 +1,211 @@
+"""Ways in which real logs are broken, as functions of a file's bytes; each says what a reader may still make of it."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import random
+import re
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Oracle = Literal["same", "part", "refuse", "any"]
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """A way to break a file.
+
+    oracle: what may be read without a warning. "same": only what was written, all of it; "part": only rows that were
+    written, perhaps not all; "refuse": nothing; "any": whatever, because what is written was changed.
+    """
+
+    change: Callable[[bytes, random.Random], bytes]
+    oracle: Oracle
+
+
+def _lines(data: bytes) -> list[bytes]:
+    return re.split(rb"(?<=\n)|(?<=\r)(?!\n)", data)
+
+
+def _row_numbers(lines: list[bytes]) -> list[int]:
+    return [i for i, line in enumerate(lines) if re.match(rb"[ \t]*[-0-9][-0-9.,;\t eE]*[\r\n]", line) and i > 0]
+
+
+def _delimiter(line: bytes) -> bytes:
+    return next((mark for mark in (b"\t", b";", b",") if mark in line), b" ")
+
+
+def line_ends(data: bytes, draw: random.Random) -> bytes:
+    """Other line ends, one kind or mixed."""
+    ends = [b"\n", b"\r\n", b"\r"]
+    lines = re.split(rb"\r\n|\n|\r", data)
+    kind = draw.randrange(4)
+    return b"".join(line + (draw.choice(ends) if kind == 3 else ends[kind]) for line in lines[:-1]) + lines[-1]
+
+
+def mark(data: bytes, _draw: random.Random) -> bytes:
+    """A byte-order mark in front."""
+    return b"\xef\xbb\xbf" + data.removeprefix(b"\xef\xbb\xbf")
+
+
+def packed(data: bytes, draw: random.Random) -> bytes:
+    """Packed by gzip or into a zip archive."""
+    if draw.random() < 0.5:
+        return gzip.compress(data, 1)
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("log.txt", data)
+    return held.getvalue()
+
+
+def blank_lines(data: bytes, draw: random.Random) -> bytes:
+    """Blank lines among the rows."""
+    lines = _lines(data)
+    for _ in range(3):
+        lines.insert(draw.choice(_row_numbers(lines) or [len(lines)]), b"\n")
+    return b"".join(lines)
+
+
+def reserved(data: bytes, draw: random.Random) -> bytes:
+    """Space reserved at the end and never written."""
+    return data + bytes(draw.randrange(1, 5000))
+
+
+def junk_behind(data: bytes, draw: random.Random) -> bytes:
+    """Words, numbers or bytes behind the last row."""
+    junk = [b"end of test\r\n", b"\x1a", b"mean 0.31\nsd 0.02\n", b"# exported 12.05.2022\n", b"Total;12;3\n",
+            bytes(draw.randrange(128, 256) for _ in range(20))]  # fmt: skip
+    return data + draw.choice(junk)
+
+
+def cut(data: bytes, draw: random.Random) -> bytes:
+    """Cut off anywhere in the second half."""
+    return data[: draw.randrange(len(data) // 2, len(data))]
+
+
+def row_twice(data: bytes, draw: random.Random) -> bytes:
+    """A row written twice."""
+    lines = _lines(data)
+    i = draw.choice(_row_numbers(lines) or [0])
+    return b"".join([*lines[: i + 1], *lines[i:]])
+
+
+def row_lost(data: bytes, draw: random.Random) -> bytes:
+    """A row missing."""
+    lines = _lines(data)
+    i = draw.choice(_row_numbers(lines) or [len(lines) - 1])
+    return b"".join(lines[:i] + lines[i + 1 :])
+
+
+def rows_swapped(data: bytes, draw: random.Random) -> bytes:
+    """Two rows that follow each other exchanged."""
+    lines = _lines(data)
+    numbers = [i for i in _row_numbers(lines) if i + 1 < len(lines)]
+    i = draw.choice(numbers or [0])
+    return b"".join([*lines[:i], *lines[i + 1 : i + 2], lines[i], *lines[i + 2 :]])
+
+
+def words_between(data: bytes, draw: random.Random) -> bytes:
+    """A line of words among the rows."""
+    lines = _lines(data)
+    words = [b"load applied\r\n", b"# pause\n", b"*** operator stopped ***\n", b"Error 17: overload\n"]
+    lines.insert(draw.choice(_row_numbers(lines) or [len(lines)]), draw.choice(words))
+    return b"".join(lines)
+
+
+def header_twice(data: bytes, draw: random.Random) -> bytes:
+    """The line above the first rows, and the one above it, written twice."""
+    lines = _lines(data)
+    first = next(iter(_row_numbers(lines)), 1)
+    start = max(first - draw.randrange(1, 4), 0)
+    return b"".join(lines[:first] + lines[start:first] + lines[first:])
+
+
+def field_lost(data: bytes, draw: random.Random) -> bytes:
+    """A row without one of its fields, or with one too many."""
+    lines = _lines(data)
+    i = draw.choice(_row_numbers(lines) or [0])
+    parts = re.split(b"([" + _delimiter(lines[i]) + b"])", lines[i])
+    if draw.random() < 0.5 and len(parts) > 2:
+        k = 2 * draw.randrange(len(parts) // 2)
+        del parts[k : k + 2]
+    else:
+        parts[0:0] = [b"7.25", parts[1] if len(parts) > 1 else b","]
+    return b"".join([*lines[:i], b"".join(parts), *lines[i + 1 :]])
+
+
+def field_empty(data: bytes, draw: random.Random) -> bytes:
+    """A row with an empty field, or a word in it."""
+    lines = _lines(data)
+    i = draw.choice(_row_numbers(lines) or [0])
+    parts = re.split(b"([\r\n" + _delimiter(lines[i]) + b"])", lines[i])
+    parts[2 * draw.randrange(max(len(parts) // 2, 1))] = draw.choice([b"", b"OVER", b"-", b"#DIV/0!", b"1.#QNAN"])
+    return b"".join([*lines[:i], b"".join(parts), *lines[i + 1 :]])
+
+
+def decimal_sign(data: bytes, draw: random.Random) -> bytes:
+    """The wrong decimal sign in one row."""
+    lines = _lines(data)
+    i = draw.choice(_row_numbers(lines) or [0])
+    both = b"," in lines[i] and b"." in lines[i]
+    swap = bytes.maketrans(b".", b",") if both else bytes.maketrans(b".,", b",.")
+    return b"".join([*lines[:i], lines[i].translate(swap), *lines[i + 1 :]])
+
+
+def no_units(data: bytes, _draw: random.Random) -> bytes:
+    """Every unit gone: brackets, the row of units, suffixes."""
+    data = re.sub(rb" ?[(\[][a-zA-Z\xb5\xc2]{1,4}[)\]]", b"", data)
+    data = re.sub(rb"_N\b", b"", data)
+    return re.sub(rb"(?m)^(?:(?:g|mm|sec|mm/sec|N|);?,?)+\r?$", b"", data)
+
+
+def bytes_changed(data: bytes, draw: random.Random) -> bytes:
+    """A few bytes changed, put in or taken out anywhere."""
+    changed = bytearray(data)
+    for _ in range(draw.randrange(1, 6)):
+        where = draw.randrange(len(changed))
+        kind = draw.randrange(4)
+        if kind == 0:
+            changed[where] = draw.randrange(256)
+        elif kind == 1:
+            changed[where:where] = bytes(draw.randrange(256) for _ in range(draw.randrange(1, 9)))
+        elif kind == 2:
+            del changed[where : where + draw.randrange(1, 120)]
+        else:
+            changed[where:where] = changed[where : where + draw.randrange(1, 120)]
+        if not changed:
+            changed = bytearray(b"0")
+    return bytes(changed)
+
+
+def none(data: bytes, _draw: random.Random) -> bytes:
+    """Nothing broken."""
+    return data
+
+
+TEXT: Mapping[str, Mutation] = {
+    "nothing": Mutation(none, "same"),
+    "line ends": Mutation(line_ends, "same"),
+    "byte-order mark": Mutation(mark, "same"),
+    "packed": Mutation(packed, "same"),
+    "blank lines": Mutation(blank_lines, "same"),
+    "reserved space": Mutation(reserved, "same"),
+    "junk behind": Mutation(junk_behind, "same"),
+    "cut off": Mutation(cut, "part"),
+    "row twice": Mutation(row_twice, "part"),
+    "row lost": Mutation(row_lost, "part"),
+    "rows swapped": Mutation(rows_swapped, "part"),
+    "words between": Mutation(words_between, "part"),
+    "header twice": Mutation(header_twice, "part"),
+    "field lost": Mutation(field_lost, "part"),
+    "field empty": Mutation(field_empty, "part"),
+    "decimal sign": Mutation(decimal_sign, "part"),
+    "no units": Mutation(no_units, "refuse"),
+    "bytes changed": Mutation(bytes_changed, "any"),
+}
+BINARY: Mapping[str, Mutation] = {
+    name: TEXT[name] for name in ("nothing", "packed", "bytes changed")
+} | {"cut off": Mutation(cut, "part")}  # fmt: skip
