@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 LEVEL = 0.95
 DRAWS = 400
 LEAST_DRAWS = 40  # that stick and slip, for an interval of their jumps
-ALIKE = 0.25  # of a half width, by which ends of a linear and a sampled interval may differ to be called alike
+ALIKE = 0.1  # of a half width, by which ends of a linear and a sampled interval may differ to be called alike
+CHANCE = 3.5  # what chance adds to that, times the root of the draws: 2.6 standard errors of a 2.5 % quantile
 
 
 @dataclass(frozen=True)
@@ -151,12 +152,12 @@ def _chance(linear: float | None, hits: NDArray[np.bool_]) -> Chance:
     return Chance(linear, k / n if n else float("nan"), (low, high))
 
 
-def alike(value: float, linear: Interval, sampled: tuple[float, float]) -> bool | None:
-    """Whether a linear and a sampled interval say the same; None where the linear one is open."""
+def alike(linear: Interval, sampled: tuple[float, float], draws: int) -> bool | None:
+    """Whether a linear interval and one from draws say the same; None where the linear one is open."""
     if linear.low is None or linear.high is None:
         return None
-    half = 0.5 * (linear.high - linear.low)
-    return bool(abs(sampled[0] - linear.low) <= ALIKE * half and abs(sampled[1] - linear.high) <= ALIKE * half)
+    apart = (ALIKE + CHANCE / np.sqrt(draws)) * 0.5 * (linear.high - linear.low)
+    return bool(abs(sampled[0] - linear.low) <= apart and abs(sampled[1] - linear.high) <= apart)
 
 
 def document(found: Certainty, linear: Mapping[str, Interval | None], values: Mapping[str, float]) -> dict[str, Any]:
@@ -170,13 +171,14 @@ def document(found: Certainty, linear: Mapping[str, Interval | None], values: Ma
     rows = {}
     for name, ends in found.sampled.items():
         line = linear.get(name)
-        same = None if line is None or name not in values else alike(values[name], line, ends)
+        same = None if line is None else alike(line, ends, found.draws)
         rows[name] = {
             "value": values.get(name),
             "unit": QUANTITIES[name],
             "linear": None if line is None else [line.low, line.high],
-            "sampled": list(ends),
+            "interval": list(ends),
             "alike": same,
+            "validity": "interval from draws",
         }
     return {
         "possible": told(found.possible),

@@ -164,7 +164,7 @@ class _Intervals:
             return None
         slopes = np.array([self._slope(table[name], n) for n in self._names])
         if not np.any(slopes):
-            return Interval(value, value)
+            return None  # nothing in it is uncertain
         if value > 0.0 and name not in EITHER_SIGN:
             return self._spread.positive(value, slopes)
         return self._spread.signed(value, slopes, abs(value))

@@ -85,8 +85,11 @@ class Search:
 
     def turn(self, name: str, low: float, high: float) -> Turn | None:
         """The nearest value between low and high at which the answer changes; None where it stays the same."""
-        now = self.now(name)
-        for before, after in _outwards(now, low, high):
+        now, steps = self.now(name), _outwards(self.now(name), low, high)
+        growth = self._growth(np.stack([self.moved(name, after) for _, after in steps])) if steps else np.empty(0)
+        for (before, after), rate in zip(steps, growth, strict=True):
+            if rate >= 0 and not self.here.steady:
+                continue  # not steady there either
             state = self.state(self.moved(name, after), self.here.orbit if before == now else None)
             if state.steady != self.here.steady:
                 return self._narrowed(name, before, after)

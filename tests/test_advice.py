@@ -128,7 +128,7 @@ def test_probability_and_sampled_intervals():
     assert edge.certain is not None and edge.certain.sampled == 0.0
     told = document(sure, {"drop": Interval(*sure.sampled["drop"])}, {"drop": 0.3})
     assert told["quantities"]["drop"]["alike"] and told["possible"]["interval"][1] == 1.0
-    assert alike(0.3, Interval(0.2, 0.4), (0.2, 0.5)) is False
+    assert alike(Interval(0.2, 0.4), (0.2, 0.5), 400) is False
 
 
 def test_what_is_open_is_not_drawn():

@@ -163,6 +163,7 @@ def check_there(path: Path) -> None:
 def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.asked import NOTHING_MORE
+    from identify.cli.counsel import with_counsel
     from identify.cli.folder import result_folder
     from identify.cli.progress import Progress
     from identify.cli.summary import say_files, say_fit
@@ -172,6 +173,8 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | N
 
     with Progress(terminal.notes) as progress:
         outcome = fit(scene, progress=progress, asked=asked or NOTHING_MORE)
+        progress("what to change, and how sure that is")
+        outcome = with_counsel(scene, outcome)
         with result_folder(out) as folder:
             progress("writing the report")
             write_report(outcome, folder)

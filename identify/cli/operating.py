@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
+from identify.cli.further import asked_further
 from identify.cli.points import Point, operating_points, tested_range
 from identify.cli.summary import wrapped
 from identify.outlook import OperatingPoint, outlook, outlooks
@@ -26,12 +27,17 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         return map_answer(arguments, terminal, part, points, tested_range(arguments))
     if arguments.data or arguments.range or arguments.points:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
+    further = asked_further(arguments)
     documents = _outlooks(points)
-    for document in documents:
+    for point, document in zip(points, documents, strict=True):
         terminal.say(f"{document['name']}:")
         told = [document[part], document["closed_forms"]] if part in document else [document]  # alone: no answer
-        for section in told:
-            terminal.say(wrapped(section["text"], "  ", ""))
+        if part in document:
+            found = further(point, tested_range(arguments))
+            document |= found
+            told += found.values()
+        for line in (line for section in told for line in section["text"].splitlines()):
+            terminal.say(wrapped(line, "  ", ""))
     if plot:
         from identify.cli.point_plot import draw
 

@@ -24,6 +24,22 @@ def add_point_arguments(parser: ArgumentParser) -> None:
         metavar="EFFECT",
         help="leave out an effect of the scene, repeatable: one with which no cycle is like the one before",
     )
+    parser.add_argument(
+        "--advice",
+        nargs="?",
+        const="20 %",
+        metavar="MARGIN",
+        help="the nearest change of speed, stiffness, damping, mass or load that makes sliding steady, with a margin "
+        "(default: 20 %%)",
+    )
+    parser.add_argument(
+        "--draws",
+        nargs="?",
+        const=400,
+        type=int,
+        metavar="N",
+        help="probability of stick-slip, and intervals from N draws of what is uncertain (default: 400)",
+    )
     parser.add_argument("--plot", metavar="FILE", help="draw it over drive speed, or the map (png, svg or pdf)")
     group = parser.add_argument_group("maps")
     group.add_argument(

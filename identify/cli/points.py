@@ -19,6 +19,7 @@ from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest
 from identify.selection_numbers import choose_from_numbers
+from identify.stated import stated
 from identify.tested import Tested
 
 if TYPE_CHECKING:
@@ -76,6 +77,11 @@ def operating_points(arguments: Namespace) -> list[Point]:
     if "drive_speed" in changes or len({(p.drive_speed, p.normal_force) for p in points}) == 1:
         return [replace(points[0], name="the operating point")] if len(points) > 1 else points
     return points
+
+
+def points_of(scene: Scene, document: Mapping[str, Any]) -> list[Point]:
+    """The operating point of every log of a finished fit; several where a log has a programme of speeds."""
+    return _points(_settled(scene, document), {}, document)
 
 
 def tested_range(arguments: Namespace) -> Tested | None:
@@ -166,7 +172,7 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
         for speed in _speeds(scene, entry, changes):
             check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
             if document is None:
-                covariance, names = _tolerances(scene, values, speed)
+                names, covariance = stated(scene, values, speed) or ((), None)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT_UNITS)]
             points.append(
                 Point(
@@ -211,14 +217,6 @@ def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, fl
 def _estimates(document: Mapping[str, Any] | None) -> dict[str, float]:
     parameters = document["parameters"] if document else {}
     return {name: entry["value"] for name, entry in parameters.items() if entry["value"] is not None}
-
-
-def _tolerances(scene: Scene, values: Mapping[str, float], speed: float) -> tuple[Array | None, tuple[str, ...]]:
-    """Covariance of what a scene without a fit says of its rig and pair: tolerances and priors, independent."""
-    sd = {name: share * abs({**values, "drive_speed": speed}[name]) for name, share in scene.rig.tolerances.items()}
-    sd |= {name: spec.prior_sd for name, spec in scene.parameters.items() if spec.prior_sd is not None}
-    sd = {name: width for name, width in sd.items() if width > 0.0}
-    return (np.diag(np.array(list(sd.values())) ** 2), tuple(sd)) if sd else (None, ())
 
 
 def _covariance(document: Mapping[str, Any] | None) -> tuple[Array | None, tuple[str, ...]]:

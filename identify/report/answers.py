@@ -34,7 +34,8 @@ def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Any]]], corner: str)
 
 
 def said_once(entries: Mapping[str, Any], elsewhere: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The entries of a log without the groups that stand among its closed forms, or in another table, as well."""
+    """The entries of a log without what stands in another table, or among its closed forms, as well."""
+    entries = {key: entry for key, entry in entries.items() if key != "advice"}  # has a table of its own
     groups, forms = entries.get("groups"), entries.get("closed_forms")
     if not isinstance(groups, Mapping):
         return entries
@@ -44,7 +45,9 @@ def said_once(entries: Mapping[str, Any], elsewhere: Mapping[str, Any]) -> Mappi
 
 def sentences(entries: Mapping[str, Any]) -> tuple[str, ...]:
     """What the entries say in whole sentences (key "text" of their parts, or their own)."""
-    parts = [part for name, part in entries.items() if isinstance(part, Mapping) and name not in ("closed_forms",)]
+    parts = [
+        part for name, part in entries.items() if isinstance(part, Mapping) and name not in ("closed_forms", "advice")
+    ]
     told = [str(part["text"]) for part in parts if part.get("text")]
     return tuple(told or [line for line in str(entries.get("text") or "").splitlines() if line])
 

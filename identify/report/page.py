@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identify.outcome import Fit
+from identify.report.advice_table import advice_table
 from identify.report.answers import answer_table, said_once, sentences
 from identify.report.depth import (
     accuracy_rows,
@@ -86,6 +87,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
                 answer_table(
                     [(head, said_once(log.get("derived") or {}, told_of_pair)) for head, log in heads], "each log"
                 ),
+                *(advice_table(head, log.get("derived") or {}) for head, log in heads),
             )
             if table is not None
         ],

@@ -1,0 +1,47 @@
+"""What a finished fit says beyond its numbers: how sure its answers are, and what to change, at one of its logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from identify.advice import advise
+from identify.cli.points import Point, points_of
+from identify.errors import SimulationError
+from identify.outcome import Fit
+from identify.scene import Scene
+from identify.sureness import sureness
+from identify.tested import Tested
+
+DRAWS = 100  # some milliseconds each
+
+
+def with_counsel(scene: Scene, fit: Fit) -> Fit:
+    """The fit with "sureness" and "advice" among the derived quantities of the fastest log that sticks and slips (the
+    nearest to where stick-slip ends), else of the fastest; as it was where there is no answer."""
+    result, logs = fit.result, list(fit.result["logs"])
+    answered = [i for i, log in enumerate(logs) if "stability" in (log.get("derived") or {})]
+    if not fit.converged or not answered:
+        return fit
+    chosen = max(answered, key=lambda i: (_sticks(logs[i]["derived"]), abs(logs[i]["drive_speed_m_per_s"] or 0.0)))
+    point = _point(scene, result, logs[chosen])
+    if point is None:
+        return fit
+    at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
+    try:
+        further = {"sureness": sureness(*at, DRAWS), "advice": advise(*at, Tested.of_result(result))}
+    except SimulationError:
+        return fit  # the answers of the logs say why
+    logs[chosen] = {**logs[chosen], "derived": {**logs[chosen]["derived"], **further}}
+    return replace(fit, result={**result, "logs": logs})
+
+
+def _sticks(derived: Mapping[str, Any]) -> bool:
+    return bool(derived["amplitude"]["drop"]["value"] is not None)
+
+
+def _point(scene: Scene, result: Mapping[str, Any], log: Mapping[str, Any]) -> Point | None:
+    speed = abs(log["drive_speed_m_per_s"] or 0.0)
+    here = [p for p in points_of(scene, result) if log["path"].endswith(p.name)]
+    return next((p for p in here if abs(p.drive_speed - speed) <= 1e-9 * speed), None)
