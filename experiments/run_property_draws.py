@@ -37,18 +37,20 @@ they have found wrong is in `tests/test_found_by_draws.py`. "As far as the scene
 {SHARE:g} times what disturbances as large as the accuracy make."""
 
 
-def judged(first: int, last: int, stop_at: float = float("inf")) -> list[Verdict]:
-    """The verdicts of these seeds; no more are begun once the clock has reached `stop_at`."""
-    verdicts = []
+def judged(first: int, last: int, stop_at: float = float("inf"), kept: Path | None = None) -> list[Verdict]:
+    """The verdicts of these seeds, each kept in a file as it comes; no more are begun once the clock is at `stop_at`."""
+    verdicts: list[Verdict] = []
     for seed in range(first, last):
         if time.monotonic() > stop_at:
             break
         verdicts.append(judge(draw(seed)))
+        if kept is not None:
+            append(kept, verdicts[-1:])
     return verdicts
 
 
 def append(path: Path, verdicts: list[Verdict]) -> None:
-    """Keep the verdicts of one part."""
+    """Keep more verdicts."""
     new = not path.exists()
     with path.open("a", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [f.name for f in fields(Verdict)])
@@ -95,15 +97,17 @@ def put(page: Path, verdicts: list[Verdict]) -> None:
     page.write_text("\n\n".join([before, HEAD, describe(), table(verdicts)]) + "\n", encoding="utf-8")
 
 
-def main(fast: bool = False, first: int = 0, last: int = DRAWS, seconds: float = float("inf")) -> list[Verdict]:
+def main(
+    fast: bool = False, first: int = 0, last: int = DRAWS, seconds: float = float("inf"), kept: Path | None = None
+) -> list[Verdict]:
     """Judge the draws and print the table.
 
     Args:
-        seconds: no draw is begun after that time.
+        seconds: no draw is begun after that time. kept: file that takes each verdict as it comes.
     """
     print(describe())
-    verdicts = judged(first, FEW if fast else last, time.monotonic() + seconds)
-    print(table(verdicts))
+    verdicts = judged(first, FEW if fast else last, time.monotonic() + seconds, kept)
+    print(table(verdicts) if verdicts else "no draws")
     return verdicts
 
 
@@ -122,6 +126,4 @@ if __name__ == "__main__":
         print(describe(), table(load(given.table)), sep="\n")
     else:
         done = load(given.append) if given.append and given.append.exists() else []
-        part = main(False, max([given.first, *(v.seed + 1 for v in done)]), given.last, given.seconds)
-        if given.append:
-            append(given.append, part)
+        main(False, max([given.first, *(v.seed + 1 for v in done)]), given.last, given.seconds, given.append)
