@@ -38,7 +38,7 @@ they have found wrong is in `tests/test_found_by_draws.py`. "As far as the scene
 
 
 def judged(first: int, last: int, stop_at: float = float("inf"), kept: Path | None = None) -> list[Verdict]:
-    """The verdicts of these seeds, each kept in a file as it comes; no more are begun once the clock is at `stop_at`."""
+    """The verdicts of these seeds, each kept in a file as it comes; none is begun once the clock is at `stop_at`."""
     verdicts: list[Verdict] = []
     for seed in range(first, last):
         if time.monotonic() > stop_at:
