@@ -92,12 +92,17 @@ def _of_grid(edge: Edge, n_x: int, n_y: int) -> Edge | None:
 
 
 def _crossing(edge: Edge, x: Array, y: Array, across_x: Array, across_y: Array) -> tuple[float, float]:
+    """The point at which an edge of the padded grid is crossed; an edge that leads out of it at the frame."""
     direction, j, i = edge[0], edge[1] - 1, edge[2] - 1
     inner = _of_grid(edge, x.size, y.size) is not None
     if direction == "x":
-        half = 0.5 * (x[i] + x[i + 1]) if inner else x[min(max(i, 0), x.size - 1)] if i < 0 else x[-1]
-        place = across_x[j, i] if inner and np.isfinite(across_x[j, i]) else half
-        return float(place), float(y[j])
-    half = 0.5 * (y[j] + y[j + 1]) if inner else y[0] if j < 0 else y[-1]
-    place = across_y[j, i] if inner and np.isfinite(across_y[j, i]) else half
-    return float(x[i]), float(place)
+        return _between(x, i, across_x[j, i] if inner else np.nan), float(y[j])
+    return float(x[i]), _between(y, j, across_y[j, i] if inner else np.nan)
+
+
+def _between(places: Array, i: int, found: float) -> float:
+    """Where it was found, else half way between a node and the next; beyond the first and the last node, there."""
+    if np.isfinite(found):
+        return float(found)
+    low, high = places[max(i, 0)], places[min(i + 1, places.size - 1)]
+    return float(0.5 * (low + high))
