@@ -27,6 +27,7 @@ from identify.vibration import rhythmic
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
+TRIVIAL = 3.84  # likelihood-ratio statistic within which two points are equally likely
 BETTER_TRIES = 3  # how often a profile may hand back a better optimum
 DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
 CURVE_STEPS = 4  # of each side of a profile that is drawn
@@ -105,8 +106,10 @@ def certainty(
         steps = CURVE_STEPS if asked.profile else 1
         walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps)
         if walked.better is not None:
-            attempt = resolve(attempt, replace(unknowns, start=walked.better))
-            known, walked = information_at(attempt, unknowns), None
+            moved = resolve(attempt, replace(unknowns, start=walked.better))
+            if moved.gate.status is not Status.CONVERGED and walked.gain < TRIVIAL:
+                continue  # another point of the same ridge, at which the solver finds no end
+            attempt, known, walked = moved, information_at(moved, unknowns), None
             accepted = attempt.gate.status is Status.CONVERGED
     groups = shares(attempt, unknowns)
     bounds_of = {s.log: at_bound(attempt.solved.guesses[s.log].theta(attempt.solved.theta)) for s in groups}

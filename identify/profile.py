@@ -55,11 +55,13 @@ class Curve:
 
 @dataclass(frozen=True)
 class Profiles:
-    """Interval ends and curves per parameter name, and theta of a better optimum where one was met."""
+    """Interval ends and curves per parameter name, theta of a better optimum where one was met, and the
+    likelihood-ratio statistic by which it is better."""
 
     ends: dict[str, tuple[Side, Side]]
     better: Array | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
+    gain: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,7 @@ def profile(
             if abs(length - straight) > ALIKE * straight:
                 walks[index, sign] = _retried(line, index, sign, walk, wait[index])
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
-    if 2 * (lowest.cost - line.best.cost) < -BETTER:
-        return Profiles({}, lowest.theta)
+    better = lowest.theta if 2 * (lowest.cost - line.best.cost) < -BETTER else None
     ends, curves = {}, {}
     for i in free:
         inside = [point.theta[i] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait[i]]
@@ -117,7 +118,7 @@ def profile(
             _stretched(walks[i, 1.0].side, max(inside), max),
         )
         curves[unknowns.names[i]] = _curve(line, i)
-    return Profiles(ends, None, curves)
+    return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)))
 
 
 def _curve(line: ProfileLine, index: int) -> Curve:

@@ -36,6 +36,8 @@ RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
 WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
+CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
+FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
 SAME = 0.02  # of the spread: starts closer than that are one
 
 
@@ -104,6 +106,9 @@ def search(
         told(f"solving from start {solved + 1}", 0.3 + 0.1 * solved)
         attempt = _solve(prepared, first, replace(unknowns, start=theta), clock)
         solved += attempt is not None
+        if attempt is not None and _crept(attempt):
+            told("holding what the logs do not tell", 0.7)
+            attempt = _held(prepared, first, replace(unknowns, start=theta), clock) or attempt
         if attempt is not None and attempt.gate.status is Status.CONVERGED:
             told("joining the other logs", 0.8)
             attempt = _join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
@@ -186,7 +191,30 @@ def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
             yield start.theta
 
 
-def _solve(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+def _crept(attempt: Attempt) -> bool:
+    """Whether the curve fits, and the solver found no end to a ridge along which the data tell nothing."""
+    gate = attempt.gate
+    return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
+
+
+def _held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
+    solver follows; None where it follows nowhere. The information matrix never sees these priors."""
+    best: Attempt | None = None
+    for firmness in FIRM:
+        if best is None:
+            tried = _solve(prepared, chosen, unknowns, clock, firmness)
+        else:
+            tried = resolve(best, replace(unknowns.softened(firmness), start=best.solved.theta))
+        if tried is None or tried.gate.status is not Status.CONVERGED:
+            break
+        best = tried
+    return best
+
+
+def _solve(
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firmness: float = 1.0
+) -> Attempt | None:
     """Place the start on the chosen logs and solve; None where no log can be placed."""
     since = time.perf_counter()
     placed = _place(prepared, chosen, unknowns)
@@ -197,7 +225,7 @@ def _solve(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cloc
     # What every log has for itself, the first log has in the shared theta.
     unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
     guesses[0] = replace(guesses[0], own=np.empty(0))
-    solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened())
+    solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(firmness))
     clock.add("solve", since + solved.forming)
     clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
     gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])

@@ -106,14 +106,19 @@ class Unknowns:
         with np.errstate(all="ignore"):
             return np.where(self.logarithmic, np.log(values / base), values - base)
 
-    def softened(self) -> Unknowns:
-        """The same search with a very wide prior where there is none: it only keeps what the data do not tell
-        from wandering off; the information matrix never sees it."""
+    def softened(self, firmness: float = 1.0) -> Unknowns:
+        """The same search with a very wide prior around the start where there is none: it only keeps what the data do
+        not tell from wandering off; the information matrix never sees it.
+
+        Args:
+            firmness: its standard deviation is that of the very wide one divided by this.
+        """
         none = ~np.isfinite(self.prior_sd)
+        wide = np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread) / firmness
         return replace(
             self,
             prior_mean=np.where(none, self.start, self.prior_mean),
-            prior_sd=np.where(none, np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread), self.prior_sd),
+            prior_sd=np.where(none, wide, self.prior_sd),
         )
 
 

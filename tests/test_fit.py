@@ -13,6 +13,7 @@ import pytest
 from document_check import check_document
 
 from data_io import Record
+from experiments.run_paper_test import DESIGNS, identify
 from experiments.run_recovery_study import Study
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit, search
@@ -117,6 +118,17 @@ def test_a_mass_that_is_pulled_back_is_no_success(one_try):
     result = check_document(fit(_scene(range(4), rig), case.records).result)
     assert result["status"] == "wrong_event_count"
     assert "pulled back" in result["message"]
+
+
+def test_a_slow_log_alone_says_what_it_cannot_tell():
+    # The paper's own test, as a CETR samples it: not one sample per slip, and sticks of minutes.
+    result = check_document(identify(DESIGNS[0][1]))
+    assert result["status"] == "converged", result["message"]
+    for name in ("delta_mu_k", "a", "D", "t_cr"):
+        found = result["parameters"][name]
+        assert found["verdict"] == "not identifiable"
+        assert found["standard_error"] is None
+        assert found["reason"]
 
 
 def test_a_wrong_mass_is_refused_with_the_last_iterate(case, one_try):
