@@ -1,0 +1,187 @@
+"""Parameters per group and per log, ties, bounds and priors: recovered, counted, and with the right covariance."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shooting_case as case
+
+from data_io import Record
+from identify.effects import MAIN
+from identify.errors import SceneError
+from identify.identification import find, fit
+from identify.layout import kept_parameters
+from identify.outcome import Status
+from identify.scene import Scene
+from identify.search import Clock
+
+OTHER = case.PAIR | {"D": 60e-6, "mu_s": 0.66}
+SPEEDS = ((1e-4, 10.0, 250.0), (1e-3, 1.6, 1000.0))
+GROUPS = {"A": case.PAIR, "B": OTHER}
+
+
+@lru_cache(maxsize=1)
+def _records():
+    out = []
+    for number, pair in enumerate(GROUPS.values()):
+        for place, speed in enumerate(SPEEDS):
+            log = case.simulated(pair, *speed)
+            noise = np.random.default_rng((number, place)).standard_normal(log.time.size)
+            out.append(Record(log.time, np.full(log.time.size, 1.0), log.force + case.NOISE * noise))
+    return out
+
+
+def _scene(parameters, groups="AB", **rig):
+    logs = [
+        {"path": f"{group}_{i}.csv", "drive_speed": speed[0], "labels": {"volunteer": group}}
+        for group in groups
+        for i, speed in enumerate(SPEEDS)
+    ]
+    document = {
+        "effects": list(MAIN),
+        "rig": case.RIG | {"noise": case.NOISE} | rig,
+        "parameters": parameters,
+        "logs": logs,
+    }
+    return Scene.from_document(document, Path())
+
+
+def _found(parameters, groups="AB", **rig):
+    records = _records()[: 2 * len(groups)]
+    scene = _scene(parameters, groups, **rig)
+    return find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+
+
+@pytest.fixture(scope="module")
+def grouped():
+    """D per volunteer, mu_s per log."""
+    return _found({"D": {"per": "volunteer"}, "mu_s": {"per": "log"}})
+
+
+@pytest.fixture(scope="module")
+def free():
+    """One pair, nothing said of its parameters."""
+    return _found({}, "A")
+
+
+def test_groups_are_recovered(grouped):
+    assert grouped.status is Status.CONVERGED, grouped.message
+    estimates = {e.name: e for e in grouped.estimates} | {e.name: e for _, e in grouped.sure.of_groups}
+    truth = {
+        "D": 37.4e-6,
+        "D (B)": 60e-6,
+        "mu_s": 0.62,
+        "mu_s (log 2)": 0.62,
+        "mu_s (log 3)": 0.66,
+        "mu_s (log 4)": 0.66,
+    }
+    for name, value in truth.items():
+        assert abs(estimates[name].value - value) < 4 * estimates[name].standard_error, name
+    assert estimates["D (B)"].value / estimates["D"].value == pytest.approx(60 / 37.4, rel=0.15)
+    apart = np.log(estimates["D (B)"].value / estimates["D"].value)
+    assert apart > 5 * estimates["D"].standard_error / estimates["D"].value, "one value for all would not do"
+
+
+def test_unknowns_left_over_are_the_shared_parameters_and_those_of_the_groups(grouped):
+    problem = grouped.attempt.solved.problem
+    loads = sum(guess.cycles for guess in grouped.attempt.solved.guesses)
+    assert problem.layout.size - problem.layout.rows == 6 + 1 + 3 + 2 * 4 + loads
+
+
+def test_joint_covariance_agrees_with_the_dense_null_space(grouped):
+    solved = grouped.attempt.solved
+    problem, layout = solved.problem, solved.problem.layout
+    point = problem.evaluate(solved.solution.z, derivatives=True)
+    upper, jacobian = point.hessian.toarray(), point.jacobian.toarray()
+    hessian = upper + np.triu(upper, 1).T
+    _, _, right = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=1)[:, None])
+    null = right[layout.rows :].T
+    kept = kept_parameters(layout)
+    covariance = null[kept] @ np.linalg.solve(null.T @ hessian @ null, null[kept].T)
+    covariance = covariance * np.outer(layout.scale[kept], layout.scale[kept])
+    size = np.sqrt(np.diag(covariance))
+    assert grouped.sure.joint.shape == (10, 10)
+    np.testing.assert_allclose(grouped.sure.joint / np.outer(size, size), covariance / np.outer(size, size), atol=1e-3)
+    across = covariance[2, 6:] / (size[2] * size[6:])
+    assert np.max(np.abs(across)) > 0.05, "what is shared ties the groups together"
+
+
+def test_the_document_names_every_group():
+    outcome = fit(_scene({"D": {"per": "volunteer"}, "mu_s": {"per": "volunteer"}}), _records())
+    document = json.loads(json.dumps(outcome.result, allow_nan=False))
+    assert document["parameters"]["D"]["group"] == "A"
+    assert (
+        document["parameters"]["D (B)"] | {"group": "B", "per": "volunteer", "parameter": "D"}
+        == (document["parameters"]["D (B)"])
+    )
+    assert document["correlation"]["names"][-2:] == ["mu_s (B)", "D (B)"]
+    assert len(document["correlation"]["matrix"]) == 8
+    drops = [log["derived"]["amplitude"]["drop"]["value"] for log in document["logs"]]
+    assert drops[2] > 1.05 * drops[0], "each log's stability and amplitude are those of its own group"
+
+
+def test_a_tied_parameter_follows(free):
+    found = _found({"mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}}, "A")
+    assert found.status is Status.CONVERGED, found.message
+    by_name = {e.name: e for e in found.estimates}
+    assert by_name["mu_s"].value - by_name["mu_k0"].value == pytest.approx(0.19, abs=1e-12)
+    assert by_name["mu_k0"].standard_error == pytest.approx(by_name["mu_s"].standard_error)
+    assert "tied to mu_s" in by_name["mu_k0"].reason
+    # One freedom fewer: the others are known better, and the misfit is hardly larger.
+    assert found.covariance.shape == (5, 5)
+    assert found.attempt.solved.solution.cost - free.attempt.solved.solution.cost < 8.0
+
+
+def test_a_prior_pulls_as_bayes_says(free):
+    place = [free.unknowns.names[i] for i in np.flatnonzero(free.unknowns.free)].index("D")
+    size = float(np.sqrt(free.covariance[place, place]))
+    mean = float(np.exp(free.attempt.solved.theta[free.unknowns.names.index("D")] + size))
+    found = _found({"D": {"prior": {"mean": mean, "sd": mean * size}}}, "A")
+    assert found.status is Status.CONVERGED
+    theta = [f.attempt.solved.theta[f.unknowns.names.index("D")] for f in (free, found)]
+    # Equal weights: half way between the data and the prior, and half the variance.
+    assert theta[1] == pytest.approx(0.5 * (theta[0] + np.log(mean)), abs=0.1 * size)
+    assert found.covariance[place, place] == pytest.approx(0.5 * size**2, rel=0.1)
+
+
+def test_an_interval_ends_at_a_bound_of_the_scene(free):
+    value = {e.name: e for e in free.estimates}["t_cr"]
+    upper = value.value + 0.5 * (value.upper - value.value)
+    found = _found({"t_cr": {"upper": upper}}, "A")
+    assert found.status is Status.CONVERGED
+    bounded = {e.name: e for e in found.estimates}["t_cr"]
+    assert bounded.upper == pytest.approx(upper, rel=1e-9)
+    assert "upper bound of the scene" in bounded.reason
+    assert bounded.lower == pytest.approx(value.lower, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"D": {"per": "material"}}, "differs by material"),
+        ({"D": {"per": "log", "fixed": "40 um"}}, "keep one of them"),
+        ({"mu_k0": {"tie": {"to": "nothing"}}}, "no friction parameter"),
+        ({"mu_k0": {"tie": {"to": "D"}}}, "by its logarithm"),
+        ({"mu_k0": {"tie": {"to": "mu_s", "factor": 2.0}}}, "give offset instead"),
+        ({"mu_k0": {"tie": {"offset": 0.1}}}, "names no parameter"),
+        ({"mu_k0": {"tie": {"to": "mu_s"}, "start": 0.4}}, "value of its own"),
+        ({"D": {"tie": {"to": "t_cr", "factor": -1.0}}}, "positive number"),
+        ({"D": {"tie": {"to": "D"}}}, "not searched itself"),
+    ],
+)
+def test_what_cannot_be_shared_or_tied_is_one_sentence(parameters, words):
+    with pytest.raises(SceneError, match=words) as error:
+        _scene(parameters)
+    assert "\n" not in str(error.value)
+
+
+def test_a_scene_with_groups_and_ties_is_read_back():
+    scene = _scene({"D": {"per": "volunteer"}, "a": {"tie": {"to": "t_cr", "factor": 600.0}}})
+    again = Scene.from_document(json.loads(json.dumps(scene.as_document())))
+    assert again.parameters["D"].per == "volunteer"
+    assert again.parameters["a"].tie == scene.parameters["a"].tie
+    assert again.values()["a"] == pytest.approx(600.0 * again.values()["t_cr"])
