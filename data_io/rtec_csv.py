@@ -15,14 +15,15 @@ from data_io.table import read_tables
 from data_io.text import looks_like_text
 
 NAME: Final = "rtec-csv"
-_SIGN = re.compile(rb"(?:^|[\r\n])\W*(?:[^\r\n]*,)?\s*Step\s*,(?:[^\r\n]*,)?\s*Timestamp\s*,", re.IGNORECASE)
+_NAMES = re.compile(rb"(?:^|,)\s*Step\s*,(?:[^,]*,)?\s*Timestamp\s*,", re.IGNORECASE)
 _STEP: Final = "Step"
 _FEWEST: Final = 3
 
 
 def can_read(head: bytes) -> bool:
     """Tell an Rtec export by its columns Step and Timestamp."""
-    return looks_like_text(head) and _SIGN.search(head) is not None
+    lines = (line for line in re.split(rb"[\r\n]+", head) if b"imestamp" in line)
+    return b"imestamp" in head and looks_like_text(head) and any(_NAMES.search(line) for line in lines)
 
 
 def read(source: Source, request: Request) -> Contents:
