@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from data_io.checks import rising
 from data_io.frozen import LONGEST_GAP, Finding, FloatArray
 from data_io.rows import longest_run
 from data_io.source import Source
@@ -63,9 +64,9 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, lis
     """
     findings: list[Finding] = []
     of_step = f" of {clock.label}" if clock.label else ""
-    finite = np.isfinite(clock.time)
-    if finite.all() and (clock.time[1:] > clock.time[:-1]).all():
+    if clock.time.size and rising(clock.time):
         return clock.time, slice(None), findings
+    finite = np.isfinite(clock.time)
     known = np.flatnonzero(finite)
     if known.size == 0:
         raise source.error(f"the time column{of_step} holds no number; a clock in every row was expected; check it")

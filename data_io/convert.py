@@ -37,7 +37,7 @@ def convert(
     raw_time = _role(source, request, part, "time")
     time, rows, notes = usable_rows(source, StepClock(label, raw_time))
     notes += _choices(part)
-    timeless = ~np.isfinite(raw_time[rows])
+    timeless = np.zeros(0, bool) if isinstance(rows, slice) else ~np.isfinite(raw_time[rows])
     roles = {}
     for role in COLUMN_ROLES[1:] if "drive_speed" in part.header.roles else COLUMN_ROLES[1:3]:
         values = _role(source, request, part, role)[rows]
@@ -146,7 +146,8 @@ def _filled(part: Part, index: int) -> FloatArray | None:
     """Return a column; where it is empty and another of the same name and unit is not, that one."""
     name = part.header.names[index]
     for other in (index, *(i for i, column in enumerate(part.header.names) if column == name)):
-        if other in part.columns and np.isfinite(part.columns[other]).any():
+        column = part.columns.get(other)
+        if column is not None and (np.isfinite(column[:1]).any() or np.isfinite(column).any()):
             return part.columns[other]
     return None
 

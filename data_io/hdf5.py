@@ -29,7 +29,7 @@ NAME: Final = "hdf5"
 
 _UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
 _SHOWN: Final = 12
-_BLOCK: Final = 1 << 22
+_BLOCK: Final = 1 << 24
 """Rows read at a time; progress is told after each."""
 _DEEPEST: Final = 6
 _MOST_GROUPS: Final = 2000
@@ -224,11 +224,21 @@ def _values(dataset: Any, rows: slice, request: Request, done: float, share: flo
     if dataset.ndim != 1:
         request.progress(done + share)
         return np.asarray(dataset[()], dtype=np.float64).reshape(-1)[rows].copy()
+    if rows == slice(0, dataset.size) and count <= _BLOCK:
+        whole = np.asarray(dataset[()], dtype=np.float64)  # without a selection the library is a third faster
+        request.progress(done + share)
+        return _frozen(whole)
     values = np.empty(count)
     for begin in range(0, count, _BLOCK):
         end = min(begin + _BLOCK, count)
         dataset.read_direct(values, np.s_[rows.start + begin : rows.start + end], np.s_[begin:end])
         request.progress(done + share * end / count)
+    return _frozen(values)
+
+
+def _frozen(values: FloatArray) -> FloatArray:
+    """Nobody else has it: a record need not copy it."""
+    values.flags.writeable = False
     return values
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from data_io.checks import channel, check_clock, check_gaps, column, force, speed, unit
+from data_io.checks import channel, check_clock, column, forces, speed, unit
 from data_io.errors import LogError
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Frozen, Scalar, Step
 
@@ -41,8 +41,7 @@ class Record:
         normal = column(self._error, "normal force", self.normal_force, n)
         friction = column(self._error, "friction force", self.friction_force, n)
         check_clock(self._error, time)
-        normal, friction = force(self._error, "normal force", normal), force(self._error, "friction force", friction)
-        gaps = check_gaps(self._error, time, normal, friction)
+        normal, friction, gaps = forces(self._error, time, normal, friction)
         values: dict[str, Any] = {
             "time": time,
             "normal_force": normal,
