@@ -9,7 +9,7 @@ from data_io.source import Source
 
 _SHARE: Final = 0.5
 """Of the free memory, that the columns of one log may take: whoever looks at them needs as much again."""
-_SMALL: Final = 1 << 28
+_SMALL: Final = 1 << 26
 """Bytes that are never refused."""
 
 

@@ -1,0 +1,154 @@
+"""HDF5 side by side with plain h5py, and a file larger than the memory that a process may take.
+
+What is measured: the same three columns read by `h5py` (`dataset[()]`) and by `data_io.read_log`, which also walks the
+file in another process, checks clock and forces and keeps the account; by turns, the fastest of each. Twice: an archive
+as `convert` writes it (gzip, shuffled, checksums), and a plain file without compression. Then a log whose columns are
+several times the memory limit of a process: the whole is refused in a sentence, a window of it is read.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from data_io import LogError, Record, read_log, write_hdf5
+from data_io.archive import changed_runs
+from experiments.machine import describe
+
+ROLES = ("time", "normal_force", "friction_force")
+WANTED = 1.2
+TURNS = (9, 3)  # of each reader, in full and in fast mode
+ROWS = (10_000_000, 200_000)
+HUGE = (100_000_000, 6_000_000)
+LIMIT = (1 << 29, 1 << 27)  # bytes that the process may take beyond what it has when it begins to read
+BLOCK = 1 << 20
+
+
+def main(fast: bool = False) -> None:
+    """Measure and print."""
+    print(describe())
+    with tempfile.TemporaryDirectory() as folder:
+        _speed(Path(folder), ROWS[fast], TURNS[fast])
+        _larger_than_memory(Path(folder), HUGE[fast], LIMIT[fast])
+
+
+def _speed(folder: Path, rows: int, turns: int) -> None:
+    random = np.random.default_rng(1)
+    time_column = np.arange(rows) / 1000.0
+    normal = 1.0 + 1e-3 * random.standard_normal(rows)
+    record = Record(time_column, normal, 0.5 + 5e-3 * random.standard_normal(rows))
+    began = time.perf_counter()
+    write_hdf5(record, folder / "archive.h5")
+    spent, size = time.perf_counter() - began, (folder / "archive.h5").stat().st_size
+    print(
+        f"\narchive of {rows:,} rows written, read back and compared in {spent:.1f} s; "
+        f"it takes {size / (24 * rows):.2f} of its columns"
+    )
+    with h5py.File(folder / "plain.h5", "w") as file:
+        for role, unit in zip(ROLES, ("s", "N", "N"), strict=True):
+            file[f"run_1/step_1/{role}"] = record.columns()[role]
+            file[f"run_1/step_1/{role}"].attrs["units"] = unit
+    back = read_log(folder / "archive.h5")
+    same = all(back.columns()[role].tobytes() == record.columns()[role].tobytes() for role in ROLES)
+    print(f"read back bit for bit: {same}; runs whose checksum differs: {changed_runs(folder / 'archive.h5')}")
+    del back, record
+    print("file            h5py [s]   read_log [s]   ratio   (processor time: h5py, read_log, ratio)")
+    for name in ("archive.h5", "plain.h5"):
+        plain, ours = _by_turns(lambda: _raw(folder / name), lambda: len(read_log(folder / name)), turns)  # noqa: B023
+        wall, computed = ours[0] / plain[0], ours[1] / plain[1]
+        verdict = "" if wall <= WANTED else f"   above {WANTED}"
+        print(
+            f"{name:<12} {plain[0]:>11.3f} {ours[0]:>14.3f} {wall:>7.2f}   "
+            f"({plain[1]:.3f}, {ours[1]:.3f}, {computed:.2f}){verdict}"
+        )
+
+
+def _raw(path: Path) -> int:
+    with h5py.File(path, "r") as file:
+        columns = [file[f"run_1/step_1/{role}"][()] for role in ROLES]
+    return sum(column.size for column in columns)
+
+
+def _by_turns(
+    one: Callable[[], int], other: Callable[[], int], turns: int
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The fastest of each by the clock and by computing [s], taken by turns so that a busy machine hits both."""
+    spent: tuple[list[tuple[float, float]], list[tuple[float, float]]] = ([], [])
+    for _ in range(turns):
+        for work, kept in zip((one, other), spent, strict=True):
+            began, computed = time.perf_counter(), time.process_time()
+            work()
+            kept.append((time.perf_counter() - began, time.process_time() - computed))
+    first, second = ((min(w for w, _ in kept), min(c for _, c in kept)) for kept in spent)
+    return first, second
+
+
+def _larger_than_memory(folder: Path, rows: int, limit: int) -> None:
+    path = folder / "huge.h5"
+    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+        file.attrs.update({"format": "stickslip-log", "format_version": 1})
+        for role, unit in zip(ROLES, ("s", "N", "N"), strict=True):
+            data = file.create_dataset(
+                f"run_1/step_1/{role}", (rows,), "f8", chunks=(1 << 16,), shuffle=True, compression="gzip",
+                compression_opts=1, fletcher32=True,
+            )  # fmt: skip
+            data.attrs["units"] = unit
+            for begin in range(0, rows, BLOCK):
+                index = np.arange(begin, min(begin + BLOCK, rows))
+                data[begin : begin + index.size] = {
+                    "time": index / 1000.0, "normal_force": 1.0 + (index % 3) * 1e-3,
+                    "friction_force": 0.4 + (index % 400) * 5e-4,
+                }[role]  # fmt: skip
+    print(
+        f"\n{path.name}: {24 * rows / 1e9:.2f} GB of columns in a file of {path.stat().st_size / 1e6:.0f} MB; "
+        f"the process may take {limit / 1e9:.2f} GB more"
+    )
+    ran = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            f"from experiments.run_archive_speed import under_limit; under_limit({str(path)!r}, {limit})",
+        ],
+        cwd=Path(__file__).resolve().parent.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    print((ran.stdout + ran.stderr[-2000:]).strip())
+
+
+def under_limit(path: str, limit: int) -> None:
+    """Read in a process that may not grow by more than so many bytes; run by `main` in a process of its own."""
+    read_log  # noqa: B018  everything is imported before the limit is set
+    taken = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (taken + limit, taken + limit))
+    try:
+        read_log(path)
+        print("the whole log was read: the file is not larger than memory")
+    except LogError as error:
+        print(f"the whole: refused: {str(error).partition(': ')[2]}")
+    with h5py.File(path, "r") as file:
+        end = file["run_1/step_1/time"].shape[0] / 1000.0
+    for share in (0.1, 0.9):
+        start = share * end
+        began = time.perf_counter()
+        record = read_log(path, window=(start, start + 0.02 * end), channels=())
+        expected = 0.4 + (np.arange(round(start * 1000), round(start * 1000) + len(record)) % 400) * 5e-4
+        print(
+            f"a window of {len(record):,} rows at {start:.0f} s: {time.perf_counter() - began:.2f} s, "
+            f"numbers as written: {np.array_equal(record.friction_force, expected)}"
+        )
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    print(f"largest memory of the process: {peak / 1e9:.2f} GB")
+
+
+if __name__ == "__main__":
+    main("--fast" in sys.argv)
