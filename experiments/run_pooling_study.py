@@ -35,7 +35,7 @@ NULL = (
     Plan("paired, errors of the fits as large as people", fits=6.0),
     Plan("paired, 5 materials, 6 volunteers, 2 runs", materials=5, volunteers=6, runs=2),
 )
-FULL = 2  # plans with all studies; the others have half of them
+SHARES = (1, 1, 2, 4, 4, 4, 4, 4)  # by which the number of studies of a plan is divided
 CONTROL = Plan("each material its own 4 volunteers, 10 runs", paired=False, volunteers=4, runs=10)
 ORDERED = Plan("three materials from eight volunteers", gap=2.0)
 GAPS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # in standard deviations of a person on a material
@@ -138,31 +138,37 @@ def power(studies: int, seed: int) -> None:
 def main(fast: bool = False, studies: int = 1000, first: int = 1) -> None:
     """The whole study; fast: a few studies of two plans."""
     count = 3 if fast else studies
-    half = max(count // 2, 1)
+    quarter = max(count // 4, 1)
     began = time.perf_counter()
     print(describe())
     print(f"{len(QUANTITIES)} parameters; nominal: means 95 %, family-wise error 5 %\n")
     print(f"{'':50s}{'':>8s}{'means':>9s}{'false':>9s}{'all':>9s}{'D/t_cr':>9s}")
     print(f"{'plan':50s}{'studies':>8s}{'covered':>9s}{'differ':>9s}{'covered':>9s}{'covered':>9s}")
-    for number, plan in enumerate(NULL if not fast else NULL[:2]):
-        if number + 1 < first:
-            continue
-        t = tally(plan, count if number < FULL else half, 100 + number)
-        print(
-            f"{plan.name:50s}{t.studies:8d}{100 * t.covered / t.intervals:7.2f} %{100 * t.false / t.studies:7.2f} %"
-            f"{100 * t.together / t.studies:7.2f} %{100 * t.creep / t.creeps:7.2f} %",
-            flush=True,
-        )
-    false = naive_false(CONTROL, half, 100)
-    print(
-        f"negative control ({CONTROL.name}; every fit taken for a person of its own): {100 * false / half:.1f} % false"
-    )
-    shares = ordered(ORDERED, half, 900)
-    told = ", ".join(f"{name} {100 * share:.1f} %" for name, share in zip(QUANTITIES, shares, strict=True))
-    print(f"\nright order, {ORDERED.name}, neighbours {ORDERED.gap:g} sd of a person on a material apart: {told}")
+    for number in range(first - 1, 2 if fast else len(NULL)):
+        told(number, max(count // SHARES[number], 1))
+    false = naive_false(CONTROL, quarter, 100)
+    print(f"negative control ({CONTROL.name}; every fit as a person of its own): {100 * false / quarter:.1f} % false")
+    ranked(quarter)
     if not fast:
-        power(max(studies // 10, 1), 7)
+        power(max(studies // 20, 1), 7)
     print(f"\n{time.perf_counter() - began:.0f} s")
+
+
+def told(number: int, studies: int) -> None:
+    """One line of the table."""
+    t = tally(NULL[number], studies, 100 + number)
+    print(
+        f"{NULL[number].name:50s}{t.studies:8d}{100 * t.covered / t.intervals:7.2f} %{100 * t.false / t.studies:7.2f} %"
+        f"{100 * t.together / t.studies:7.2f} %{100 * t.creep / t.creeps:7.2f} %",
+        flush=True,
+    )
+
+
+def ranked(studies: int) -> None:
+    """The right order of three materials."""
+    shares = ordered(ORDERED, studies, 900)
+    words = ", ".join(f"{name} {100 * share:.1f} %" for name, share in zip(QUANTITIES, shares, strict=True))
+    print(f"\nright order, {ORDERED.name}, neighbours {ORDERED.gap:g} sd of a person on a material apart: {words}")
 
 
 if __name__ == "__main__":

@@ -129,9 +129,12 @@ def _scored(z: Array, X: Array, s: Array, Zs: list[Array]) -> Array:
     theta = np.full(len(Zs), 0.5 / len(Zs))
     here = _point(z, X, s, Zs, theta)
     for _ in range(STEPS):
+        free = (theta > floor) | (here.score > 0.0)
         climbed = None
         for information in (here.average, here.information):
-            move = _move(here.score, information, (theta > floor) | (here.score > 0.0))
+            move = _move(here.score, information, free)
+            if here.score @ move < SETTLED:  # all that a full step could gain
+                return theta
             climbed = climbed or _climbed(z, X, s, Zs, theta, move, floor, here.value)
         if climbed is None:
             return theta
