@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # before numpy: one core means one thread
@@ -102,18 +103,21 @@ def in_turns(programs: list[Callable[[], object]], repeats: int) -> list[Timing]
 @contextmanager
 def machine_code(model: Model | None) -> Iterator[bool]:
     """With the bursts of a model as machine code; without a model, with none. Says whether there is any."""
-    before = os.environ.get("STICKSLIP_COMPILE")
-    os.environ["STICKSLIP_COMPILE"] = "0" if model is None else "1"
-    native.compiler.cache_clear()
-    stepper.forget()
-    try:
-        yield model is not None and stepper.hastened(model, HIGH)
-    finally:
-        os.environ.pop("STICKSLIP_COMPILE")
-        if before is not None:
-            os.environ["STICKSLIP_COMPILE"] = before
-        native.compiler.cache_clear()
+    before, known = dict(os.environ), (native.compiler, native.folder)
+    with TemporaryDirectory() as cache:
+        os.environ |= {"STICKSLIP_COMPILE": "0" if model is None else "1", "STICKSLIP_CACHE": cache}
+        for function in known:
+            function.cache_clear()
         stepper.forget()
+        try:
+            yield model is not None and stepper.hastened(model, HIGH)
+        finally:
+            native.wait()
+            os.environ.clear()
+            os.environ |= before
+            for function in known:
+                function.cache_clear()
+            stepper.forget()
 
 
 def loosest(program: Callable[[float], Array], truth: Array) -> tuple[float, float]:

@@ -147,13 +147,12 @@ def _key(model: Model, method: Method) -> str | None:
 def forget() -> None:
     """Let go of the steppers nobody uses: new ones look again for machine code."""
     _IDLE.clear()
+    _key.cache_clear()
 
 
 def hastened(model: Model, method: Method) -> bool:
     """Wait until the bursts of a model and a method are machine code; False where there is no compiler."""
-    function = burst(model, method)
-    _key.cache_clear()
-    key = _key(model, method)
+    function, key = burst(model, method), _key(model, method)
     if key is None:
         return False
     native.start([(function, key)])

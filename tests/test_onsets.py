@@ -1,0 +1,95 @@
+"""Onsets under a vibrating drive, what is refused before them, and bursts as machine code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.draws import draw
+from experiments.hard_scenes import PAIR
+from identify import native, stepper
+from identify.effects import MAIN
+from identify.errors import SimulationError
+from identify.methods import LOW
+from identify.model import assemble
+from identify.resting import bounds
+from identify.simulate import run
+
+
+@pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])
+def test_bounds_of_the_spare_grip_are_bounds(names: tuple[str, ...]) -> None:
+    """What a rest can spare, from the functions of the model alone, against the bounds by which its end is found."""
+    model = assemble(("inertia", "hysteresis_damping", "contact_ageing", *names))
+    values = {"excitation_amplitude": 3e-5, "excitation_frequency": 12.0, "tremor_amplitude": -2e-5}
+    p = np.array([values.get(q.name, q.default) for q in model.parameters])
+    x = np.array([1e-4 if s.name == "elongation" else 0.0 for s in model.states])
+    t = np.random.default_rng(3).uniform(0.0, 3.0, 400)
+    u = np.stack([0.0 * t + 2e-4, 0.0 * t + 1.0, 0.0 * t + 1.0, 0.7 + t])
+
+    def spare(shares: np.ndarray) -> np.ndarray:
+        rested = model.rest(x, p, u, t[None, :])
+        pulled = model.pulled(x, p, u, t[None, :], shares)
+        return np.array(model.grip(rested, p, u)).ravel() - np.abs(np.array(pulled).ravel())
+
+    rested = model.rest(x, p, u, t[None, :])
+    whole = np.array(model.grip(rested, p, u)).ravel() - np.abs(np.array(model.driving_force(rested, p, u)).ravel())
+    found = bounds(model, p)
+    assert len(found) == len(names[:2])  # the tremor is as fast as the shaking, the breath as slow as the pulse
+    for bound in found:
+        lower = spare(bound.shares)
+        assert np.all(lower - bound.less <= whole)
+        assert np.any(lower - 0.5 * bound.less > whole)  # half of it would be none
+    np.testing.assert_allclose(spare(np.ones(model.waves.numel_out(0))), whole, rtol=1e-12)
+
+
+def test_a_vibration_without_a_phase_is_refused_and_one_that_does_not_move_is_not() -> None:
+    model = assemble(("inertia", "excitation"))
+    values = {n: PAIR.get(n, model.parameter(n).default) for n in model.parameter_names}
+    values |= {"excitation_amplitude": 1e-6, "excitation_frequency": 1e3}
+    with pytest.raises(SimulationError, match="no digits are left of the phase"):
+        run(model, values, 0.0, 1.0, 1e9)
+    assert run(model, values, 0.0, 1.0, 1e7).onsets.size == 0
+    assert run(model, values | {"excitation_amplitude": 0.0}, 0.0, 1.0, 1e9).onsets.size == 0
+
+
+def test_slips_that_are_no_time_at_all_are_refused_with_that_reason() -> None:
+    scene = draw(2503)  # 2e12 s of rest, then slips of 4e-5 s
+    with pytest.raises(SimulationError, match="less than the last digit of the time"):
+        run(scene.model, scene.values, scene.drive, scene.normal_force, scene.duration, start=scene.start)
+
+
+@pytest.fixture
+def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A cache of its own."""
+    monkeypatch.setenv("STICKSLIP_COMPILE", "1")
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path / "cache"))
+    known = (native.compiler, native.folder, native._translator, stepper._key)
+    for function in known:
+        function.cache_clear()
+    stepper.forget()
+    if native.compiler() is None:
+        pytest.skip("no C compiler here")
+    yield
+    native.wait()
+    stepper.forget()
+    for function in known:
+        function.cache_clear()
+
+
+def test_bursts_as_machine_code_give_the_same_numbers(machine_code: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = assemble(MAIN)
+
+    def motion() -> np.ndarray:
+        return np.concatenate([p.x for p in run(model, PAIR, 1e-3, 1.0, 1.0, rtol=1e-6, method=LOW).phases])
+
+    before = motion()
+    monkeypatch.setattr(stepper, "SOME", 0)
+    assert stepper.hastened(model, LOW)
+    motion()  # after it the code is looked for
+    used = stepper.borrowed(model, LOW)
+    assert used._hastened
+    stepper.give_back(used)
+    np.testing.assert_array_equal(motion(), before)
