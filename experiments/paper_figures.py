@@ -7,6 +7,7 @@ import paper_printed as printed
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from paper_test import MASSES, STAND_IN, STATED, Known, arguments, box, region
 
@@ -275,4 +276,5 @@ def _zoom(axes: Axes, centre: Array, edge: Array) -> None:
     axes.set_title("95 % region", fontsize=6, pad=1)
     axes.ticklabel_format(useOffset=False)
     axes.tick_params(labelsize=5.5, pad=1)
-    axes.locator_params(nbins=2)
+    axes.locator_params(axis="y", nbins=2)
+    axes.xaxis.set_major_locator(MaxNLocator(1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import oracle
 import pytest
@@ -13,8 +15,11 @@ from identify.cycle import CycleMap
 from identify.drawn import draw, unknown
 from identify.errors import SimulationError
 from identify.model import assemble
+from identify.outlook import outlook
 from identify.prospect import prospect
 from identify.remedy import Search
+from identify.report.advice_table import advice_table
+from identify.report.tables import Cell
 from identify.spread import Interval
 from identify.stated import stated
 
@@ -198,3 +203,69 @@ def test_tested_range_of_a_result():
     assert found.ranges == {"drive_speed": (1e-3, 5e-3), "normal_force": (1.0, 2.0), "stiffness": (1000.0, 2000.0)}
     assert found.extrapolated("drive_speed", 6e-3) and not found.extrapolated("drive_speed", -5.4e-3)
     assert not found.extrapolated("mass", 1e9) and tested.Tested({}).extrapolated("stiffness", 1.0)
+
+
+FULL_SCENE = (
+    SCENE
+    + """
+mu_k0 = { start = 0.43 }
+delta_mu_k = { start = -0.13 }
+a = { start = "300 s/m" }
+D = { start = "37.4 um" }
+t_cr = { start = "0.5 s" }
+"""
+)
+
+
+def test_the_command_line_says_it(tmp_path, capsys):
+    from identify.cli.main import main
+
+    path = tmp_path / "scene.toml"
+    path.write_text(FULL_SCENE.replace("1 mm/s", "22 mm/s"))
+    code = main(["stability", "--scene", str(path), "--advice", "10 %", "--draws", "60", "--json"])
+    point = json.loads(capsys.readouterr().out)["points"][0]
+    assert code == 0 and point["advice"]["margin"] == pytest.approx(0.1)
+    assert point["sureness"]["draws"] + point["sureness"]["refused"] == 60
+    assert 0.0 < point["sureness"]["possible"]["value"] < 1.0
+    speed = point["advice"]["changes"][0]
+    assert speed["advised"]["value"] == pytest.approx(1.1 * speed["limit"]["value"])
+    assert speed["limit"]["interval"][0] < speed["limit"]["value"]
+    for wrong, said in ((["--advice", "0 %"], "above zero"), (["--draws", "0"], "expected 1 to")):
+        assert main(["stability", "--scene", str(path), *wrong]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_every_number_of_an_answer_has_an_interval():
+    names = tuple(name for name in NAMES if name != "stiffness")
+    document = outlook(MODEL, ALL, 2e-5, LOAD, covariance(0.01, names), names)
+    for part in ("amplitude", "groups", "closed_forms"):
+        for name, entry in document[part].items():
+            if isinstance(entry, dict) and entry["value"] is not None:
+                assert entry["interval"] and entry["interval"][0] < entry["value"] < entry["interval"][1], name
+    for entry in (document["stability"]["sliding"]["friction_force"], document["stability"]["critical_speed"]):
+        assert entry["interval"][0] < entry["value"] < entry["interval"][1]
+
+
+def test_intervals_are_those_of_differences():
+    """Half widths against answers at moved parameters: the same covariance, no slope of ours."""
+    values, names, speed = ALL | {"a": 3.0}, ("mass", "mu_s", "damping", "t_cr"), 2e-5
+    sd = {name: 0.003 * values[name] for name in names}
+
+    def told(changes, covariance=None):
+        document = outlook(MODEL, values | changes, speed, LOAD, covariance, names)
+        return document["amplitude"] | document["stability"]["sliding"] | document["closed_forms"]
+
+    here = told({}, np.diag([step**2 for step in sd.values()]))
+    moved = [[told({name: values[name] + side * step}) for side in (1, -1)] for name, step in sd.items()]
+    for quantity in ("share_in_slip", "friction_force", "period", "critical_speed", "Pi_fc", "Omega_c"):
+        moves = [(up[quantity]["value"] - down[quantity]["value"]) / 2 for up, down in moved]
+        low, high = here[quantity]["interval"]
+        assert (high - low) / 2 == pytest.approx(1.959964 * np.linalg.norm(moves), rel=0.01), quantity
+
+
+def test_advice_in_the_report(told):
+    table = advice_table(Cell("log 1"), {"advice": told["all"]})
+    assert table is not None and "to make sliding steady, margin 20 %" in table.corner
+    cells = {row.head: row.cells for row in table.rows}
+    assert cells["drive speed"][2].text.startswith("at least") and "extrapolated" in cells["drive speed"][2].note
+    assert cells["damping h"][2].note.startswith("ζ = ") and advice_table(Cell("log 1"), {}) is None

@@ -359,7 +359,7 @@ def test_derivatives_of_the_eigenvalues(row: dict[str, Any]) -> None:
             step = max(abs(mp.mpf(point[i])), mp.mpf("1e-3")) * mp.mpf("1e-12")
             up[i], down[i] = up[i] + step, down[i] - step
             exact = (root(*up) - root(*down)) / (2 * step)
-            assert abs(table[name][j] - complex(exact)) <= 1e-8 * abs(complex(exact)) + 1e-14
+            assert abs(table[name][j] - complex(exact)) <= 1e-9 * abs(complex(exact)) + 1e-14
 
 
 def test_derivatives_of_the_saturation() -> None:
