@@ -32,7 +32,7 @@ NO_PAGE = "from identify.cli import batch; batch._write_page = lambda out, termi
 WITH_STUB = f"from identify.batch import grip; grip.MODULE = {STUB!r}; "
 COMMAND = "import sys; from identify.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
 TIMES = ("timing_s", "finished", "started", "seconds", "machine", "host")  # what may differ between two runs
-_SPENT = re.compile(rb"<dd>\s*([^<]*\d (ms|s|min)|\d{4}-\d\d-\d\dT[\d:]+Z)\s*</dd>")
+_SPENT = re.compile(rb"<dd>\s*([^<]*\d[^<\w]*(ms|s|min)|\d{4}-\d\d-\d\dT[\d:]+Z)\s*</dd>")
 
 
 def write_case(folder: Path, groups: Sequence[str], logs_each: int = 2) -> tuple[Path, Path]:
