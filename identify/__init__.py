@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from identify import amplitude, stability
+    from identify.asked import Asked
     from identify.identification import fit
     from identify.mapping import continue_over, stability_map
     from identify.scene import Scene
     from identify.simulate import simulate
 
-__all__ = ["Scene", "amplitude", "continue_over", "fit", "simulate", "stability", "stability_map"]
+__all__ = ["Asked", "Scene", "amplitude", "continue_over", "fit", "simulate", "stability", "stability_map"]
 
 _HOMES = {
+    "Asked": "identify.asked",
     "Scene": "identify.scene",
     "continue_over": "identify.mapping",
     "fit": "identify.identification",

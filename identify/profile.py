@@ -124,7 +124,11 @@ def profile(
 def _curve(line: ProfileLine, index: int) -> Curve:
     """The points at which this parameter was held, and the best one."""
     mine = [line.best, *(point for point in line.seen if point.held == index)]
-    mine.sort(key=lambda point: float(point.theta[index]))
+    mine.sort(key=lambda point: (float(point.theta[index]), point.cost))
+    # Of a place reached twice the better point counts.
+    apart = 1e-6 * line.unknowns.spread[index]
+    first = np.append(True, np.diff([point.theta[index] for point in mine]) > apart)
+    mine = [point for point, counts in zip(mine, first.tolist(), strict=True) if counts]
     theta = np.array([point.theta[index] for point in mine])
     return Curve(theta, np.array([2 * (point.cost - line.best.cost) for point in mine]))
 
