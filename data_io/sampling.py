@@ -144,7 +144,7 @@ def _findings(sampling: Sampling, rows: int, limits: Thresholds) -> list[Finding
     if severity := limits.severity("missing_rows", sampling.missing / (rows + sampling.missing)):
         text = (
             f"{sampling.dropouts} gap(s) in the clock, about {sampling.missing} rows missing, "
-            f"the longest gap {sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; log less, or faster"
+            f"the longest gap {sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; write to a faster disk"
         )
         notes.append(Finding("dropouts", severity, text))
     if severity := limits.severity("jitter", sampling.jitter):

@@ -74,8 +74,11 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         draw(seen, plot)
         terminal.say(f"plot: {plot}")
     if unread:
+        from identify.report.document import plain
+
         message = f"{len(unread)} of {len(listed)} logs cannot be read; {unread[0]}"
-        return Answer(WRONG_INPUT, {"schema": 1, "status": "error", "message": message, "logs": logs})
+        document_of_error = {"schema": 1, "status": "error", "message": message, "logs": logs}
+        return Answer(WRONG_INPUT, plain(document_of_error))
     return Answer(DONE, {"status": "done", "logs": logs})
 
 
