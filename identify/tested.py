@@ -24,6 +24,15 @@ class Tested:
         return Tested({name: (min(values), max(values)) for name, values in seen.items() if values})
 
     @staticmethod
+    def joined(parts: Iterable[Tested]) -> Tested:
+        """The range that several tests cover together."""
+        found: dict[str, tuple[float, float]] = {}
+        for name, (low, high) in ((n, r) for part in parts for n, r in part.ranges.items()):
+            before = found.get(name, (low, high))
+            found[name] = (min(low, before[0]), max(high, before[1]))
+        return Tested(found)
+
+    @staticmethod
     def of_result(document: Mapping[str, Any]) -> Tested:
         """The range of the logs that took part in a finished fit (the document of result.json)."""
         scene = document.get("provenance", {}).get("scene") or {}

@@ -18,7 +18,7 @@ native mapped compiled dop853 tableaus drive modes situated crossing resting sca
 samples averaging trajectory initial admission
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
 noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality judgement draft
-bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread drawn stated calculable choice price selection_numbers comparison form_slopes
+bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread drawn scatter stated calculable choice price selection_numbers comparison form_slopes
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
 guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start collector lay_out hints

@@ -9,7 +9,12 @@ def add_point_arguments(parser: ArgumentParser) -> None:
     """Where the answers are asked for."""
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--scene", metavar="SCENE.toml", help="the values of a scene: fixed, else start, else default")
-    source.add_argument("--result", metavar="result.json", help="the estimates of a fit, with their uncertainty")
+    source.add_argument(
+        "--result",
+        nargs="+",
+        metavar="result.json",
+        help="the estimates of a fit, with their uncertainty; of several fits of one pair, with their scatter",
+    )
     parser.add_argument(
         "--at",
         action="append",

@@ -15,6 +15,7 @@ from identify.axes import Site
 from identify.calculable import check_calculable
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.results import read_result, scene_of
+from identify.scatter import pooled_result
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest
@@ -59,13 +60,7 @@ def operating_points(arguments: Namespace) -> list[Point]:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     if arguments.result:
-        path = Path(arguments.result)
-        document = read_result(path)
-        if document["status"] != "converged":
-            raise CommandLineError(
-                f"{arguments.result}: this fit has no values ({document['status']}); mend the fit first"
-            )
-        scene = scene_of(document, path)
+        document, scene = _fitted([Path(path) for path in arguments.result])
     else:
         document, scene = None, Scene.from_toml(arguments.scene)
     scene = without(arguments.without, _settled(scene, document))
@@ -79,6 +74,18 @@ def operating_points(arguments: Namespace) -> list[Point]:
     return points
 
 
+def _fitted(paths: Sequence[Path]) -> tuple[dict[str, Any], Scene]:
+    """The result and its scene; of several results of one pair the values of all, with the scatter between them."""
+    documents = [read_result(path) for path in paths]
+    for path, document in zip(paths, documents, strict=True):
+        if document["status"] != "converged":
+            raise CommandLineError(f"{path}: this fit has no values ({document['status']}); mend the fit first")
+    scene = scene_of(documents[0], paths[0])
+    if len(documents) == 1:
+        return documents[0], scene
+    return pooled_result(documents, _settled(scene, documents[0]).model), scene
+
+
 def points_of(scene: Scene, document: Mapping[str, Any]) -> list[Point]:
     """The operating point of every log of a finished fit; several where a log has a programme of speeds."""
     return _points(_settled(scene, document), {}, document)
@@ -87,7 +94,7 @@ def points_of(scene: Scene, document: Mapping[str, Any]) -> list[Point]:
 def tested_range(arguments: Namespace) -> Tested | None:
     """The range of the logs of a fit, or of a scene that has logs; None where nothing was tested."""
     if arguments.result:
-        return Tested.of_result(read_result(Path(arguments.result)))
+        return Tested.joined(Tested.of_result(read_result(Path(path))) for path in arguments.result)
     scene = Scene.from_toml(arguments.scene)
     if not scene.logs:
         return None
