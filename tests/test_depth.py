@@ -1,0 +1,144 @@
+"""What is asked of a fit beyond its values: profile, bootstrap, tables, accuracy, preview. It is there, and right."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from document_check import check_document
+
+from identify import examples
+from identify.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
+from identify.cli import main as cli
+from identify.combinations import combinations, directions
+from identify.errors import FitError
+
+LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
+
+
+@pytest.fixture(scope="module")
+def deep(tmp_path_factory):
+    """The folder of a fit of two example logs with everything asked for."""
+    out = tmp_path_factory.mktemp("deep") / "result"
+    asked = ["--profile", "--bootstrap", "40", "--accuracy-table", "--effects-table"]
+    assert cli.main(["fit", *LOGS, "--scene", str(examples.SCENE), "--out", str(out), *asked]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def document(deep):
+    return check_document(json.loads((deep / "result.json").read_text()))
+
+
+def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(document):
+    profile = document["profile"]
+    assert profile["limit"] == pytest.approx(3.8415, abs=1e-4)
+    assert set(profile["parameters"]) == {"mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"}
+    for name, curve in profile["parameters"].items():
+        entry = document["parameters"][name]
+        assert entry["interval"] == pytest.approx(curve["interval"])
+        values, loss = np.array(curve["values"]), np.array(curve["loss"])
+        assert np.all(np.diff(values) > 0) and values.size >= 7
+        assert np.min(loss) == pytest.approx(0.0, abs=1e-6) and loss[0] > 3.5 and loss[-1] > 3.5
+        # The ends are where the loss reaches its limit: by the curve itself, in between its points.
+        root = np.sqrt(loss) * np.sign(values - entry["value"])
+        ends = np.interp([-np.sqrt(3.8415), np.sqrt(3.8415)], root, values)
+        half = 0.5 * (curve["interval"][1] - curve["interval"][0])
+        assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
+        assert half == pytest.approx(1.96 * entry["standard_error"], rel=0.01)
+
+
+def test_bootstrap_intervals_hold_the_value_and_are_of_the_same_size(document):
+    bootstrap = document["bootstrap"]
+    assert (bootstrap["replicates"], bootstrap["failed"]) == (40, 0)
+    for name, entry in bootstrap["parameters"].items():
+        low, high = entry["interval"]
+        value = document["parameters"][name]["value"]
+        assert low < value < high
+        assert 0.4 < entry["spread_in_standard_errors"] < 2.0
+        assert entry["pieces"] >= 2
+
+
+def test_accuracy_table_says_what_each_level_moves(document):
+    rows = document["accuracy_table"]
+    assert [row["accuracy"] for row in rows] == ["coarse", "default", "tight"]
+    assert rows[0]["steps"] < rows[1]["steps"] <= rows[2]["steps"]
+    assert all(row["seconds"] > 0 and row["iterations"] > 0 for row in rows)
+    assert set(rows[2]["shift_in_standard_errors"].values()) == {0.0}
+    left = [max(abs(e) for e in row["left_in_standard_errors"].values()) for row in rows]
+    assert left[0] > left[2] and left[1] <= DEFAULT.share and left[2] <= TIGHT.share
+    # The shift of the coarse answer is the error that was foretold for it.
+    for name, shift in rows[0]["shift_in_standard_errors"].items():
+        assert shift == pytest.approx(rows[0]["left_in_standard_errors"][name], abs=0.2 * left[0] + left[2])
+
+
+def test_every_effect_is_left_out_once(document):
+    rows = {row["without"]: row for row in document["effects_table"]}
+    assert rows[None]["delta_bic"] == 0.0
+    assert rows[None]["left_out_cycles"] == pytest.approx(1.0, abs=0.2)
+    for effect in ("hysteresis_damping", "contact_ageing", "velocity_weakening"):
+        row = rows[effect]
+        assert row["verdict"]
+        assert row["delta_bic"] is None or row["delta_bic"] > 10.0, "the logs were made with it"
+    assert rows["hysteresis_damping"]["left_out_cycles"] > rows[None]["left_out_cycles"]
+
+
+def test_the_report_shows_it_all(deep):
+    page = (deep / "report.html").read_text()
+    for words in ("How sure is it", "Intervals by each method", "What accuracy costs", "with and without each effect"):
+        assert words in page
+    assert (deep / "figures" / "profile.png").stat().st_size > 5000
+    assert (deep / "figures" / "profile_D.csv").read_text().startswith("value,loss")
+
+
+def test_a_preview_draws_and_stops(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["fit", LOGS[0], "--scene", str(examples.SCENE), "--out", "mine", "--preview", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["status"] == "preview" and told["logs"][0]["cycles"] > 3
+    assert [item.name for item in tmp_path.iterdir()] == ["mine-preview.png"]
+    assert (tmp_path / "mine-preview.png").read_bytes().startswith(b"\x89PNG")
+    assert "off by" in told["logs"][0]["text"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--accuracy", "fine"], "expected coarse, default, tight"),
+        (["--accuracy", "-1"], "or a number"),
+        (["--bootstrap", "5"], "200 is usual"),
+    ],
+)
+def test_what_cannot_be_asked_is_one_sentence(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["fit", LOGS[0], "--scene", str(examples.SCENE), *arguments]) == 2
+    told = capsys.readouterr().err
+    assert words in told and told.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_levels_of_accuracy_by_name_and_number():
+    assert [accuracy_of(name) for name in ("coarse", "default", "tight")] == [COARSE, DEFAULT, TIGHT]
+    assert accuracy_of("0.03").share == 0.03
+    with pytest.raises(FitError):
+        accuracy_of("nan")
+
+
+def test_combinations_that_are_sharper_than_their_parts_are_named():
+    values = {"mu_s": 0.6, "mu_k0": 0.4, "D": 40e-6, "t_cr": 0.5, "a": 300.0, "delta_mu_k": -0.1}
+    names, logs = ["D", "t_cr"], [True, True]
+    # Both known to 10 %, their ratio to 1 %.
+    ridge = np.array([[0.01, 0.01 - 5e-5], [0.01 - 5e-5, 0.01]])
+    (ratio,) = combinations(names, logs, values, ridge)
+    assert ratio.natural.name == "D/t_cr"
+    assert ratio.value == pytest.approx(8e-5)
+    assert ratio.standard_error / ratio.value == pytest.approx(0.01, rel=1e-6)
+    assert ratio.sharper == pytest.approx(10.0, rel=1e-6)
+    low, high = ratio.interval
+    assert low * high == pytest.approx(ratio.value**2)
+    assert combinations(names, logs, values, 0.01 * np.eye(2)) == [], "parts that are independent are told apart"
+    best, worst = directions(names, logs, values, ridge)
+    assert best.size == pytest.approx(np.sqrt(5e-5)) and worst.size == pytest.approx(np.sqrt(0.02 - 5e-5))
+    assert np.sign(best.moves["D"]) == -np.sign(best.moves["t_cr"])
+    assert worst.text.startswith("known worst") and "t_cr +11 %" in worst.text
