@@ -3,6 +3,7 @@
 import io
 import math
 import zipfile
+import zlib
 from dataclasses import replace
 from typing import Any, Final
 
@@ -14,6 +15,11 @@ from data_io.table import read_tables
 NAME: Final = "excel"
 _ZIP: Final = b"PK\x03\x04"
 _LARGEST: Final = 1 << 30
+_OF_DAMAGE: Final = (
+    OSError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, LookupError, AttributeError, SyntaxError,
+    RuntimeError, NotImplementedError, EOFError, ArithmeticError, AssertionError,
+)  # fmt: skip
+"""What openpyxl and zipfile raise over damaged files."""
 
 
 def can_read(head: bytes) -> bool:
@@ -59,8 +65,7 @@ def _sheets(source: Source) -> dict[str, bytes]:
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
         sheets = {sheet.title: list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
         book.close()
-    except (OSError, zipfile.BadZipFile, ValueError, TypeError, LookupError, AttributeError, SyntaxError, RuntimeError,
-            NotImplementedError, EOFError, ArithmeticError) as error:  # fmt: skip
+    except _OF_DAMAGE as error:
         reason = " ".join(str(error).split())
         raise source.error(f"the workbook is damaged or locked ({reason:.100}); save it again") from error
     return {title: text for title, rows in sheets.items() if (text := _as_text(rows))}

@@ -15,9 +15,9 @@ _ZIP: Final = b"PK\x03\x04"
 _EXCEL: Final = ("[Content_Types].xml", "mimetype")
 _HIDDEN: Final = ("__MACOSX/", ".")
 
-LEAST_SUSPECT: Final = 1 << 26
+LEAST_SUSPECT: Final = 1 << 25
 """Bytes that may be unpacked whatever they were packed into."""
-MOST_TIMES: Final = 200
+MOST_TIMES: Final = 100
 """A log packs to a tenth of its size; what packs to less than one in this many is a trap or holds nothing."""
 
 
@@ -98,7 +98,7 @@ class _Watched(io.RawIOBase):
         view = memoryview(buffer)  # type: ignore[arg-type]
         try:
             data = self._inner.read(len(view))
-        except (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError) as error:
+        except (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError, ValueError) as error:
             raise _damaged(self._path, None, error) from error
         self._done += len(data)
         if self._done > self._most:

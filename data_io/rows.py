@@ -101,6 +101,8 @@ def read_numbers(
     mark = decimal or ("," if head.delimiter != "," and "," in block else ".")
     frame = _parse(source, block, first_line, head, mark)
     names = head.header.names
+    if frame.empty:
+        return Numbers({}, 0, tuple(remarks), decimal)
     frame = _without_short_rows(block, first_line, head, frame, remarks)
     extra = frame.iloc[:, len(names) :].notna().to_numpy().any(axis=1)
     if extra.any():

@@ -1,0 +1,311 @@
+"""Every format from a look-alike file, read to exact values; its broken variants are refused or read with a warning."""
+
+import gzip
+import io
+import resource
+import time
+import zipfile
+
+import numpy as np
+import pytest
+
+from data_io import LogError, list_steps, read_log
+from data_io.readers import READERS
+from experiments import run_reader_fuzz
+from experiments.lookalikes import ALL, TEXTS, rows
+from experiments.mutations import TEXT
+
+SMALL = rows(60)
+
+
+def put(folder, kind, data=None):
+    path = folder / kind.file_name
+    path.write_bytes(kind.make(SMALL).data if data is None else data)
+    return path
+
+
+def codes(record, severity="warning"):
+    return {finding.code for finding in record.findings if finding.severity == severity}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_format_is_read_to_the_last_digit(tmp_path, name):
+    kind = ALL[name]
+    record = read_log(put(tmp_path, kind), **kind.options)
+    assert record.metadata["format"] == kind.form
+    for column, written in kind.make(SMALL).columns().items():
+        np.testing.assert_allclose(
+            getattr(record, column), written, rtol=4e-16 if column != "time" else 2e-15, atol=1e-15
+        )
+
+
+def test_every_reader_says_what_it_reads():
+    for reader in READERS:
+        assert reader.read.__doc__ and reader.can_read.__doc__
+    tested = {kind.form for kind in ALL.values()} | {"stickslip-csv"}
+    assert tested == {reader.name for reader in READERS}
+
+
+@pytest.mark.parametrize("mutation", [name for name, m in TEXT.items() if m.oracle != "any"])
+@pytest.mark.parametrize("name", TEXTS)
+def test_broken_variants(tmp_path, name, mutation):
+    import random
+
+    kind = ALL[name]
+    made = kind.make(SMALL)
+    for seed in range(3):
+        data = TEXT[mutation].change(made.data, random.Random(seed))
+        path = put(tmp_path, kind, data)
+        outcome = run_reader_fuzz.judge(path, kind, made, [TEXT[mutation]], data)
+        assert not outcome.startswith("WRONG"), (seed, outcome)
+
+
+def test_two_thousand_broken_logs_hold_no_defect(capsys):
+    outcomes = run_reader_fuzz.main(count=2000, first=10**6)
+    assert outcomes["WRONG"] == 0, capsys.readouterr().out
+    assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 200
+
+
+def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):
+    kind = ALL["nano"]
+    made = kind.make(SMALL)
+    force = str(round(1000 * float(made.friction[20]), 3)).encode()
+    assert made.data.count(force) == 1
+    path = put(tmp_path, kind, made.data.replace(force, force[:-1] + (b"1" if force[-1:] != b"1" else b"2")))
+    assert run_reader_fuzz.judge(path, kind, made, [TEXT["cut off"]], b"").startswith("WRONG: row 20")
+
+
+@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("size", [64, 700])
+def test_reading_in_small_pieces_changes_nothing(tmp_path, monkeypatch, name, size):
+    from data_io import segments, table
+
+    kind = ALL[name]
+    path = put(tmp_path, kind, kind.make(rows(300)).data)
+    whole = read_log(path, **kind.options)
+    for module in (segments, table):
+        for constant in ("FIRST", "BLOCK"):
+            monkeypatch.setattr(module, constant, size)
+    monkeypatch.setattr(segments, "RUN", 5 * size)
+    pieces = read_log(path, **kind.options)
+    assert pieces.columns().keys() == whole.columns().keys() and codes(pieces) == codes(whole)
+    for column, values in whole.columns().items():
+        np.testing.assert_array_equal(pieces.columns()[column], values)
+
+
+@pytest.mark.parametrize("name", [name for name in TEXTS if name != "bare tab"])
+def test_chosen_channels_are_those_of_the_whole_log(tmp_path, name):
+    kind = ALL[name]
+    path = put(tmp_path, kind, kind.make(rows(2000)).data)
+    whole, few = read_log(path, **kind.options), read_log(path, channels=(), **kind.options)
+    for column in ("time", "normal_force", "friction_force"):
+        np.testing.assert_array_equal(getattr(few, column), getattr(whole, column))
+    if whole.channels:
+        one = next(iter(whole.channels))
+        assert one in read_log(path, channels=(one,), **kind.options).channels
+
+
+def test_long_rows_among_chosen_columns_are_seen(tmp_path):
+    text = "T,Fx,Fz,A,B\ns,N,N,,\n" + "".join(f"{i / 100},{i % 7},3,1,2\n" for i in range(40_000))
+    (tmp_path / "log.csv").write_text(text.replace("\n300.0,", "\n300.0,7,", 1))
+    with pytest.raises(LogError, match=r"6 fields|line"):
+        read_log(tmp_path / "log.csv", channels=())
+    (tmp_path / "log.csv").write_text(text.replace("\n300.0,5,3,1,2\n", "\n300.0,5,3,1\n2,300.01,", 1))
+    with pytest.raises(LogError, match=r"fields|falls"):
+        read_log(tmp_path / "log.csv", channels=())
+
+
+def test_gigabytes_of_zeros_are_refused_before_memory_goes(tmp_path):
+    path = tmp_path / "bomb.txt.gz"
+    path.write_bytes(gzip.compress(bytes(1 << 24), 6) * 128)  # 2 GiB
+    before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    with pytest.raises(LogError, match="no line ends within the first MiB"):
+        read_log(path)
+    head = gzip.compress(b"T,Fx,Fz\ns,N,N\n" + b"0.1,2,3\n" * 100)
+    path.write_bytes(head + path.read_bytes())
+    with pytest.raises(LogError, match=r"zero bytes|100 times"):
+        read_log(path)
+    path.write_bytes(gzip.compress(b"T,Fx,Fz\ns,N,N\n") + gzip.compress(b"0,1,2\n" * (1 << 20), 6) * 10)
+    with pytest.raises(LogError, match="100 times"):
+        read_log(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400_000  # KiB
+    assert time.process_time() - begun < 20
+
+
+def test_a_line_without_end_is_refused(tmp_path):
+    (tmp_path / "log.txt").write_bytes(b"T,Fx,Fz\ns,N,N\n0,1,2\n" + b"7" * (1 << 22))
+    with pytest.raises(LogError, match="no line ends within a MiB below line"):
+        read_log(tmp_path / "log.txt")
+
+
+def test_an_archive_names_its_members(tmp_path):
+    kind = ALL["nano"]
+    path = tmp_path / "logs.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("slow.txt", kind.make(rows(40)).data)
+        archive.writestr("fast.txt", kind.make(rows(50)).data)
+    with pytest.raises(LogError, match=r"2 files \(slow.txt, fast.txt\)"):
+        read_log(path)
+    assert len(read_log(path / "fast.txt")) == 50
+    with pytest.raises(LogError, match=r"no 'other.txt'"):
+        read_log(path / "other.txt")
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(LogError):
+        read_log(path)
+
+
+STROKE = """Run # 1
+Step No. 1
+Data Count = 3
+{started}
+T,Fx,Fz
+sec,N,N
+0.00,{a},2
+0.01,{a},2
+0.02,{a},2
+"""
+
+
+def series(folder, names, started=True):
+    for k, name in enumerate(names):
+        line = f"Started at: 10:00:{10 * k:02d}.500 12 May 2022" if started else ""
+        (folder / name).write_text(STROKE.format(started=line, a=k + 1))
+
+
+@pytest.mark.parametrize("started", [True, False])
+def test_a_series_of_files_is_one_test(tmp_path, started):
+    series(tmp_path, ["s_8.txt", "s_9.txt", "s_10.txt"], started)
+    record = read_log(tmp_path / "s_*.txt")
+    assert record.friction_force.tolist() == [1, 1, 1, 2, 2, 2, 3, 3, 3]
+    assert [(s.number, s.parameters["file"]) for s in record.steps] == [(1, "s_8.txt"), (2, "s_9.txt"), (3, "s_10.txt")]
+    assert record.time[3] == pytest.approx(10.0 if started else 0.03)
+    assert ("step_gap_unknown" in codes(record)) != started and "joined_files" in codes(record, "info")
+    assert len(read_log(tmp_path, step=2)) == 3 and len(list_steps(tmp_path)) == 3
+
+
+def test_files_that_may_be_several_tests_are_not_joined(tmp_path):
+    series(tmp_path, ["k168_v42.txt", "k168_v1100.txt"], started=False)
+    with pytest.raises(LogError, match="neither say when they were started nor count up"):
+        read_log(tmp_path)
+    with pytest.raises(LogError, match="no file fits"):
+        read_log(tmp_path / "x*.txt")
+
+
+def test_steps_are_listed_before_anybody_chooses(tmp_path):
+    found = list_steps(put(tmp_path, ALL["cetr"]))
+    assert [(s.run, s.number, s.rows) for s in found] == [(1, 1, 30), (1, 2, 30)]
+    assert found[0].parameters["Velocity"] == "240" and found[0].started.second == 58
+    assert found[0].columns["Fx"] == "g" and found[0].columns["COF"] in ("", None)
+    assert found[0].duration == pytest.approx(0.0127 + 28 * 0.02)
+    bare = list_steps(put(tmp_path, ALL["bare tab"]))
+    assert bare[0].duration is None and bare[0].rows == 60
+
+
+GOOD = "T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100:.2f},{i % 7}.5,3.0\n" for i in range(40))
+TRIGGERS = {  # what triggers a remark, and what just does not
+    "short_rows": (GOOD.replace("0.20,6.5,3.0", "0.20,6.5"), GOOD.replace("0.20,6.5,3.0", "0.20,6.5,3")),
+    "last_row_cut": (GOOD[:-2], GOOD[:-1]),
+    "rows_left_out": (GOOD + "end\n1,2\n", GOOD + "end\n1\n"),
+    "text_in_rows": (GOOD.replace("0.20,", "pause\n0.20,"), GOOD.replace("0.20,", "\n0.20,")),
+    "missing_rows": (GOOD.replace("0.20,6.5,", "0.20,OVER,"), GOOD.replace("0.20,6.5,", "0.20,6,")),
+    "repeated_time": (GOOD.replace("0.20,", "0.19,"), GOOD.replace("0.20,", "0.191,")),
+    "step_gap_unknown": (GOOD + GOOD, GOOD + GOOD.replace("\n0.", "\n9.")),
+}
+
+
+@pytest.mark.parametrize("code", TRIGGERS)
+def test_each_remark_has_what_triggers_it_and_what_just_does_not(tmp_path, code):
+    path = tmp_path / "log.csv"
+    for text, expected in zip(TRIGGERS[code], (True, False), strict=True):
+        path.write_text(text)
+        assert (code in codes(read_log(path))) == expected
+
+
+def test_units_of_mass_are_told_as_weights(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(GOOD.replace("s,N,N", "s,g,N"))
+    assert "unit_by_context" in codes(read_log(path), "info")
+    assert "unit_by_context" not in codes(read_log(path, units={"friction_force": "mN"}), "info")
+
+
+@pytest.mark.parametrize(
+    ("unit", "force"),
+    [("2.5 N/V", 2.5), ("250 gf/V", 250 * 9.80665e-3), ("2.5 mN/mV", 2.5), ("0.5 kg/V", 0.5 * 9.80665)],
+)
+def test_volts_need_a_scale(tmp_path, unit, force):
+    path = tmp_path / "log.csv"
+    path.write_text(GOOD.replace("s,N,N", "s,V,N"))
+    with pytest.raises(LogError, match=r"scale of its sensor.*2\.5 N/V"):
+        read_log(path)
+    if "kg" in unit:
+        with pytest.raises(LogError, match="does not turn V into N"):
+            read_log(path, units={"friction_force": unit})
+    else:
+        record = read_log(path, units={"friction_force": unit})
+        np.testing.assert_allclose(record.friction_force[:3], force * np.array([0.5, 1.5, 2.5]), rtol=1e-14)
+
+
+def test_commas_between_thousands_are_not_decimal(tmp_path):
+    path = tmp_path / "log.txt"
+    text = "T [ms]\tFx [mN]\tFz [mN]\n" + "".join(f"{i}\t{v}\t2,000\n" for i, v in enumerate(("999", "1,001", "1,017")))
+    path.write_text(text)
+    with pytest.raises(LogError, match="between thousands"):
+        read_log(path)
+    path.write_text(text.replace("999", "0,999"))
+    assert read_log(path).friction_force[1] == pytest.approx(1.001e-3)
+
+
+def test_the_load_of_a_t11_stands_in_its_name(tmp_path):
+    kind = ALL["t11"]
+    assert codes(read_log(put(tmp_path, kind))) == {"normal_force_from_name"}
+    other = tmp_path / "pair_10N.csv"
+    other.write_bytes(kind.make(SMALL).data)
+    with pytest.raises(LogError, match="no normal force column"):
+        read_log(other)
+
+
+def test_rtec_steps_of_one_row_are_doubted(tmp_path):
+    kind = ALL["rtec"]
+    text = kind.make(SMALL).data
+    assert "short_steps" not in codes(read_log(put(tmp_path, kind)))
+    assert "short_steps" in codes(read_log(put(tmp_path, kind, text.replace(b"\n4,", b"\n9,", 1))))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "old Excel"),
+        (b"TDSm" + bytes(range(200)), "TDMS"),
+        (b"#1# Name$pair$\x00\x01\x02" + bytes(50), "native CETR"),
+        (b"MATLAB 5.0 MAT-file, broken" + bytes(300), "damaged|no columns"),
+        (b"PK\x03\x04" + bytes(30) + b"[Content_Types].xml" + bytes(300), "damaged"),
+    ],
+)
+def test_binary_files_that_cannot_be_read_are_named(tmp_path, data, words):
+    (tmp_path / "log.bin").write_bytes(data)
+    with pytest.raises(LogError, match=words):
+        read_log(tmp_path / "log.bin")
+
+
+def test_variables_that_are_no_log_are_listed(tmp_path):
+    import scipy.io
+
+    held = io.BytesIO()
+    scipy.io.savemat(held, {"a": np.arange(9.0), "b": np.arange(5.0), "data": np.arange(24.0).reshape(8, 3)})
+    path = tmp_path / "log.mat"
+    path.write_bytes(held.getvalue())
+    with pytest.raises(LogError, match="no time column"):
+        read_log(path)
+    columns = {"time": "data:1", "friction_force": "data:2", "normal_force": "data:3"}
+    units = {"time": "s", "friction_force": "N", "normal_force": "N"}
+    assert read_log(path, columns=columns, units=units).friction_force.tolist() == list(range(1, 24, 3))
+    with pytest.raises(LogError, match="differ in length"):
+        read_log(path, columns={"time": "a", "friction_force": "b"}, units=units, normal_force=1.0)
+
+
+def test_reading_says_how_far_it_is(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100},{i % 7},3\n" for i in range(60_000)))
+    told = []
+    read_log(path, progress=told.append)
+    assert told == sorted(told) and told[-1] == 1.0 and len(told) >= 3
