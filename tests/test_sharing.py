@@ -159,6 +159,19 @@ def test_an_interval_ends_at_a_bound_of_the_scene(free):
     assert bounded.lower == pytest.approx(value.lower, rel=0.02)
 
 
+def test_a_parameter_at_its_bound_has_an_interval_from_there(free):
+    value = {e.name: e for e in free.estimates}["t_cr"]
+    upper = value.value - value.standard_error
+    outcome = fit(_scene({"t_cr": {"upper": upper}}, "A"), _records()[:2])
+    assert outcome.result["status"] == "at_bound"
+    assert outcome.result["parameters"]["t_cr"]["value"] is None
+    low, high = outcome.result["last_iterate"]["t_cr"]["interval"]
+    assert high == pytest.approx(upper, rel=1e-6)
+    assert value.lower - value.standard_error < low < upper
+    low, high = outcome.result["last_iterate"]["a"]["interval"]
+    assert low < outcome.result["last_iterate"]["a"]["value"] < high
+
+
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
