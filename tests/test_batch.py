@@ -215,6 +215,17 @@ def test_a_terminated_batch_says_so_and_leaves_no_process(tmp_path):
     assert {name: put(out)[name] for name in before} == before, "nothing finished was done again"
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux ends a process with its parent")
+def test_no_fit_outlives_a_batch_that_is_killed(tmp_path):
+    case, out = write_case(tmp_path / "in", ["hang"]), tmp_path / "out"
+    batch = started([case[0], "--scene", case[1], "--out", out, "--jobs", 1])
+    wait_for(lambda: (out / "batch.json").exists() and len(children(batch.pid)) == 1)
+    (fit,) = children(batch.pid)
+    batch.kill()
+    batch.communicate()
+    wait_for(lambda: not alive(fit))
+
+
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
 def test_a_fit_that_is_killed_from_outside_costs_only_itself(tmp_path):
     case, out = write_case(tmp_path / "in", ["a", "b", "hang"]), tmp_path / "out"
