@@ -19,7 +19,9 @@ BEFORE, AFTER = 1.0, 2.0  # of a slip, that are looked at about its middle
 OF_STICK = 0.6  # of a stick, that may follow the slip
 PER_SAMPLE = 2  # points of the mean slip
 MOST_CYCLES = 60  # that are compared with a sine
-STARTS = (0.05, 0.3)  # of a slip: lags from which the search starts
+START = 0.15  # of a slip: the lag from which the search starts
+SETTLED = 1e-4  # relative: a lag is told to two digits
+MOST_POINTS = 160  # of the mean slip
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,8 @@ def harmonic_share(time: Array, force: Array, found: Segmentation) -> float | No
 
 def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> tuple[Array, Array, int] | None:
     """Time about the middle of the fall, mean force there without the stick slope, and how many slips."""
-    cycles, step = found.cycles, found.sample_interval / PER_SAMPLE
+    cycles = found.cycles
+    step = max(found.sample_interval / PER_SAMPLE, (BEFORE + AFTER) * slip / MOST_POINTS)
     stick = float(np.median(cycles.onset[1:] - cycles.arrest[:-1]))
     grid = np.arange(-BEFORE * slip, min(AFTER * slip, 0.5 * slip + OF_STICK * stick), step)
     good = np.isfinite(force) & ~found.spikes
@@ -99,11 +102,9 @@ def _fitted(grid: Array, force: Array, slips: int, slip: float, interval: float)
 
     lower = [2 * grid[0], math.log(0.5 * interval), math.log(1e-3 * slip)]
     upper = [grid[-1], math.log(4 * slip), math.log(3 * slip)]
-    found = []
-    for share in STARTS:
-        start = [-slip * (1 - share) / 2 - share * slip / 2, math.log(slip * (1 - share)), math.log(share * slip)]
-        found.append(least_squares(residual, start, bounds=(lower, upper), x_scale=[0.1 * slip, 0.1, 0.3]))
-    best = min(found, key=lambda answer: float(answer.cost))
+    start = [-0.5 * slip, math.log(slip * (1 - START)), math.log(START * slip)]
+    scale = [0.1 * slip, 0.1, 0.3]
+    best = least_squares(residual, start, bounds=(lower, upper), x_scale=scale, ftol=SETTLED, xtol=SETTLED)
     return Sharpness(math.exp(best.x[2]), math.exp(best.x[1]), slips)
 
 
