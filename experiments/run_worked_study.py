@@ -1,4 +1,4 @@
-"""A worked study: three materials, eight volunteers, two sites, three speeds, some runs twice, from logs to page.
+"""A worked study: three materials, eight volunteers, two sites, three speeds, from the logs to the page.
 
 Draws the study, fits every group of logs, compares the materials and prints what was found beside what is true.
 The folder holds the manifest, every fit and the pages: open report.html in it.
@@ -19,20 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
-from experiments.study_drawn import (
-    COMMON,
-    CROSSED,
-    MATERIALS,
-    NAMES,
-    PEOPLE,
-    RIG,
-    SITES,
-    SPEEDS,
-    Visit,
-    labels,
-    visits,
-    write_logs,
-)
+from experiments.study_drawn import CROSSED, MATERIALS, NAMES, PEOPLE, RIG, SITES, SPEEDS, Visit, visits, write_logs
 from identify.comparing.compare import compare
 from identify.comparing.fits import read_fits
 from identify.comparing.labels import Question
@@ -46,20 +33,26 @@ from identify.scene import Scene
 
 def fit_visit(visit: Visit, logs: Path, out: Path) -> list[object]:
     """Fit the logs of one visit together and write its report; returns its row of the index."""
-    told = labels(visit)
+    labels = {
+        "material": visit.material,
+        "volunteer": visit.volunteer,
+        "site": visit.site,
+        "order": str(visit.order),
+        "hydration": str(visit.hydration),
+    }
     document = {
         "name": visit.name,
         "effects": list(MAIN),
         "rig": dict(RIG),
         "logs": [
-            {"path": f"{visit.name}_{k + 1}.csv", "drive_speed": speed, "labels": told}
+            {"path": f"{visit.name}_{k + 1}.csv", "drive_speed": speed, "labels": labels}
             for k, (speed, _, _) in enumerate(SPEEDS)
         ],
     }
     began = time.perf_counter()
     earlier = read_fits([out / visit.name]) if (out / visit.name / "result.json").is_file() else ()
     if earlier:
-        return [visit.name, earlier[0].status, earlier[0].message, f"{visit.name}/result.json", *told.values(), 0.0]
+        return [visit.name, earlier[0].status, earlier[0].message, f"{visit.name}/result.json", *labels.values(), 0.0]
     try:
         found = fit(Scene.from_document(document, logs))
         write_report(found, out / visit.name)
@@ -67,7 +60,7 @@ def fit_visit(visit: Visit, logs: Path, out: Path) -> list[object]:
     except IdentifyError as error:
         status, message, path = "failed", str(error), ""
     seconds = round(time.perf_counter() - began, 2)
-    return [visit.name, status, message, path, *told.values(), seconds]
+    return [visit.name, status, message, path, *labels.values(), seconds]
 
 
 def fitted(folder: Path, drawn: list[Visit]) -> None:
@@ -99,8 +92,7 @@ def told(folder: Path, volunteers: int) -> None:
             true = MATERIALS[mean.group][k] * (site if k < 3 else 1.0)
             shown = entry.quantity.shown
             ends = "open" if mean.interval is None else "{:.4g} to {:.4g}".format(*map(shown, mean.interval))
-            shared = np.hypot(COMMON["people"], COMMON["crossed"]) if k < 3 else 0.0
-            chance = np.linalg.norm([PEOPLE[k], CROSSED[k], shared]) / np.sqrt(volunteers)
+            chance = np.hypot(PEOPLE[k], CROSSED[k]) / np.sqrt(volunteers)
             off = abs(np.log(shown(mean.value) / true)) / chance
             print(f"{name:12s}{mean.group:10s}{true:10.4g}{shown(mean.value):10.4g}   {ends:24s}{off:4.1f} sd")
         for d in entry.pooled.differences:

@@ -28,14 +28,10 @@ MATERIALS = {  # means of an average person at the forearm
     "silicone": (0.82, 0.55, -0.15, 240.0, 52e-6, 0.90),
 }
 SITES = {"forearm": 1.0, "palm": 1.12}  # factors on all coefficients
-# Standard deviations of logarithms: between people, of a person on a material, between runs; and what is common to
-# all three coefficients, because a person with moist skin has more friction at rest and in motion.
-PEOPLE = (0.03, 0.03, 0.06, 0.20, 0.15, 0.15)
-CROSSED = (0.015, 0.015, 0.03, 0.08, 0.06, 0.06)
-RUNS = (0.008, 0.008, 0.02, 0.06, 0.05, 0.05)
-COMMON = {"people": 0.08, "crossed": 0.03, "runs": 0.012}
-REPEATING = 4  # volunteers that come to the forearm twice
-SHEET = {"apparatus": "reciprocating tribometer (simulated)", "temperature": "22 °C", "humidity": "45 %"}
+# Standard deviations of logarithms: between people, of a person on a material, between runs.
+PEOPLE = (0.08, 0.08, 0.12, 0.20, 0.15, 0.15)
+CROSSED = (0.03, 0.03, 0.05, 0.08, 0.06, 0.06)
+RUNS = (0.015, 0.015, 0.04, 0.06, 0.05, 0.05)
 HYDRATION = 0.004  # of the logarithm of all coefficients, per unit of hydration
 DRYING = -0.01  # the same, per trial
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
@@ -52,7 +48,6 @@ class Visit:
     volunteer: str
     material: str
     site: str
-    run: int
     order: int
     hydration: float
     truth: dict[str, float]
@@ -60,37 +55,29 @@ class Visit:
     @property
     def name(self) -> str:
         """Name of the group."""
-        return f"{self.volunteer}_{self.material}_{self.site}" + (f"_{self.run}" if self.run > 1 else "")
+        return f"{self.volunteer}_{self.material}_{self.site}"
 
 
 def visits(volunteers: int, seed: int = 7) -> list[Visit]:
-    """All visits of so many volunteers: every material at every site in random order, some of them twice."""
+    """All visits of so many volunteers, each with every material at every site, in random order."""
     random = np.random.default_rng(seed)
     found = []
     for v in range(volunteers):
-        person, moist = _scatter(random, PEOPLE, "people"), random.normal(40.0, 6.0)
-        crossed = {material: _scatter(random, CROSSED, "crossed") for material in MATERIALS}
-        twice = [(m, "forearm", 2) for m in MATERIALS if v < REPEATING]
-        plan = [(m, s, 1) for m in MATERIALS for s in SITES] + twice
-        order = random.permutation(len(plan)) + 1
-        for k, (material, site, number) in enumerate(plan):
+        person, moist = random.standard_normal(6) * PEOPLE, random.normal(40.0, 6.0)
+        order = random.permutation(len(MATERIALS) * len(SITES)) + 1
+        crossed = {material: random.standard_normal(6) * CROSSED for material in MATERIALS}
+        for k, (material, site) in enumerate((m, s) for m in MATERIALS for s in SITES):
             hydration = float(np.round(moist + random.normal(0.0, 2.0), 1))
-            shift = person + crossed[material] + _scatter(random, RUNS, "runs")
-            shift[:3] += np.log(SITES[site]) + HYDRATION * (hydration - 40.0) + DRYING * (order[k] - np.mean(order))
+            shift = person + crossed[material] + random.standard_normal(6) * RUNS
+            common = np.log(SITES[site]) + HYDRATION * (hydration - 40.0) + DRYING * (order[k] - 3.5)
+            shift[:3] += common
             who = f"V{v + 1:02d}"
             if (who, material, site) == OUTLIER:
                 shift[:3] += 0.35
             values = _bounded(np.array(MATERIALS[material]) * np.exp(shift))
             truth = dict(zip(NAMES, values.tolist(), strict=True))
-            found.append(Visit(who, material, site, number, int(order[k]), hydration, truth))
+            found.append(Visit(who, material, site, int(order[k]), hydration, truth))
     return found
-
-
-def _scatter(random: np.random.Generator, sd: tuple[float, ...], source: str) -> Array:
-    """One draw of the six logarithms; the coefficients share a part."""
-    drawn = random.standard_normal(6) * sd
-    drawn[:3] += COMMON[source] * random.standard_normal()
-    return np.asarray(drawn)
 
 
 def _bounded(values: Array) -> Array:
@@ -99,17 +86,6 @@ def _bounded(values: Array) -> Array:
     out[1] = min(out[1], 0.9 * out[0])
     out[2] = max(out[2], -0.6 * out[1])
     return out
-
-
-def labels(visit: Visit) -> dict[str, str]:
-    """The labels of a visit."""
-    return {
-        "material": visit.material,
-        "volunteer": visit.volunteer,
-        "site": visit.site,
-        "order": str(visit.order),
-        "hydration": str(visit.hydration),
-    } | SHEET
 
 
 def write_logs(folder: Path, drawn: list[Visit], seed: int = 11) -> Path:
@@ -126,16 +102,17 @@ def write_logs(folder: Path, drawn: list[Visit], seed: int = 11) -> Path:
             except IdentifyError as error:
                 raise SystemExit(f"{visit.name}: {error}") from None
             force = force + NOISE * random.standard_normal(times.size)
-            if (visit.volunteer, visit.material, visit.site, visit.run) == (*SPOILT, 1):
+            if (visit.volunteer, visit.material, visit.site) == SPOILT:
                 force = LOAD * 0.5 + 0.02 * random.standard_normal(times.size)  # the sensor came loose
             with atomic_write(path) as handle:
                 handle.write("time [s],normal force [N],friction force [N]\n")
                 for t, f in zip(times, force, strict=True):
                     handle.write(f"{t:.6f},{LOAD:.4f},{f:.6f}\n")
-            rows.append([path.name, visit.name, f"{1000 * speed:g} mm/s", *labels(visit).values()])
+            labels = (visit.material, visit.volunteer, visit.site, visit.order, visit.hydration)
+            rows.append([path.name, visit.name, f"{1000 * speed:g} mm/s", *labels])
     manifest = folder / "manifest.csv"
     with manifest.open("w", newline="", encoding="utf-8") as handle:
         writer = csv.writer(handle)
-        writer.writerow(["path", "group", "drive_speed", *labels(drawn[0])])
+        writer.writerow(["path", "group", "drive_speed", "material", "volunteer", "site", "order", "hydration"])
         writer.writerows(rows)
     return manifest
