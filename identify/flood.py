@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Node = tuple[int, int]  # row, column
 
 SEEDS = 8  # along each axis: nodes from which a motion is started from a rested contact
+HALVINGS = 5  # of an edge
 HOVERS = 30  # cycles after which a motion near an unstable orbit is given up
 
 
@@ -45,7 +46,7 @@ class Flood:
 
     def __init__(self, plane: Plane, map_: CycleMap, growth: Array) -> None:
         self._plane, self._growth, self._origin = plane, growth, map_
-        self.sea = Sea()
+        self.sea, self._n_w = Sea(), plane.settings.shape[-1]
 
     def run(self) -> Sea:
         """Orbits at every node that has one: from a coarse grid of starts, and from wherever sliding does not last."""
@@ -55,7 +56,39 @@ class Flood:
                 self._seed((j, i))
         for j, i in np.argwhere(self._growth >= 0.0).tolist():
             self._seed((j, i))
+        self._close_in()
         return self.sea
+
+    def _close_in(self) -> None:
+        """Halve the edges over which stick-slip ends in no fold, as where its jumps fade away."""
+        sticks = np.zeros(self._plane.shape, dtype=bool)
+        for node in self.sea.orbits:
+            sticks[node] = True
+        for edge in self._plane.edges(sticks):
+            ends = (edge[1], edge[2]), (edge[1], edge[2] + 1) if edge[0] == "x" else (edge[1] + 1, edge[2])
+            if edge not in self.sea.ends and not any(self._given_up(node) for node in ends):
+                inside = ends[0] if sticks[ends[0]] else ends[1]
+                self.sea.ends[edge] = End(self._halved(edge, inside, inside == ends[0]), np.full(self._n_w, np.nan))
+
+    def _halved(self, edge: Edge, inside: Node, first: bool) -> float:
+        """The coordinate on an edge at which the motion from the orbit of one of its nodes no longer sticks."""
+        course, begin, finish = self._plane.way(edge)
+        sticks, slides = (begin, finish) if first else (finish, begin)
+        orbit, scale = self.sea.orbits[inside], self.sea.maps[inside].scale
+        for _ in range(HALVINGS):
+            middle = 0.5 * (sticks + slides)
+            w = course.setting(middle)
+            map_ = self._origin.at(w)
+            speed = float(w[-1])
+            try:
+                found = settle(map_, speed, expected(orbit, scale, map_, w), patience=patience(map_, speed)).orbit
+            except SimulationError:
+                found = None
+            if found is None:
+                slides = middle
+            else:
+                sticks, orbit, scale = middle, found, map_.scale
+        return 0.5 * (sticks + slides)
 
     def _seed(self, node: Node) -> None:
         if not self._plane.admitted[node] or node in self.sea.orbits or self._given_up(node):

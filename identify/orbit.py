@@ -13,6 +13,7 @@ from identify.model import ELONGATION
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-7  # of the closure of a cycle, in units of normal force / stiffness
+RESOLVED = 1e-2  # share of the jump to which a cycle has to close: jumps that fade away look closed before they are
 FARTHEST = 0.3  # of one step towards closure, in the same units
 MAX_STEPS = 12
 SETTLING = 40  # plain cycles before a motion that has not settled is called irregular
@@ -53,6 +54,11 @@ class Orbit:
         return bool(np.abs(self.multipliers[0]) < 1.0)
 
     @property
+    def jump(self) -> float:
+        """How far the spring relaxes in a slip [m]."""
+        return float(abs(self.cycle.onset[ELONGATION] - self.cycle.end[ELONGATION]))
+
+    @property
     def y(self) -> Array:
         """Rest state at the arrest, shape (n_y,)."""
         return rest_state(self.cycle.start)
@@ -84,7 +90,7 @@ def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLI
             y = y - step * map_.scale
             continue
         orbit = orbit_of(map_, cycle)
-        if orbit.closure < TOLERANCE:
+        if orbit.closure < min(TOLERANCE, RESOLVED * orbit.jump / map_.scale[ELONGATION]):
             return orbit if np.all(np.isfinite(orbit.jacobian)) else None
         residual = (rest_state(cycle.end) - y) / map_.scale
         move = np.linalg.lstsq(np.eye(y.size) - orbit.jacobian, residual, rcond=None)[0]

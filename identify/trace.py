@@ -21,6 +21,7 @@ from identify.orbit import Orbit, orbit_of
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-5  # of the equations, scaled
+LEAST = 100.0 * TOLERANCE  # jumps smaller than this, in units of normal force / stiffness, are not told from none
 SHRINKING = 0.7  # by which a correction has to shrink the residual
 CORRECTIONS = 6
 POINTS = 60
@@ -150,7 +151,8 @@ def trace(map_: CycleMap, start: Orbit, course: Course, place: float, last: floa
     orbits, places = [start], [place]
     walk = _Walk(map_, course)
     first = walk.start(start, place)
-    here = None if start.cycle.glide.turns else _solve(walk, first, np.eye(first.size)[-1])
+    small = start.jump < LEAST * walk.scale(start.cycle.setting)[0][ELONGATION]
+    here = None if start.cycle.glide.turns or small else _solve(walk, first, np.eye(first.size)[-1])
     length, bend = min(LENGTH, 2.0 * (last - place)), np.zeros(first.size)
     for _ in range(POINTS):
         if here is None or length < SHORTEST:
@@ -166,6 +168,8 @@ def trace(map_: CycleMap, start: Orbit, course: Course, place: float, last: floa
         if orbit is None:
             length *= 0.4
             continue
+        if orbit.jump < LEAST * walk.scale(orbit.cycle.setting)[0][ELONGATION]:
+            return Trace(tuple(orbits), tuple(places), None, lost=True)
         orbits, places = [*orbits, orbit], [*places, float(new.z[-1])]
         if places[-1] >= last:
             return Trace(tuple(orbits), tuple(places), None, lost=False)

@@ -290,3 +290,15 @@ def _zeros(closed):
 def _with_pressure():
     model = assemble((*ALL, "pressure_dependence"))
     return model, {p.name: DEMO.get(p.name, p.default) for p in model.parameters}, 5e-3, 1.0
+
+
+def test_jumps_that_fade_away_end_where_sliding_becomes_stable():
+    """Slow drive: no fold; the jumps get smaller than any resolution just before the boundary of eq. 25."""
+    site = Site(SITE.model, DEMO, 1e-4 / 60, 1.0)
+    answer = continuation(site, "D", (1e-4, 3e-4), 6)
+    (end,), (loss,) = answer.ends, answer.losses
+    assert end.below and end.value == pytest.approx(loss.value, rel=2e-3)
+    assert np.nanmin(answer.figures["drop"]) < 1e-3
+    for share, sticks in ((0.98, True), (1.02, False)):
+        pair = brute_force.Pair.of({**DEMO, "D": share * end.value})
+        assert (brute_force.settled(pair, site.drive_speed) is not None) is sticks

@@ -17,6 +17,7 @@ from identify.cli.common import Answer, CommandLineError, Terminal, file_to_writ
 from identify.cli.summary import wrapped
 from identify.continuation import Change, Continuation, continuation
 from identify.outlook_words import said
+from identify.plane import around
 from identify.scene.tables import nearest
 from identify.spread import Interval, Spread
 
@@ -46,7 +47,7 @@ def map_answer(
     names = tuple(_named(name, site) for name in arguments.map)
     if len(names) > 2:
         raise CommandLineError(f"--map names {len(names)} quantities; expected one or two: leave some out")
-    ranges = _ranges(arguments.range, names, site)
+    ranges = _ranges(arguments.range, names, points)
     known = None if point.covariance is None else Known.of(point.names, point.covariance)
     if len(names) == 1:
         return _line(terminal, part, site, names[0], ranges[0], arguments.points or LINE, known, plot, data)
@@ -75,9 +76,10 @@ def _named(name: str, site: Site) -> str:
     return name
 
 
-def _ranges(items: Sequence[str], names: Sequence[str], site: Site) -> list[Range]:
-    """ "stiffness=500 N/m:5 kN/m" as SI pairs, in the order of the names."""
-    found: dict[str, Range] = dict.fromkeys(names)
+def _ranges(items: Sequence[str], names: Sequence[str], points: Sequence[Point]) -> list[Range]:
+    """ "stiffness=500 N/m:5 kN/m" as SI pairs, in the order of the names; else around every operating point."""
+    site = points[0].site
+    found = {name: _around(name, points) for name in names}
     for item in items:
         name, equals, text = item.partition("=")
         low, colon, high = text.partition(":")
@@ -91,6 +93,11 @@ def _ranges(items: Sequence[str], names: Sequence[str], site: Site) -> list[Rang
         unit = axis(site, name).unit
         found[name] = quantity(low, unit, f"--range {name}"), quantity(high, unit, f"--range {name}")
     return [found[name] for name in names]
+
+
+def _around(name: str, points: Sequence[Point]) -> Range:
+    spans = [around(axis(p.site, name)) for p in points]
+    return min(low for low, _ in spans), max(high for _, high in spans)
 
 
 def chart_text(made: Chart) -> str:

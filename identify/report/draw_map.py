@@ -159,7 +159,13 @@ def _points(axes: Axes, chart: Chart, view: View, marks: Marks) -> list[Any]:
     if ring is not None:
         axes.plot(*view.shown(ring).T, color="k", lw=0.9, zorder=5)
         legend.append(Line2D([], [], color="k", lw=0.9, label="its 95 % region"))
-    others = [p for p in dict.fromkeys(marks.points) if not np.allclose(p, (x.value, y.value), rtol=1e-9)]
+    spans = chart.plane.x_values[[0, -1]], chart.plane.y_values[[0, -1]]
+    others = [
+        p
+        for p in dict.fromkeys(marks.points)
+        if not np.allclose(p, (x.value, y.value), rtol=1e-9)
+        and all(low <= v <= high for v, (low, high) in zip(p, spans, strict=True))
+    ]
     if others:
         shown = np.array(others) / [s.factor for s in view.scales]
         axes.plot(*shown.T, ls="", marker="o", ms=4, mfc="w", mec="k", mew=0.8, zorder=5)
