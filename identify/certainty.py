@@ -17,12 +17,13 @@ from identify.discretisation import discretisation_error
 from identify.hints import hints
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
-from identify.profile import Profiles, profile
+from identify.profile import CRITICAL, Profiles, profile
 from identify.search import Attempt, resolve
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
+from identify.widened import widened
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
@@ -97,6 +98,9 @@ def certainty(
         if reached is not None:
             joint = joint + _excess(attempt, reached, colours)
             covariance = joint[: len(white), : len(white)]
+        if walked is not None:
+            covariance = widened(covariance, walked.likely, CRITICAL)
+            joint[: len(white), : len(white)] = covariance
         ends = _intervals(walked)
         found = estimates(unknowns, solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=ends)
         asks = asked.profile or bool(bounds) or doubtful(unknowns, covariance, found)

@@ -55,13 +55,15 @@ class Curve:
 
 @dataclass(frozen=True)
 class Profiles:
-    """Interval ends and curves per parameter name, theta of a better optimum where one was met, and the
-    likelihood-ratio statistic by which it is better."""
+    """Interval ends and curves per parameter name, theta of a better optimum where one was met, the
+    likelihood-ratio statistic by which it is better, and the points met that the data do not object to, from the answer
+    (m, f)."""
 
     ends: dict[str, tuple[Side, Side]]
     better: Array | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
     gain: float = 0.0
+    likely: Array = field(default_factory=lambda: np.empty((0, 0)))
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,10 @@ def profile(
             _stretched(walks[i, 1.0].side, max(inside), max),
         )
         curves[unknowns.names[i]] = _curve(line, i)
-    return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)))
+    searched = np.flatnonzero(unknowns.free)
+    likely = [point.theta[searched] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL]
+    away = np.array(likely).reshape(-1, searched.size) - line.best.theta[searched]
+    return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)), away)
 
 
 def _curve(line: ProfileLine, index: int) -> Curve:

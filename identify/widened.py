@@ -1,0 +1,37 @@
+"""A covariance that holds what a curved likelihood allows: widened until every likely point lies within it.
+
+Where the likelihood is no paraboloid, the covariance of its curvature at the answer leaves out points that the data
+find as likely. Profiles walk to such points; the covariance is widened along the way to each, and no further.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ENOUGH = 1.5  # times the limit that a point's squared distance may have
+ROUNDS = 200
+
+
+def widened(covariance: Array, away: Array, limit: float) -> Array:
+    """The covariance (f, f) widened until no squared distance exceeds ENOUGH times the limit.
+
+    Args:
+        away: (m, f) likely points, from the answer; limit: squared distance at which such points should lie.
+    """
+    out = np.array(covariance, float)
+    if away.size == 0 or not np.all(np.isfinite(out)):
+        return out
+    for _ in range(ROUNDS):
+        try:
+            distances = np.sum(away * np.linalg.solve(out, away.T).T, axis=1)
+        except np.linalg.LinAlgError:
+            return out
+        far = int(np.argmax(distances))
+        if not distances[far] > ENOUGH * limit:
+            return out
+        # Rank one: the point itself then lies at the limit exactly, and nothing comes nearer than it was.
+        out = out + (1.0 / limit - 1.0 / distances[far]) * np.outer(away[far], away[far])
+    return out
