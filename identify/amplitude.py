@@ -87,7 +87,8 @@ def log_amplitude(alpha: ArrayLike, overshoot: ArrayLike) -> Any:
     a, A = _pair(alpha, overshoot)
     with np.errstate(all="ignore"):
         tau, _, energy, _ = _maximum(a, A)
-        return _shaped(0.5 * np.log(energy) - a * tau, alpha, overshoot)
+        above = A * (2 * a + A)  # of the energy over 1
+        return _shaped(0.5 * np.where(np.abs(above) < 0.5, np.log1p(above), np.log(energy)) - a * tau, alpha, overshoot)
 
 
 def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:

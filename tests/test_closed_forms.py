@@ -39,6 +39,7 @@ def test_slip_maximum(row: dict[str, Any]) -> None:
     time, height = amplitude.slip_maximum(row["alpha"], row["A"])
     agree(time, row["tau_max"])
     agree(height, row["amplitude"])
+    agree(amplitude.log_amplitude(row["alpha"], row["A"]), row["ln_amplitude"])
 
 
 SLIP_COLUMNS = {
