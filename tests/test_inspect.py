@@ -149,3 +149,13 @@ def test_the_gate_of_the_report_and_that_of_inspect_are_one():
     assert document["figures"]["force_after_stop"]["value"] == pytest.approx(0.33, abs=1e-3)
     assert document["figures"]["missing_rows"]["value"] == 20 and document["figures"]["spikes"]["value"] == 3
     assert document["figures"]["stick_slope_error"]["value"] == pytest.approx(0.2 / 0.36 / 0.5 - 1, abs=0.02)
+
+
+def test_a_long_log_shows_its_progress_and_a_short_one_does_not(tmp_path, capsys, monkeypatch):
+    record, _ = log_with_everything()
+    write_hdf5(record, tmp_path / "a.h5")
+    assert cli.main(["inspect", str(tmp_path / "a.h5")]) == 0
+    assert "reading" not in capsys.readouterr().err
+    monkeypatch.setattr("identify.cli.common.LONG", 1000)
+    assert cli.main(["inspect", str(tmp_path / "a.h5")]) == 0
+    assert "reading a.h5" in capsys.readouterr().err

@@ -44,6 +44,7 @@ class Terminal:
         print(text, file=self.notes, flush=True)
 
 
+LONG = 30_000_000  # bytes of a log from which on reading shows its progress
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -142,15 +143,28 @@ def log_options(arguments: Namespace) -> dict[str, Any]:
     }
 
 
-def read(path: str, arguments: Namespace) -> Record:
-    """Read one log with the options of the command line.
+def read(path: str, arguments: Namespace, terminal: Terminal | None = None) -> Record:
+    """Read one log with the options of the command line; a long one shows its progress on the terminal.
 
     Raises:
         LogError, CommandLineError: one sentence each.
     """
     from data_io import read_log
 
-    return read_log(path, **log_options(arguments), **part_options(arguments))
+    options = {**log_options(arguments), **part_options(arguments)}
+    if terminal is None or _size(path) < LONG:
+        return read_log(path, **options)
+    from identify.cli.progress import Progress
+
+    with Progress(terminal.notes) as progress:
+        return read_log(path, **options, progress=lambda share: progress(f"reading {Path(path).name}", share))
+
+
+def _size(path: str) -> int:
+    try:
+        return Path(path).stat().st_size
+    except OSError:
+        return 0  # reading it says why
 
 
 def quantity(text: str, unit: str, option: str) -> float:

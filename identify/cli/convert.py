@@ -90,7 +90,7 @@ class _Work:
 
     def read(self, path: str) -> Record:
         """One log, anonymous if that was asked for."""
-        record = read(path, self.arguments)
+        record = read(path, self.arguments, self.terminal)
         if not self.arguments.anonymise:
             return record
         from data_io.anonymise import anonymous

@@ -59,7 +59,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     listed = [item for path in arguments.logs for item in _logs_in(path, arguments)]
     for path, options in listed:
         try:
-            seen.append(inspection(path, read(options.path, options), rig, thresholds))
+            seen.append(inspection(path, read(options.path, options, terminal), rig, thresholds))
         except LogError as error:
             if len(listed) == 1:
                 raise
