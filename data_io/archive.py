@@ -18,7 +18,6 @@ import numpy as np
 from data_io.account_of import about_of
 from data_io.atomic import atomic_path
 from data_io.errors import LogError
-from data_io.frozen import FloatArray
 from data_io.record import Record
 
 FORMAT: Final = "stickslip-log"
@@ -166,9 +165,11 @@ def _link(name: str) -> str:
     return name.replace("/", "|") if name != "." else "(.)"
 
 
-def _feed(digest: Any, name: str, unit: str, values: FloatArray) -> None:
+def _feed(digest: Any, name: str, unit: str, values: Any) -> None:
+    """Take in a column, an array or a dataset, block by block."""
     digest.update(f"{name}\0{unit}\0{values.size}\0".encode("utf-8", errors="surrogatepass"))
-    digest.update(np.ascontiguousarray(values, dtype="<f8"))
+    for begin in range(0, values.size, _BLOCK):
+        digest.update(np.ascontiguousarray(values[begin : begin + _BLOCK], dtype="<f8"))
 
 
 def _runs(file: Any) -> dict[str, tuple[str, Any]]:
@@ -189,7 +190,7 @@ def _content_of(group: Any) -> str:
             if isinstance(inner, h5py.Group):
                 take(inner)
             elif name not in (ABOUT, INDEX):
-                _feed(digest, inner.attrs.get("name", name), inner.attrs.get("units", ""), inner[()])
+                _feed(digest, inner.attrs.get("name", name), inner.attrs.get("units", ""), inner)
 
     take(group)
     return digest.hexdigest()
