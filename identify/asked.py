@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from identify.accuracy import DEFAULT, Accuracy
+from identify.accuracy import DEFAULT, Accuracy, accuracy_of
+from identify.errors import FitError
 
 
 @dataclass(frozen=True)
@@ -17,6 +20,24 @@ class Asked:
     bootstrap: int = 0
     accuracy_table: bool = False
     effects_table: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """What of it decides the numbers of the result, for provenance."""
+        return {"accuracy": self.accuracy.name, "profile": self.profile}
+
+    @staticmethod
+    def again(document: Any) -> Asked:
+        """What a stored result asked for; the default where it says nothing that can be read.
+
+        Args:
+            document: "asked" of its provenance, or whatever stands there.
+        """
+        told = document if isinstance(document, Mapping) else {}
+        try:
+            accuracy = accuracy_of(str(told.get("accuracy", DEFAULT.name)))
+        except FitError:
+            accuracy = DEFAULT
+        return Asked(accuracy=accuracy, profile=told.get("profile") is True)
 
 
 NOTHING_MORE = Asked()

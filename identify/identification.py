@@ -79,6 +79,7 @@ def fit(
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
+    result["provenance"]["asked"] = asked.document()
     return Fit(result, curves)
 
 

@@ -34,6 +34,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     path = Path(arguments.result)
     stored = read_result(path)
 
+    from identify.asked import Asked
     from identify.cli.progress import Progress
     from identify.identification import fit
 
@@ -44,9 +45,14 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         replace(entry, path=unchanged(entry.path, log["sha256"], moved))
         for entry, log in zip(scene.logs, stored["logs"], strict=True)
     ]
-    seed = stored["provenance"].get("seed")
+    seed, asked = stored["provenance"].get("seed"), Asked.again(stored["provenance"].get("asked"))
     with Progress(terminal.notes) as progress:
-        found = fit(replace(scene, logs=tuple(logs)), progress=progress, seed=seed if isinstance(seed, int) else 0)
+        found = fit(
+            replace(scene, logs=tuple(logs)),
+            progress=progress,
+            seed=seed if isinstance(seed, int) else 0,
+            asked=asked,
+        )
     again = found.result
     for words in other_versions(stored["provenance"], again["provenance"]):
         terminal.note(words)

@@ -133,8 +133,8 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
     return ParameterView(
         symbol=symbol,
         subscript=subscript,
-        name=name,
-        meaning=str(entry.get("meaning") or MEANINGS.get(name, "")),
+        name=_named(name, entry),
+        meaning=str(entry.get("meaning") or MEANINGS.get(str(entry.get("parameter") or name), "")),
         value=DASH if shown is None else decimals(shown, places),
         error="" if shown_error is None else decimals(shown_error, places),
         unit=scale.unit,
@@ -145,6 +145,12 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
         verdict_mark=VERDICT_MARK.get(verdict, ""),
         reason=str(entry.get("reason") or ""),
     )
+
+
+def _named(name: str, entry: Mapping[str, Any]) -> str:
+    """The name of a parameter, with its group where it differs from group to group."""
+    group = entry.get("group")
+    return name if not group or name.endswith(f"({group})") else f"{name} ({group})"
 
 
 def _interval(interval: Any, factor: float, places: int) -> str:
