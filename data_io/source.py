@@ -70,7 +70,6 @@ class Source:
 
     def open(self) -> IO[bytes]:
         """Open the unpacked bytes for reading, from the start. A file that is not packed can be sought."""
-        assert self.hashing is not None  # begins beside the reading
         if self.held is not None:
             return io.BytesIO(self.held)
         return unpacked(split_member(self.path)[0], self.packing)

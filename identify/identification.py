@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import LogError, Record, read_log
+from data_io.motion import check_drive
 from identify.asked import NOTHING_MORE, Asked
 from identify.certainty import certainty
 from identify.choice import Choice
@@ -147,11 +148,14 @@ def _read(scene: Scene, index: int) -> Record:
         return read_log(entry.path, step=entry.step, units=units, columns=columns, normal_force=load, run=entry.run)
 
     try:
-        return read(entry.normal_force)
+        record = read(entry.normal_force)
     except LogError:
         if entry.normal_force is not None or scene.rig.normal_force is None:
             raise
-        return read(scene.rig.normal_force)
+        record = read(scene.rig.normal_force)
+    stated = scene.rig.drive_speed if entry.drive_speed is None else entry.drive_speed
+    doubts = [] if stated is None else check_drive(record, stated)
+    return replace(record, findings=(*record.findings, *doubts)) if doubts else record
 
 
 def _findings(
