@@ -80,13 +80,13 @@ def test_a_cluster_gives_the_results_of_one_machine_also_where_a_worker_is_kille
                 killed.append(os.kill(processes[1].pid, signal.SIGKILL))
 
         teller.ended = ended
-        summary = run_batch(plan(*case), out, workers, resume=False, limit=2.0, teller=teller, scheduler=address)
-        more = run_batch(plan(*case), out, joined(address, out, 1), resume=True, limit=2.0, teller=Silent())
+        summary = run_batch(plan(*case), out, workers, resume=False, limit=4.0, teller=teller, scheduler=address)
+        more = run_batch(plan(*case), out, joined(address, out, 1), resume=True, limit=4.0, teller=Silent())
         assert more.kept == len(GROUPS) and more.ended["crash"].message == summary.ended["crash"].message, "once more"
     assert killed and len(teller.heard) == 9
     ends = {group: end.status for group, end in summary.ended.items()}
     assert ends == {**dict.fromkeys(GROUPS, "converged"), "crash": "crashed", "hang": "timed_out"}
-    run_batch(plan(*case), tmp_path / "local", LocalWorkers(1, STUB), resume=False, limit=2.0, teller=Silent())
+    run_batch(plan(*case), tmp_path / "local", LocalWorkers(1, STUB), resume=False, limit=4.0, teller=Silent())
     assert results(out) == results(tmp_path / "local") and len(results(out)) == len(GROUPS)
     assert all(complete(out / group) for group in GROUPS)
     assert [item.name for item in out.iterdir() if item.name.startswith(".")] == [".lock"]
