@@ -2,6 +2,7 @@
 
 import codecs
 import io
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from typing import IO, Final
@@ -17,7 +18,7 @@ FIRST: Final = 1 << 18
 BLOCK: Final = 1 << 23
 """Bytes of a segment where words stand in every row, so that pandas is not called too often."""
 RUN: Final = 1 << 26
-"""Bytes of the longest run of numbers; they are kept until it is known that pandas could read them."""
+"""Bytes of the longest run of numbers in a packed file, which must be unpacked again where a row is not sound."""
 LONGEST_LINE: Final = 1 << 20
 LARGEST: Final = 1 << 26
 """Bytes after which a segment ends even where words stand near its end."""
@@ -55,8 +56,34 @@ class Lines:
         self._expected = source.size * (1 if source.packing is None else 10)
         self._pending, self._zeros, self._done = b"", 0, 0
         self._ended = False
+        self._reached = 0.0
+        self._careful_until = 0
         self.line = 1
         self.size = FIRST
+
+    @property
+    def may_run(self) -> bool:
+        """Whether the next lines may be read as a run of numbers: not where that failed before, nor in UTF-16."""
+        return self._decoder is None and not self._zeros and self._here() >= self._careful_until
+
+    def go_back(self, run: "Run") -> None:
+        """Return to where a run began, whose rows are not sound; its lines are to be walked."""
+        self._careful_until = self._here()
+        if self._source.packing is None:
+            self._handle.seek(run.start)
+        else:
+            self._handle.close()
+            self._handle = self._source.open()
+            for first in range(0, run.start, BLOCK):
+                self._handle.read(min(BLOCK, run.start - first))
+        self._pending, self._zeros, self._done, self._ended = b"", 0, run.start, False
+
+    def close(self) -> None:
+        """Close the file."""
+        self._handle.close()
+
+    def _here(self) -> int:
+        return self._done - len(self._pending)
 
     @property
     def at_end(self) -> bool:
@@ -116,7 +143,8 @@ class Lines:
         """Return about `size` bytes more, as UTF-8 or what is near it; zero bytes at the end of the log stay away."""
         raw = self._handle.read(size)
         self._done += len(raw)
-        self._request.progress(min(self._done / max(self._expected, 1), 1.0))
+        self._reached = max(self._reached, min(self._done / max(self._expected, 1), 1.0))
+        self._request.progress(self._reached)
         self._ended = len(raw) < size
         if self._decoder is not None:
             return self._decoder.decode(raw, self._ended).encode("utf-8", "replace")
@@ -133,12 +161,13 @@ class Lines:
 
 
 class Run(io.RawIOBase):
-    """Consecutive lines of numbers as a file that pandas reads; keeps them until they are known to be sound."""
+    """Consecutive lines of numbers as a file that pandas reads."""
 
     def __init__(self, lines: Lines, delimiter: str, count: bool) -> None:
         self._lines, self._delimiter = lines, delimiter.encode()[0] if count else None
-        self._taken: list[bytes] = []
+        self.start = lines._here()
         self._size = 0
+        self._most = RUN if lines._source.packing is not None else sys.maxsize
         self._next = [piece for piece in lines.take_clean(FIRST) if piece]
         self.empty = not self._next
         self.delimiters = 0
@@ -153,24 +182,19 @@ class Run(io.RawIOBase):
         if not self._next:
             return b""
         block = self._next.pop(0)
-        self._taken.append(block)
         self._size += len(block)
         if self._delimiter is not None:
             self.delimiters += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == self._delimiter))
         self.commas = self.commas or b"," in block
-        if not self._next and self._size <= RUN:
+        if not self._next and self._size <= self._most:
             self._next = [piece for piece in self._lines.take_clean(FIRST) if piece]
         return block
 
-    def segment(self) -> Segment:
-        """Return the lines read so far, to be walked instead."""
-        return Segment(b"".join(self._taken), self._lines.line, False)
-
-    def finish(self, rows: int | None = None) -> None:
-        """Count the lines read (as many as `rows`, blank ones aside), and give back those that nobody read."""
+    def finish(self, rows: int) -> None:
+        """Count the lines read, as many as `rows` (blank ones aside), and give back those that nobody read."""
         self._lines.give_back(b"".join(self._next))
         self._next = []
-        self._lines.line += sum(map(_count_lines, self._taken)) if rows is None else rows
+        self._lines.line += rows
 
 
 def _is_clean(raw: bytes) -> bool:

@@ -49,20 +49,19 @@ def _read_all(walk: Walk, lines: Lines) -> tuple[list[Table], tuple[str, ...]]:
 def _read_fast(walk: Walk, lines: Lines) -> bool:
     """Read the rows that follow as one run of numbers; False where words come first, or nothing tells their columns."""
     table = walk.table
-    if table is None or walk.carry:
+    if table is None or walk.carry or not lines.may_run:
         return False
     run = lines.run(table.head.delimiter, table.wanted is not None and table.head.delimiter != BLANKS)
     if run.empty:
-        run.finish()
+        run.finish(0)
         lines.size = BLOCK  # words in every row: fewer calls of pandas
         return False
     numbers = read_run(run, table.head, table.decimal, table.wanted)
-    if numbers is not None:
-        run.finish(numbers.rows)
-        table.add(numbers)
-    else:
-        segment = run.segment()
-        run.finish()
-        walk.take(segment)
+    if numbers is None:
+        lines.go_back(run)
+        lines.size = BLOCK
+        return False
+    run.finish(numbers.rows)
+    table.add(numbers)
     lines.size = FIRST
     return True
