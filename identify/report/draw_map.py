@@ -63,7 +63,10 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
     axes = figure.add_subplot()
     view = View(chart.plane.x, chart.plane.y)
     legend: list[Any] = regions(axes, chart, view)
-    legend += amplitudes(figure, axes, chart, view) if part == "amplitude" else drops(axes, chart, view)
+    if part == "amplitude":  # the drop covers the colours of what sticks
+        legend = amplitudes(figure, axes, chart, view)
+    else:
+        legend += drops(axes, chart, view)
     for boundary, colour, words in (
         (chart.sticking, STICKS, "end of stick-slip"),
         (chart.unstable, SLIDES, "sliding loses stability"),

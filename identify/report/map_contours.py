@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
@@ -21,13 +22,15 @@ from identify.report.quantity_text import Scale, number, scale_for
 Array = NDArray[np.float64]
 
 LEVELS = 6
+POWERS = 30.0  # ratio of values from which levels are even in powers
+SCRAP = 5  # points of a contour that is no more than a scrap
 WIDE = 20.0  # ratio of drops from which their colours are even in powers
 
 
 def _levels(values: Array) -> Array:
-    """Round levels within the values: 1, 2, 5 where they span more than a decade, else even ones."""
+    """Round levels within the values: 1, 2, 5 where they span more than POWERS, else even ones."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    if low > 0.0 and high > 10.0 * low:
+    if low > 0.0 and high > POWERS * low:
         decades = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
         wide = high > 1e4 * low
         steps = np.array([1.0]) if wide else np.array([1.0, 2.0, 5.0])
@@ -57,6 +60,7 @@ def _contours(axes: Axes, chart: Chart, view: View, name: str, colour: str, behi
         return None
     x, y = view.line(0, chart.plane.x_places), view.line(1, chart.plane.y_places)
     lines = axes.contour(x, y, values / scale.factor, levels=levels, linewidths=0.6, zorder=2, colors=colour)
+    lines.set_paths([_without_scraps(path) for path in lines.get_paths()])
     lines.set_clip_path(PathPatch(inside, transform=axes.transData))
     labels = axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline_spacing=2)
     for label in labels:
@@ -64,6 +68,17 @@ def _contours(axes: Axes, chart: Chart, view: View, name: str, colour: str, behi
         if not inside.contains_point(label.get_position()):
             label.remove()
     return scale
+
+
+def _without_scraps(path: Path) -> Path:
+    """A contour without its pieces within a few cells, as in the last row of nodes before stick-slip ends."""
+    points = np.asarray(path.vertices)
+    codes = np.full(len(points), Path.LINETO) if path.codes is None else np.asarray(path.codes)
+    starts = np.flatnonzero(codes == Path.MOVETO)
+    ends = [*starts[1:], len(points)]
+    kept = [np.arange(first, end) for first, end in zip(starts, ends, strict=True) if end - first > SCRAP]
+    rows = np.concatenate(kept) if kept else np.empty(0, dtype=int)
+    return Path(points[rows].reshape(-1, 2), codes[rows])
 
 
 def drops(axes: Axes, chart: Chart, view: View) -> list[Any]:
@@ -79,7 +94,7 @@ def amplitudes(figure: Figure, axes: Axes, chart: Chart, view: View) -> list[Any
         return []
     scale = scale_for(float(np.nanmedian(drop)), "N")
     x, y = view.line(0, chart.plane.x_places), view.line(1, chart.plane.y_places)
-    wide = float(np.nanmax(drop)) > WIDE * float(np.nanmin(drop)) > 0.0
+    wide = float(np.nanmax(drop)) > WIDE * float(np.nanquantile(drop, 0.05)) > 0.0
     mesh = axes.pcolormesh(
         x, y, _continued(drop) / scale.factor, shading="gouraud", cmap="cividis", norm="log" if wide else None, zorder=1
     )
