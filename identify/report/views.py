@@ -213,7 +213,7 @@ def _log(number_: int, log: Mapping[str, Any], converged: bool) -> LogView:
 
 def _correction(change: Mapping[str, Any]) -> str:
     error = finite(change.get("standard_error"))
-    spread = f" ± {quantity(error, str(change.get('unit') or ''), 2)}" if error else ""
+    spread = f" (standard error {quantity(error, str(change.get('unit') or ''), 2)})" if error else ""
     return f"{change.get('text', '')}{spread}"
 
 
