@@ -41,7 +41,8 @@ class Certainty:
     attempt: the answer, in a better optimum where a profile met one; information of all parameters; covariance (f, f)
     of theta with all that is allowed for, `white` (f, f) without the memory of the noise; colours: of the noise of
     each log; estimates; profiles, bootstrap, accuracy_table: None where not run; discretisation by name, in standard
-    errors; joint (f + o, f + o) covariance with the parameters of single groups, shares: these groups, of_groups: the
+    errors; memory (f,) by how much the memory of the noise (and the error of the drive speed) widens each variance;
+    joint (f + o, f + o) covariance with the parameters of single groups, shares: these groups, of_groups: the
     estimates beyond the first group's; combinations and directions: of the covariance.
     """
 
@@ -55,6 +56,7 @@ class Certainty:
     bootstrap: Bootstrap | None = None
     accuracy_table: list[AccuracyRow] | None = None
     discretisation: Mapping[str, float] = field(default_factory=dict)
+    memory: Array = field(default_factory=lambda: np.empty(0))
     joint: Array = field(default_factory=lambda: np.empty((0, 0)))
     shares: list[Share] = field(default_factory=list)
     of_groups: list[tuple[Share, Estimate]] = field(default_factory=list)
@@ -98,6 +100,7 @@ def certainty(
         if reached is not None:
             joint = joint + _excess(attempt, reached, colours)
             covariance = joint[: len(white), : len(white)]
+        memory = np.diag(covariance) / np.diag(white)
         if walked is not None:
             covariance = widened(covariance, walked.likely, CRITICAL)
             joint[: len(white), : len(white)] = covariance
@@ -106,7 +109,6 @@ def certainty(
         asks = asked.profile or bool(bounds) or doubtful(unknowns, covariance, found)
         if walked is not None or not accepted or not asks or tries == BETTER_TRIES:
             break
-        memory = np.diag(covariance) / np.diag(white)
         steps = CURVE_STEPS if asked.profile else 1
         walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps)
         if walked.better is not None:
@@ -127,6 +129,7 @@ def certainty(
         found,
         walked,
         discretisation=discretised,
+        memory=memory,
         joint=joint,
         shares=groups,
         of_groups=of_groups,

@@ -36,7 +36,7 @@ def depth_document(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str
 
 def noise_note(sure: Certainty) -> str:
     """A sentence where the noise has a memory that widens intervals; else empty."""
-    widest = float(np.sqrt(np.max(np.diag(sure.covariance) / np.diag(sure.white)))) if sure.white.size else 1.0
+    widest = float(np.sqrt(np.max(sure.memory))) if sure.memory.size else 1.0
     if all(c.white for c in sure.colours) or widest < TELLING:
         return ""
     longest = max(c.memory for c in sure.colours)
@@ -80,7 +80,7 @@ def _combinations(sure: Certainty) -> dict[str, Any]:
 
 
 def _noise(sure: Certainty, unknowns: Unknowns) -> dict[str, Any]:
-    ratio = np.sqrt(np.diag(sure.covariance) / np.diag(sure.white))
+    ratio = np.sqrt(sure.memory)
     return {
         "memory_samples": [_finite(c.memory) for c in sure.colours],
         "widening": {name: _finite(ratio[k]) for k, (_, name) in enumerate(_names(unknowns))},
@@ -89,7 +89,7 @@ def _noise(sure: Certainty, unknowns: Unknowns) -> dict[str, Any]:
 
 def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]:
     assert sure.profiles is not None
-    memory, ends = np.diag(sure.covariance) / np.diag(sure.white), profile_ends(sure, unknowns, base)
+    memory, ends = sure.memory, profile_ends(sure, unknowns, base)
     out = {}
     for k, (i, name) in enumerate(_names(unknowns)):
         curve, sides = sure.profiles.curves.get(name), sure.profiles.ends.get(name)
@@ -101,7 +101,7 @@ def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]
             "interval": ends[name],
             "failed": [side.failed for side in sides],
             "at_bound": [side.walled for side in sides],
-            "standard_error": math.sqrt(float(sure.covariance[k, k])),
+            "standard_error": math.sqrt(float(memory[k] * sure.white[k, k])),  # of theta, by the curvature
             "logarithmic": bool(unknowns.logarithmic[i]),
         }
     return {"level": LEVEL, "limit": CRITICAL, "parameters": out}
@@ -117,7 +117,7 @@ def _bootstrap(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, An
             for end in made.interval[k]
         ]
         spread = float(np.std(made.replicates[:, k])) if made.replicates.shape[0] > 1 else math.nan
-        size = math.sqrt(float(sure.covariance[k, k]))
+        size = math.sqrt(float(sure.memory[k] * sure.white[k, k]))
         out[name] = {
             "interval": ends,
             "spread_in_standard_errors": _finite(spread / size),
