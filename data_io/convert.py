@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from data_io.clock import StepClock, usable_rows
+from data_io.clock import Rows, StepClock, usable_rows
 from data_io.columns import EXAMPLES, KIND, Name, find_column, shown, words
 from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
@@ -40,13 +40,18 @@ def convert(
     timeless = np.zeros(0, bool) if isinstance(rows, slice) else ~np.isfinite(raw_time[rows])
     roles = {}
     for role in COLUMN_ROLES[1:] if "drive_speed" in part.header.roles else COLUMN_ROLES[1:3]:
-        values = _role(source, request, part, role)[rows]
+        values = _kept(_role(source, request, part, role), rows)
         roles[role] = np.where(timeless, np.nan, values) if timeless.any() and role != "drive_speed" else values
     notes += _weights(request, part)
     if request.normal_force is not None:
         notes.append(_constant_load(request.normal_force, part))
-    channels = {name: (values[rows], unit) for name, values, unit in _raw_channels(request, part, settled)}
+    channels = {name: (_kept(values, rows), unit) for name, values, unit in _raw_channels(request, part, settled)}
     return SiStep(label, time, roles, channels), notes
+
+
+def _kept(values: FloatArray, rows: Rows) -> FloatArray:
+    """Return the rows of a column; all of them without a view, which the record would have to copy."""
+    return values if isinstance(rows, slice) else values[rows]
 
 
 def _choices(part: Part) -> list[Finding]:
