@@ -94,6 +94,8 @@ def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> t
 
 
 def _fitted(grid: Array, force: Array, slips: int, slip: float, interval: float) -> Sharpness:
+    force = force / float(np.ptp(force))  # the search stops by absolute numbers
+
     def residual(p: Array) -> Array:
         step = _lagged_fall(grid, float(p[0]), math.exp(p[1]), math.exp(p[2]))
         basis = np.column_stack([np.ones_like(step), step, grid])
