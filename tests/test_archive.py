@@ -77,7 +77,8 @@ def test_nothing_but_the_run_that_was_chosen_is_read(tmp_path, monkeypatch):
 
     monkeypatch.setattr(h5py.Dataset, "__getitem__", counted)
     read_log(tmp_path / "all.h5", run=2, channels=["COF"])
-    assert sorted(set(read) - {"/run_2/about"}) == [f"/run_2/step_1/{name}" for name in ("COF", "friction_force", "normal_force", "time")]
+    names = ("COF", "friction_force", "normal_force", "time")
+    assert sorted(set(read) - {"/run_2/about"}) == [f"/run_2/step_1/{name}" for name in names]
 
 
 def test_metadata_checksum_and_provenance_are_complete(tmp_path):
