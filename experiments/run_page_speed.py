@@ -36,8 +36,9 @@ LOGARITHMIC = (False, False, False, True, True, True)
 def write_batch(folder: Path, real: Path, fits: int, seed: int = 1) -> None:
     """So many folders of fits: four materials, ten volunteers, as many runs as it takes."""
     base = json.loads((real / "result.json").read_text(encoding="utf-8"))
-    runs = -(-fits // 40)
-    study = draw(Plan("page", materials=4, volunteers=10, runs=runs, gap=1.0), np.random.default_rng(seed))
+    materials = 4 if fits > 40 else 2
+    runs = -(-fits // (10 * materials))
+    study = draw(Plan("page", materials=materials, volunteers=10, runs=runs, gap=1.0), np.random.default_rng(seed))
     assert study.setting.subject is not None
     for i in np.linspace(0, len(study.y) - 1, fits).astype(int).tolist():
         told = copy.deepcopy(base)
@@ -68,7 +69,7 @@ def main(fast: bool = False, fits: int = 200) -> None:
         real, batch = Path(spare) / "real", Path(spare) / "batch"
         batch.mkdir()
         whole = Scene.from_toml(examples.SCENE)
-        write_report(fit(whole.choose([str(log.path) for log in whole.logs[2:]]) if fast else whole), real)
+        write_report(fit(whole.choose([str(log.path) for log in whole.logs[3:]]) if fast else whole), real)
         write_batch(batch, real, 8 if fast else fits)
         began, processor = time.perf_counter(), time.process_time()
         page = write_batch_report(batch)

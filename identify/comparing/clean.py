@@ -45,6 +45,12 @@ def visible(text: str, most: int = SHOWN) -> str:
     return f"{shown[:most].rstrip()}… ({len(text)} characters)"
 
 
+def brief(text: str, most: int) -> str:
+    """The same in a drawing, where there is no room to say how much was cut off."""
+    shown = visible(text, 4 * most)
+    return shown if len(shown) <= most else f"{shown[: most - 1].rstrip()}…"
+
+
 def _sign(character: str) -> str:
     if character in "\n\r\t\v\f\x85\u2028\u2029":
         return " "

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from markupsafe import Markup, escape
 
-from identify.comparing.clean import visible
+from identify.comparing.clean import brief, visible
 from identify.comparing.scale import Scale, tick_text
 
 # Okabe and Ito's colours, black and yellow left out; after six groups they begin again with a dashed line.
@@ -37,7 +37,7 @@ def svg(width: float, height: float, parts: Iterable[str], label: str) -> Markup
 def text(x: float, y: float, words: str, anchor: str = "start", kind: str = "", most: int = 40) -> str:
     """Words at a place."""
     extra = f' class="{kind}"' if kind else ""
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{extra}>{escape(visible(words, most))}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{extra}>{escape(brief(words, most))}</text>'
 
 
 def line(x1: float, y1: float, x2: float, y2: float, kind: str = "rule") -> str:

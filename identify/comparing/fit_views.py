@@ -15,7 +15,7 @@ from identify.comparing.figures import thumbnail
 from identify.comparing.fits import PAGE, FitEntry, natural
 from identify.comparing.multiples import excerpt
 from identify.comparing.quantities import number
-from identify.comparing.views import Cell, Table, table
+from identify.comparing.views import REASON, Cell, Table, table
 from identify.report.quantity_text import DASH, Scale, decimals, places_for, scale_for
 from identify.report.quantity_text import number as shown_number
 from identify.report.words import VERDICT_MARK, plain_symbol
@@ -99,7 +99,7 @@ def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
 def without_result(entries: Sequence[FitEntry], home: Path) -> Table:
     """Fits that gave no result, with the reason."""
     rows = [
-        [Cell(e.name, link=link(e, home), sort=e.name), _status(e), Cell(e.message, sort=e.message)]
+        [Cell(e.name, link=link(e, home), sort=e.name), _status(e), Cell(e.message, sort=e.message, most=REASON)]
         for e in entries
         if not e.converged
     ]
@@ -110,7 +110,7 @@ def left_out(comparison: Comparison, home: Path) -> Table:
     """Fits with a result that took no part all the same, with the reason."""
     by_name = {entry.name: entry for entry in comparison.entries if entry.converged}
     rows = [
-        [Cell(name, link=link(by_name[name], home), sort=name), Cell(reason, sort=reason)]
+        [Cell(name, link=link(by_name[name], home), sort=name), Cell(reason, sort=reason, most=REASON)]
         for name, reason in sorted(comparison.taken.left_out, key=lambda item: natural(item[0]))
         if name in by_name
     ]
@@ -125,7 +125,11 @@ def rejected_logs(entries: Sequence[FitEntry]) -> Table:
             if log.get("reason_left_out"):
                 path = str(log.get("path", "")).replace("\\", "/").rsplit("/", 1)[-1]
                 rows.append(
-                    [Cell(path, sort=path), Cell(entry.name, sort=entry.name), Cell(str(log["reason_left_out"]))]
+                    [
+                        Cell(path, sort=path),
+                        Cell(entry.name, sort=entry.name),
+                        Cell(str(log["reason_left_out"]), most=REASON),
+                    ]
                 )
     return table("rejected-logs", ["log", "fit", "reason"], rows)
 

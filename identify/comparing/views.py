@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from identify.comparing.clean import SHOWN, visible
 from identify.comparing.compare import Comparison, PooledQuantity
 from identify.comparing.operating import Figure, GroupAnswer
 from identify.comparing.quantities import Quantity
@@ -14,18 +15,21 @@ from identify.pooling.pooled import DIFFERENT, NOT_TESTED, Difference
 from identify.report.quantity_text import DASH, Scale, decimals, number, places_for, quantity, scale_for
 from identify.report.words import MEANINGS, OUTCOMES, plain_symbol
 
+REASON = 400  # characters of a reason that are shown
 VERDICT_KIND = {DIFFERENT: "good", "not told apart": "plain", NOT_TESTED: "fair"}
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell: text, a smaller note, a chip of a kind instead of plain text, a link, and what it sorts by."""
+    """One cell: text, a smaller note, a chip of a kind instead of plain text, a link, what it sorts by, and how many
+    characters of the text are shown."""
 
     text: str
     note: str = ""
     chip: str = ""
     link: str = ""
     sort: float | str | None = None
+    most: int = SHOWN
 
 
 @dataclass(frozen=True)
@@ -172,7 +176,12 @@ def operating(by: str, answers: Sequence[GroupAnswer], normal_force: float | Non
     for answer in answers:
         if not answer.at:
             rows.append(
-                [Cell(answer.group, sort=answer.group), *[Cell(DASH)] * 2, Cell(answer.reason), *[Cell(DASH)] * 3]
+                [
+                    Cell(answer.group, sort=answer.group),
+                    *[Cell(DASH)] * 2,
+                    Cell(answer.reason, most=REASON),
+                    *[Cell(DASH)] * 3,
+                ]
             )
         for at in answer.at:
             rows.append(
@@ -221,7 +230,7 @@ def reporting(items: Sequence[Item]) -> Table:
     rows = [
         [
             Cell(i.name, sort=i.name),
-            Cell(i.text, sort=i.text) if i.text else Cell("missing", chip="fair", sort=""),
+            Cell(i.text, sort=i.text, most=REASON) if i.text else Cell("missing", chip="fair", sort=""),
             Cell(i.source if i.text else f"give it as {i.source}"),
         ]
         for i in items
@@ -261,4 +270,5 @@ def _sentence(entry: PooledQuantity) -> str:
 
 
 def _ordered(d: Difference) -> tuple[str, str]:
-    return (d.first, d.second) if d.value > 0 else (d.second, d.first)
+    first, second = visible(d.first, 40), visible(d.second, 40)
+    return (first, second) if d.value > 0 else (second, first)
