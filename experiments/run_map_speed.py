@@ -69,10 +69,10 @@ def check_ends(made: Chart, count: int, rng: np.random.Generator) -> tuple[int, 
         place = made.sticking.crossings[edge].place
         first = np.isfinite(made.multiplier[edge[1], edge[2]])
         start, side = (begin, 1.0) if first else (finish, -1.0)
-        state = None
+        state: brute_force.State | None = None
         for at, sticks in ((start, True), (place - side * INSIDE, True), (place + side * INSIDE, False)):
             pair, speed = _pair(way.setting(at))
-            found = brute_force.settled(pair, speed, *([] if state is None else [state]))
+            found = brute_force.settled(pair, speed, (0.0, 1.0) if state is None else state)
             if (found is not None) is not sticks:
                 wrong += 1
                 break
