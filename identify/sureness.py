@@ -37,7 +37,8 @@ def sureness(
 
     Returns:
         {"possible", "certain": {"value", "unit", "interval", "linear"}, "quantities": {name: {"value", "unit",
-        "interval", "linear", "alike", "validity"}}, "draws", "refused", "open", "text"}; null where there is nothing to say.
+        "interval", "linear", "alike", "validity"}}, "draws", "refused", "open", "text"}; null where there is
+        nothing to say.
 
     Raises:
         SimulationError: a motion that cannot be integrated.
