@@ -56,8 +56,8 @@ def accuracy_of(text: str) -> Accuracy:
         share = np.nan
     if not FINEST <= share <= 10.0:
         raise FitError(
-            f"the accuracy is {text!r}; expected {', '.join(known)}, or a number from {FINEST:g} to 10 (the error of the "
-            "integration steps that is allowed, in standard errors): choose one"
+            f"the accuracy is {text!r}; expected {', '.join(known)}, or a number from {FINEST:g} to 10 (the error of "
+            "the integration steps that is allowed, in standard errors): choose one"
         )
     return Accuracy(text, share, TIGHT.refinements, TIGHT.most)
 
