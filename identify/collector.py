@@ -83,8 +83,8 @@ class Collector:
         own: Indices,
     ) -> None:
         """One block: its slots are the given ones and the parameters, of which this log has some for itself."""
-        one = [np.concatenate(slots)[None, :], np.concatenate(fixed)[None, :], constants[None, :], edges[None]]
-        self.put_all(kind, steps, log, cycle, *one, own)
+        joined, values = np.concatenate(slots)[None, :], np.concatenate(fixed)[None, :]
+        self.put_all(kind, steps, log, cycle, joined, values, constants[None, :], edges[None], own)
 
     def put_all(
         self,
