@@ -179,7 +179,10 @@ def limited_walk(target: Any, patience: int) -> None:
 
 
 def walk(target: str | Path | io.BytesIO) -> None:
-    """Touch every group, attribute and chunk index of a file once, without its numbers; errors end the walk."""
+    """Touch every group, attribute and chunk index of a file once, without its numbers.
+
+    An error ends the look at one item only: behind a damaged dataset may stand one that hangs.
+    """
     import h5py
 
     with h5py.File(target, "r") as file:
@@ -187,7 +190,7 @@ def walk(target: str | Path | io.BytesIO) -> None:
         while stack and len(seen) < _MOST_ITEMS:
             group = stack.pop()
             _touch(group)
-            for _, item in children(group):
+            for _, item in _children_there(group):
                 address = h5py.h5o.get_info(item.id).addr
                 if address in seen:
                     continue
@@ -198,11 +201,34 @@ def walk(target: str | Path | io.BytesIO) -> None:
                     _touch(item)
 
 
-def _touch(item: Any) -> None:
+def _children_there(group: Any) -> list[tuple[str, Any]]:
     import h5py
 
-    for name in item.attrs:
-        item.attrs[name]
+    names: list[str] = []
+    found: list[tuple[str, Any]] = []
+    with contextlib.suppress(*_OURS):
+        names.extend(group)
+    for name in names:
+        with contextlib.suppress(*_OURS):
+            if isinstance(group.get(name, getlink=True), h5py.HardLink):
+                found.append((name, group[name]))
+    return found
+
+
+def _touch(item: Any) -> None:
+    names = ["units", "unit", "Units", "Unit", "name"]  # which readers ask for, even where the list is damaged
+    with contextlib.suppress(*_OURS):
+        names.extend(item.attrs)
+    for name in dict.fromkeys(names):
+        with contextlib.suppress(*_OURS):
+            item.attrs[name]
+    with contextlib.suppress(*_OURS):
+        _touch_numbers(item)
+
+
+def _touch_numbers(item: Any) -> None:
+    import h5py
+
     if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external:
         return
     if item.chunks is not None:
