@@ -14,15 +14,22 @@ ROOT = Path(__file__).resolve().parent.parent
 ROOMS = """
 errors quantities speeds typical signal outcome examples
 effects base composition chain model scene
-native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts stepper plan machine phases
+native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts
+stepper plan machine phases
 samples averaging trajectory initial admission
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
-noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality judgement draft
-bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread drawn scatter stated calculable choice price selection_numbers comparison form_slopes
-sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words outlook advice sureness
+noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality
+judgement draft
+bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread
+drawn scatter stated calculable choice price selection_numbers comparison form_slopes
+sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
+outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start collector lay_out hints
-equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation consistency gate accuracy combinations asked profile_line profile widened search grouped shares certainty nested screening selection_words selection diagnosis preview depth findings log_outlook worth result
+guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start collector
+lay_out hints
+equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation
+consistency gate accuracy combinations asked profile_line profile widened search grouped shares certainty nested
+screening selection_words selection diagnosis preview depth findings log_outlook worth result
 identification
 report
 comparing

@@ -9,10 +9,10 @@ from data_io import Record, write_csv
 from identify import examples
 from identify.cli import main as cli
 from identify.effects import MAIN
+from identify.judgement import judge
 from identify.model import assemble
 from identify.segment import segment
 from identify.simulate import run
-from identify.judgement import judge
 from identify.slip_quality import Part
 
 PAIR = {
