@@ -186,7 +186,7 @@ def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
     seen: list[Array] = []
     free = unknowns.free
     for start in starts:
-        if all(np.max(np.abs(start.theta - s)[free] / unknowns.spread[free], initial=0.0) > SAME for s in seen):
+        if all(np.max(np.abs(start.theta[free] - s[free]) / unknowns.spread[free], initial=0.0) > SAME for s in seen):
             seen.append(start.theta)
             yield start.theta
 

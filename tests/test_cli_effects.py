@@ -124,14 +124,12 @@ def test_parameters_of_any_effect_set_the_operating_point(scene_file, capsys):
     assert "did you mean 'skin_stiffness'" in refused(capsys, "amplitude", "--scene", path, "--at", "skin_stifness=1")
 
 
-def test_a_fit_says_which_effects_it_took_and_why(scene_file, capsys):
-    path = scene_file(list(MAIN))
-    slow = ["--scene", path, "--set", "rig.drive_speed=1 mm/s"]
-    stickslip(capsys, "simulate", *slow, "--duration", "4", "--rate", "500", "--noise", "2 mN", "--out", "a.csv")
-    code, out, err = stickslip(capsys, "fit", "a.csv", *slow, "--out", "r", "--json")
+def test_a_fit_says_which_effects_it_took_and_why(folder, capsys):  # noqa: F811
+    logs = ["1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz"]
+    code, out, err = stickslip(capsys, "fit", *logs, "--scene", examples.SCENE, "--out", "r", "--json")
     assert code == 0, err
     effects = json.loads(out)["effects"]
-    assert effects["names"] == list(MAIN) and effects["chosen"] == "listed"
+    assert effects["names"] == [*MAIN, "varying_normal_force"] and effects["chosen"] == "listed"
     assert [reason["effect"] for reason in effects["reasons"]] == effects["names"]
     assert all(reason["kept"] and reason["sentence"] for reason in effects["reasons"])
     page = Path("r/report.html").read_text(encoding="utf-8")

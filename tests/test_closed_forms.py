@@ -18,7 +18,7 @@ from identify.groups import groups
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "reference.json").read_text())
 FEW = settings(max_examples=25, deadline=None, derandomize=True)
-mp.mp.dps = 40
+mp.mp.dps = 60
 
 
 def agree(value: float, reference: float | None, tolerance: float = 1e-11) -> None:
