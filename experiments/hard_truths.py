@@ -15,7 +15,7 @@ import oracle
 
 from experiments.hard_scenes import Answer, Array, Scene
 
-mp.mp.dps = 40
+mp.mp.dps = 60
 NONE = np.empty(0)
 SAMPLES = 801
 

@@ -122,7 +122,7 @@ def jump(q: Mapping[str, Any], share: Any, eps: Any) -> dict[str, Any]:
     s, before, off = share, None, None
     for _ in range(30):  # the secant method
         rest = s - 1 + mp.exp(-at(s)["drop"] / T)
-        if abs(rest) < mp.mpf("1e-55"):
+        if abs(rest) < mp.mpf("1e-55") or rest == off:
             break
         new = s * (1 - mp.mpf("1e-6")) if before is None else s - rest * (s - before) / (rest - off)
         s, before, off = new, s, rest
