@@ -134,7 +134,11 @@ def _without_short_rows(
     else:
         fields = np.array([line.count(head.delimiter) + 1 for _, line in lines])
     usual = int(np.bincount(fields).argmax()) if fields.size else 0
-    short = np.flatnonzero(fields < min(usual, head.width))
+    lacking = fields < min(usual, head.width)
+    if usual > head.width:  # rows end with a delimiter: one that does so a field early lacks one, too
+        closed = np.array([line.rstrip("\r\n ").endswith(head.delimiter) for _, line in lines])
+        lacking |= (fields < usual) & closed
+    short = np.flatnonzero(lacking)
     if not short.size:
         return frame
     frame = frame.copy()

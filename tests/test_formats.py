@@ -221,6 +221,14 @@ def test_each_remark_has_what_triggers_it_and_what_just_does_not(tmp_path, code)
         assert (code in codes(read_log(path))) == expected
 
 
+@pytest.mark.parametrize("seed", [29895, 45515])
+def test_a_row_that_ends_a_field_early_is_never_read_into_the_wrong_columns(tmp_path, seed):
+    # Rows of an Rtec log end with a comma; one that lacks a field has as many commas as the header.
+    told, outcome = run_reader_fuzz.one(seed, tmp_path)
+    assert told.startswith("rtec: field lost")
+    assert not outcome.startswith("WRONG"), outcome
+
+
 def test_units_of_mass_are_told_as_weights(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(GOOD.replace("s,N,N", "s,g,N"))
