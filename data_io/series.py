@@ -74,7 +74,8 @@ def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Conten
     else:
         _check_names(path, [p for p, _ in read])
         order = "the numbers in their names"
-    findings.append(Finding("joined_files", "info", f"{len(read)} files were joined in the order of {order}"))
+    if len(read) > 1:
+        findings.append(Finding("joined_files", "info", f"{len(read)} files were joined in the order of {order}"))
     numbered = [_numbered(p, part, number) for number, (p, part) in enumerate(parts, start=1)]
     first = read[0][1]
     metadata = {**first.metadata, "files": ", ".join(p.name for p, _ in read)[:2000]}

@@ -1,12 +1,12 @@
 """What CETR UMT and Bruker TriboLab exports share: runs and steps, each step with parameters, header and clock."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 from data_io.clock import read_date
-from data_io.frozen import Finding
+from data_io.frozen import Finding, FloatArray
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
@@ -40,34 +40,53 @@ def read_steps(source: Source, request: Request, form: str) -> Contents:
     runs: dict[int, dict[str, str]] = {}
     run = 1
     for table in tables:
-        part, run = _part(table, run, len(parts) + 1, items, runs)
-        findings += _remarks(table, part)
-        parts.append(part)
+        found, run = _parts(table, run, len(parts) + 1, items, runs)
+        for part in found[:-1]:
+            findings += _about_rows(part)
+        findings += _remarks(table, found[-1])
+        parts += found
     if empty := [line for line in footer if _STEP.match(line)]:
         text = f"the log ends with {len(empty)} step header(s) without rows of numbers ({empty[0]})"
         findings.append(Finding("empty_step", "warning", text))
     return Contents(form, _renumbered(parts, findings), items, findings)
 
 
-def _part(
+def _parts(
     table: Table, run: int, number: int, items: dict[str, str], runs: dict[int, dict[str, str]]
-) -> tuple[Part, int]:
-    """Return the step of a table and its run; lines above it go to the file's `items`, its run's, or the step's own."""
+) -> tuple[list[Part], int]:
+    """Return the step of a table, behind the steps without rows that stand above it, and its run.
+
+    Lines above the table go to the file's `items`, its run's, or the step's own.
+    """
+    empty: list[Part] = []
     parameters: dict[str, str] = {}
-    target = runs.get(run, items)
+    target, named = runs.get(run, items), False
     for line in table.preamble:
+        if named and (_RUN.match(line) or _STEP.match(line)):  # the step named before has no rows
+            empty.append(_part(table, {}, run, number, parameters, runs))
+            named = False
         if match := _RUN.match(line):
             run = int(match[1])
             target = runs.setdefault(run, {})
         elif match := _STEP.match(line):
-            number, parameters = int(match[1]), {}
+            number, parameters, named = int(match[1]), {}, True
             target = parameters
         else:
             key, value = _item(line)
             target[_free(key, target)] = value
+    return [*empty, _part(table, table.columns, run, number, parameters, runs)], run
+
+
+def _part(
+    table: Table,
+    columns: Mapping[int, FloatArray],
+    run: int,
+    number: int,
+    parameters: dict[str, str],
+    runs: dict[int, dict[str, str]],
+) -> Part:
     started = read_date(parameters.get("Started at", ""))
-    items_of_run = runs.get(run, {})
-    return Part(run, number, table.header, table.columns, parameters, started, items_of_run), run
+    return Part(run, number, table.header, columns, parameters, started, runs.get(run, {}))
 
 
 def _item(line: str) -> tuple[str, str]:
@@ -81,7 +100,15 @@ def _free(key: str, taken: dict[str, str]) -> str:
 
 
 def _remarks(table: Table, part: Part) -> list[Finding]:
-    findings = [replace(remark, message=f"step {part.number}: {remark.message}") for remark in table.remarks]
+    return [
+        *(replace(remark, message=f"step {part.number}: {remark.message}") for remark in table.remarks),
+        *_about_rows(part),
+    ]
+
+
+def _about_rows(part: Part) -> list[Finding]:
+    """Say where a step holds other rows than it says, or none."""
+    findings = []
     count = part.parameters.get("Data Count", "")
     if count.isdigit() and int(count) != part.rows:
         text = f"step {part.number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"

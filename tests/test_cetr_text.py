@@ -5,7 +5,7 @@ import gzip
 import numpy as np
 import pytest
 
-from data_io import LogError, cetr_text, delimited, read_log
+from data_io import LogError, cetr_text, delimited, list_steps, read_log
 
 GRAM_FORCE = 9.80665e-3
 
@@ -137,6 +137,17 @@ def test_empty_and_headless_steps(tmp_path):
         log(tmp_path, run_text(1, step_text(1, 20), step_text(2, 0), step_text(3, 10), "Step No. 4\nX = 1\n"))
     )
     assert [step.number for step in record.steps] == [1, 3] and "empty_step" in codes(record)
+
+
+def test_a_step_without_rows_between_others_is_told_and_kept_apart(tmp_path):
+    path = log(tmp_path, run_text(1, step_text(1, 20), step_text(2, 0, count=9)), run_text(2, step_text(1, 10)))
+    first, second = read_log(path, run=1), read_log(path, run=2)
+    assert [step.number for step in first.steps] == [1] and {"empty_step", "data_count"} <= codes(first)
+    assert [step.number for step in second.steps] == [1] and second.steps[0].parameters["Data Count"] == "10"
+    listed = [(step.run, step.number, step.rows) for step in list_steps(path)]
+    assert listed == [(1, 1, 20), (1, 2, 0), (2, 1, 10)]
+    with pytest.raises(LogError, match="step 2 holds no rows"):
+        read_log(path, run=1, step=2)
 
 
 def test_repeated_step_numbers_are_counted_on(tmp_path):
