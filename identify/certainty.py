@@ -28,9 +28,9 @@ from identify.widened import widened
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
-TRIVIAL = 3.84  # likelihood-ratio statistic within which two points are equally likely
 BETTER_TRIES = 3  # how often a profile may hand back a better optimum
 DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
+CURVED = 0.03  # standard error of a logarithm beyond which the ridge along it may bend
 CURVE_STEPS = 4  # of each side of a profile that is drawn
 
 
@@ -102,18 +102,19 @@ def certainty(
             covariance = joint[: len(white), : len(white)]
         memory = np.diag(covariance) / np.diag(white)
         if walked is not None:
-            covariance = widened(covariance, walked.likely, CRITICAL)
+            covariance = widened(covariance, walked.likely, walked.objection)
             joint[: len(white), : len(white)] = covariance
         ends = _intervals(walked)
         found = estimates(unknowns, solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=ends)
         asks = asked.profile or bool(bounds) or doubtful(unknowns, covariance, found)
-        if walked is not None or not accepted or not asks or tries == BETTER_TRIES:
+        along = None if asks else ridge(unknowns, covariance)
+        if walked is not None or not accepted or along == [] or tries == BETTER_TRIES:
             break
         steps = CURVE_STEPS if asked.profile else 1
-        walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps)
+        walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along)
         if walked.better is not None:
             moved = resolve(attempt, replace(unknowns, start=walked.better))
-            if moved.gate.status is not Status.CONVERGED and walked.gain < TRIVIAL:
+            if moved.gate.status is not Status.CONVERGED and walked.gain < CRITICAL:
                 continue  # another point of the same ridge, at which the solver finds no end
             attempt, known, walked = moved, information_at(moved, unknowns), None
             accepted = attempt.gate.status is Status.CONVERGED
@@ -156,7 +157,7 @@ def _deeper(
         combinations=combinations(names, logs, values, out.covariance),
         directions=directions(names, logs, values, out.covariance),
     )
-    cycles = [guess.cycles for guess in solved.guesses]
+    cycles = [guess.parts for guess in solved.guesses]
     if asked.bootstrap:
         progress("bootstrap", None)
         known = influence(solved.problem, solved.solution.z, cycles)
@@ -180,6 +181,14 @@ def doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bo
     return bool(np.any(wide & (unknowns.logarithmic & ~beside)[unknowns.free])) or any(
         e.verdict == "not identifiable" and e.name in asked for e in found
     )
+
+
+def ridge(unknowns: Unknowns, covariance: Array) -> list[int]:
+    """The parameter known worst, where it is so uncertain that the others may follow it on a bent path; else none."""
+    free = np.flatnonzero(unknowns.free)
+    asked = (unknowns.logarithmic & ~rhythmic(unknowns))[free]
+    spread = np.where(asked, np.sqrt(np.diag(covariance)), 0.0)
+    return [int(free[np.argmax(spread)])] if spread.size and np.max(spread) > CURVED else []
 
 
 def fine_enough(attempt: Attempt, unknowns: Unknowns, asked: Asked) -> tuple[Attempt, Information, dict[str, float]]:
@@ -225,7 +234,7 @@ def noise_colours(attempt: Attempt) -> list[Colour]:
 
 def _reached(attempt: Attempt) -> Influence:
     solved = attempt.solved
-    cycles = [guess.cycles for guess in solved.guesses]
+    cycles = [guess.parts for guess in solved.guesses]
     return influence(solved.problem, solved.solution.z, cycles, absorbed=False)
 
 

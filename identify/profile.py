@@ -7,7 +7,7 @@ optimum is handed back. A bound that the scene gives ends an interval; a bound o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -56,14 +56,15 @@ class Curve:
 @dataclass(frozen=True)
 class Profiles:
     """Interval ends and curves per parameter name, theta of a better optimum where one was met, the
-    likelihood-ratio statistic by which it is better, and the points met that the data do not object to, from the answer
-    (m, f)."""
+    likelihood-ratio statistic by which it is better, the points met that the data hardly object to, from the answer
+    (m, f), and the squared distance (m,) at which each should lie."""
 
     ends: dict[str, tuple[Side, Side]]
     better: Array | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
     gain: float = 0.0
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
+    objection: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ def profile(
     *,
     memory: Array | None = None,
     steps: int = 1,
+    only: Sequence[int] | None = None,
 ) -> Profiles:
     """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
 
@@ -90,12 +92,13 @@ def profile(
         covariance: (f, f) of the free theta for white noise, for the first steps.
         memory: (f,) by how much the variance of each is larger than that: noise with a memory objects later.
         steps: of a side, at least: one finds the ends, more draw the curve.
+        only: indices of parameters, where not all are asked.
     """
     sizes = np.sqrt(np.diag(covariance))
     line = ProfileLine(logs, solved, unknowns, sizes)
     walks: dict[tuple[int, float], _Walk] = {}
     beside = rhythmic(unknowns)
-    free = [i for i in np.flatnonzero(unknowns.free).tolist() if not beside[i]]
+    free = [i for i in np.flatnonzero(unknowns.free).tolist() if not beside[i] and (only is None or i in only)]
     place = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
     wait = {i: 1.0 if memory is None else float(memory[place[i]]) for i in free}
     for index in free:
@@ -121,9 +124,10 @@ def profile(
         )
         curves[unknowns.names[i]] = _curve(line, i)
     searched = np.flatnonzero(unknowns.free)
-    likely = [point.theta[searched] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL]
-    away = np.array(likely).reshape(-1, searched.size) - line.best.theta[searched]
-    return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)), away)
+    likely = [point for point in line.seen if line.loss_root(point) < CLOSE * np.sqrt(CRITICAL)]
+    away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
+    objection = np.array([max(line.loss_root(point) ** 2, CRITICAL) for point in likely])
+    return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)), away, objection)
 
 
 def _curve(line: ProfileLine, index: int) -> Curve:

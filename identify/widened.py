@@ -15,11 +15,11 @@ ENOUGH = 1.5  # times the limit that a point's squared distance may have
 ROUNDS = 200
 
 
-def widened(covariance: Array, away: Array, limit: float) -> Array:
-    """The covariance (f, f) widened until no squared distance exceeds ENOUGH times the limit.
+def widened(covariance: Array, away: Array, limits: Array) -> Array:
+    """The covariance (f, f) widened until no squared distance exceeds ENOUGH times its limit.
 
     Args:
-        away: (m, f) likely points, from the answer; limit: squared distance at which such points should lie.
+        away: (m, f) likely points, from the answer; limits: (m,) squared distances at which they should lie.
     """
     out = np.array(covariance, float)
     if away.size == 0 or not np.all(np.isfinite(out)):
@@ -29,9 +29,9 @@ def widened(covariance: Array, away: Array, limit: float) -> Array:
             distances = np.sum(away * np.linalg.solve(out, away.T).T, axis=1)
         except np.linalg.LinAlgError:
             return out
-        far = int(np.argmax(distances))
-        if not distances[far] > ENOUGH * limit:
+        far = int(np.argmax(distances / limits))
+        if not distances[far] > ENOUGH * limits[far]:
             return out
         # Rank one: the point itself then lies at the limit exactly, and nothing comes nearer than it was.
-        out = out + (1.0 / limit - 1.0 / distances[far]) * np.outer(away[far], away[far])
+        out = out + (1.0 / limits[far] - 1.0 / distances[far]) * np.outer(away[far], away[far])
     return out
