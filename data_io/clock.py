@@ -29,7 +29,7 @@ Rows = npt.NDArray[np.intp] | slice
 class StepClock:
     """The clock of one step [s] as the file has it, shape (n,), with NaN where it fails; when the step was started.
 
-    label: "step 2" where there are several steps, else "".
+    label: "step 2" where there are several steps, else "". At least one row has a time.
     """
 
     label: str
@@ -68,8 +68,6 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, lis
         return clock.time, slice(None), findings
     finite = np.isfinite(clock.time)
     known = np.flatnonzero(finite)
-    if known.size == 0:
-        raise source.error(f"the time column{of_step} holds no number; a clock in every row was expected; check it")
     rows = np.arange(known[0], known[-1] + 1)
     lost = clock.time.size - known.size
     if longest_run(~finite) > LONGEST_GAP:

@@ -20,6 +20,8 @@ BLOCK: Final = 1 << 23
 RUN: Final = 1 << 26
 """Bytes of the longest run of numbers in a packed file, which must be unpacked again where a row is not sound."""
 LONGEST_LINE: Final = 1 << 20
+MOST_WORDS: Final = 1 << 20
+"""Characters without a row of numbers after which no table is waited for any more."""
 LARGEST: Final = 1 << 26
 """Bytes after which a segment ends even where words stand near its end."""
 MOST_ZEROS: Final = 1 << 26
@@ -98,14 +100,17 @@ class Lines:
         want = max(self.size - len(self._pending), FIRST // 2)
         while not self._ended:
             self._pending += self._fresh(want)
-            want = FIRST if len(self._pending) < self.size else BLOCK
             cut = _line_end(self._pending)
             if len(self._pending) - cut > self._longest:
                 raise self._source.error(
                     f"no line ends within a MiB below line {self.line}; lines of numbers were expected; check the file"
                 )
-            if len(self._pending) >= self.size and (len(self._pending) > LARGEST or _safe(self._pending[:cut])):
+            rows = _rows_at_end(self._pending[:cut])
+            if len(self._pending) >= self.size and (len(self._pending) > LARGEST or all(rows)):
                 break
+            if len(self._pending) > MOST_WORDS and not any(rows):
+                break  # words only: they would be looked through line by line, for nothing
+            want = BLOCK if len(self._pending) >= self.size and any(rows) else FIRST
         cut = len(self._pending) if self._ended else cut
         segment = Segment(self._pending[:cut], self.line, self._ended)
         self._pending = self._pending[cut:]
@@ -225,12 +230,10 @@ def _line_end(raw: bytes, stop: int | None = None) -> int:
     return max(newline, raw.rfind(b"\r", max(newline, 0), min(stop, len(raw) - 1))) + 1
 
 
-def _safe(raw: bytes) -> bool:
-    """Tell whether lines end with many rows of numbers; where words keep standing between rows, few have to do."""
+def _rows_at_end(raw: bytes) -> list[bool]:
+    """Tell of the last lines which are rows of numbers: many, but few where words keep standing between rows."""
     tail = decode(raw[-_TAIL:], start=False).split("\n")[-_ROWS_AT_END - 1 : -1]
-    if len(raw) > LARGEST // 2:
-        tail = tail[-3:]
-    return all(_is_numbers(line) for line in tail)
+    return [_is_numbers(line) for line in (tail[-3:] if len(raw) > LARGEST // 2 else tail)]
 
 
 def _is_numbers(line: str) -> bool:

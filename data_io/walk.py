@@ -9,14 +9,14 @@ from data_io.frozen import Finding
 from data_io.layout import COMMENT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.opened_table import OpenTable, Table, wanted_columns
 from data_io.rows import read_numbers
-from data_io.segments import Segment
+from data_io.segments import MOST_WORDS, Segment
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, is_number_like, split
 
 MOST_TABLES: Final = 5000
 """Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
-MOST_WORDS: Final = 1 << 20
-"""Characters without a table after which no log is expected any more."""
+MOST_LOOKED_AT: Final = 20_000
+"""Lines of words in a row in which a header is looked for; more are no log, and would take seconds."""
 
 
 class Walk:
@@ -34,7 +34,7 @@ class Walk:
         self._tables: list[Table] = []
         self._text, self._first_line, self._at_end = "", 1, False
         self._marks: list[int] = []
-        self._above = 0
+        self._above, self._looked_at = 0, 0
         self.table: OpenTable | None = None
         self.carry = ""
 
@@ -47,7 +47,7 @@ class Walk:
         i = self._rows(0, 0) if self.table is not None else 0
         while i < len(self._marks) and self.table is None and not self.carry:
             head = self._head(i)
-            i = i + 1 if head is None else self._begin(head, i)
+            i = self._passed_over(i) if head is None else self._begin(head, i)
         if self.table is None and not self._tables and (head := numbered_head(self._text, self._request.columns)):
             self._begin(head, -1)
         if self.table is None:
@@ -64,8 +64,18 @@ class Walk:
             self._tables[-1] = _with_remark(self._tables[-1], Finding("rows_left_out", "warning", text))
         return self._tables, footer
 
+    def _passed_over(self, i: int) -> int:
+        self._looked_at += 1
+        if self._looked_at > MOST_LOOKED_AT:
+            raise self._source.error(
+                f"more than {MOST_LOOKED_AT} lines of words in a row were found where a header or rows of numbers were "
+                "expected; a log was expected; check the file"
+            )
+        return i + 1
+
     def _begin(self, head: Head, i: int) -> int:
         """Begin the table whose header is mark `i` and read what follows; return the mark at which to go on."""
+        self._looked_at = 0
         above = _lines(self._text[self._above : self._marks[i] if i >= 0 else 0])
         first_line = self._line(head.start)
         wanted = wanted_columns(head.header, self._request, self._keep)
@@ -90,22 +100,22 @@ class Walk:
         """Read rows of the open table from `begin` on; close it where it ends; return the mark at which to go on."""
         table, text = self.table, self._text
         assert table is not None
-        first_line, pieces, ended = self._line(begin), [], False
-        while not ended:
+        first_line, pieces = self._line(begin), []
+        while True:
             stop, i = self._next_interruption(table.head, i)
             pieces.append(text[begin:stop])
             resume = self._resume(table.head, i)
-            ended = resume is None
-            if resume is not None:
-                begin, i = resume
-                if skipped := _lines(COMMENT.sub("", text[stop:begin])):
-                    text_left = f"text between the rows was left out: {skipped[0]!r:.60}"
-                    table.remarks.append(Finding("text_in_rows", "warning", text_left))
+            if resume is None or resume[0] >= len(text):
+                break
+            begin, i = resume
+            if skipped := _lines(COMMENT.sub("", text[stop:begin])):
+                text_left = f"text between the rows was left out: {skipped[0]!r:.60}"
+                table.remarks.append(Finding("text_in_rows", "warning", text_left))
         rows, at_end = "".join(pieces), stop >= len(text) and self._at_end
         table.add(read_numbers(self._source, rows, first_line, table.head, at_end, table.decimal))
         if stop >= len(text):
             self._above = len(text)
-        elif not self._at_end and i >= len(self._marks):
+        elif resume is not None and not self._at_end and len(text) - stop <= MOST_WORDS:
             self.carry = text[stop:]  # rows may follow these words
         else:
             self._above = stop
@@ -136,8 +146,12 @@ class Walk:
         return len(self._text), i
 
     def _resume(self, head: Head, i: int) -> tuple[int, int] | None:
-        """Return where the rows of the same table go on behind text, and the next mark; None if the table ended."""
-        while i < len(self._marks):
+        """Return where the rows of the same table go on behind text, and the next mark; None if the table ended.
+
+        Where nothing but words follows, they may go on in the next segment: the end of the text and of the marks.
+        """
+        last = min(i + MOST_LOOKED_AT, len(self._marks))
+        while i < last:
             line, after = line_at(self._text, self._marks[i])
             if self._breaks is not None and self._breaks.match(line):
                 return None
@@ -149,7 +163,7 @@ class Walk:
             if position < limit:
                 fields = split(row, head.delimiter)
                 return (position, i) if len(fields) == head.width and is_row(fields) else None
-        return None
+        return (len(self._text), i) if i == len(self._marks) else None
 
     def _head(self, i: int) -> Head | None:
         position = self._marks[i]

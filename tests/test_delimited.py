@@ -1,5 +1,6 @@
 """Plain delimited text in the many ways laboratories write it; every variant holds the same numbers."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -192,3 +193,28 @@ def test_measured_records_are_read_as_they_are():
         table = np.loadtxt(path, delimiter=",", skiprows=2)
         assert record.friction_force.tobytes() == np.ascontiguousarray(table[:, 1]).tobytes()
         np.testing.assert_allclose(record.time + record.metadata["file_time_start"], table[:, 0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [200, 1000])
+def test_words_below_every_row_do_not_end_the_table_where_a_piece_ends(tmp_path, monkeypatch, size):
+    from data_io import segments, table
+
+    for constant in ("FIRST", "BLOCK", "LARGEST"):
+        monkeypatch.setattr(segments, constant, size)
+    monkeypatch.setattr(table, "FIRST", size)
+    monkeypatch.setattr(table, "BLOCK", size)
+    lines = [f"{i / 100:.2f},1.{i % 10},3\nload applied\n" for i in range(300)]
+    record = read(tmp_path, UNITS_ROW + "".join(lines))
+    np.testing.assert_allclose(record.time, np.arange(300) / 100, atol=1e-12)
+    np.testing.assert_allclose(record.friction_force, 1 + np.arange(300) % 10 / 10, rtol=1e-15)
+    assert {f.code for f in record.findings} == {"text_in_rows"}
+
+
+@pytest.mark.parametrize("place", ["in front", "behind", "alone"])
+def test_a_long_text_of_words_is_refused_at_once(tmp_path, place):
+    words = "nothing of this is a number\n" * 2_000_000
+    rows_ = UNITS_ROW + rows()
+    began = time.process_time()
+    with pytest.raises(LogError, match=r"lines of words in a row|no rows of numbers"):
+        read(tmp_path, {"in front": words + rows_, "behind": rows_ + words, "alone": words}[place])
+    assert time.process_time() - began < 4
