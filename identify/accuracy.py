@@ -110,6 +110,8 @@ def accuracy_table(
 
 def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[Guess]]:
     """A start as far from the answer as its motion can still be placed on every log."""
+    if any(guess.tail for guess in answer.guesses):
+        return answer.theta, answer.guesses
     for offset in OFFSETS:
         theta = np.where(unknowns.free, answer.theta + offset * unknowns.spread, answer.theta)
         theta = np.clip(theta, unknowns.lower, unknowns.upper)

@@ -18,11 +18,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.mapped import Mapped
-from identify.model import INPUTS, SPEED, Model
+from identify.model import ELONGATION, INPUTS, SPEED, Model
 from identify.tableaus import RK4, step
 
 Array = NDArray[np.float64]
-BlockKind = Literal["stick", "stick_reaged", "slip", "saturated", "rest", "rest_reaged"]
+BlockKind = Literal[
+    "stick",
+    "stick_reaged",
+    "hold",
+    "hold_reaged",
+    "slip",
+    "saturated",
+    "released",
+    "rest",
+    "rest_reaged",
+    "steady",
+    "steady_saturated",
+]
 
 REST_CELLS = 6  # cubics per block of a rest that is no straight line
 CHUNK = 32  # blocks per call: small enough to stay in cache, large enough to hide the call
@@ -161,8 +173,8 @@ def _resting_start(model: Model, s: _Symbols, p: ca.SX, reaged: bool) -> ca.SX:
     return start
 
 
-def _rest(model: Model, reaged: bool, with_end: bool) -> tuple[_Symbols, ca.SX, ca.SX]:
-    """A stick that ends with the onset guard, or (without end) the last rest of a log."""
+def _rest(model: Model, reaged: bool, with_end: bool, guarded: bool = True) -> tuple[_Symbols, ca.SX, ca.SX]:
+    """A stick that ends with the onset guard, one that goes on (not guarded), or (without end) the last of a log."""
     s = _Symbols.of(model)
     p = s.parameters(model)
     start = _resting_start(model, s, p, reaged)
@@ -181,6 +193,8 @@ def _rest(model: Model, reaged: bool, with_end: bool) -> tuple[_Symbols, ca.SX, 
     end = ca.SX(s.end)
     end[SPEED] = 0
     rows = [(end[i] - after[i]) / s.row_scale[i] for i in free]
+    if not guarded:
+        return s, ca.vertcat(*rows), curve
     guard = (model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED]
     return s, ca.vertcat(*rows, guard), curve
 
@@ -207,8 +221,11 @@ def _cells(s: _Symbols, points: list[tuple[ca.SX, ca.SX]], fractions: list[ca.SX
     return ca.vertcat(*curves)
 
 
-def _slip(model: Model, saturated: bool, steps: int) -> tuple[_Symbols, ca.SX, ca.SX]:
-    """One shooting interval of a slip: RK4 steps, their defect at the end, a cubic Hermite curve per step."""
+def _slip(model: Model, saturated: bool, steps: int, released: bool = False) -> tuple[_Symbols, ca.SX, ca.SX]:
+    """One shooting interval of a slip: RK4 steps, their defect at the end, a cubic Hermite curve per step.
+
+    Released: at its end the bounded state is about to leave its bound, one more row.
+    """
     s = _Symbols.of(model)
     p = s.parameters(model)
     field = model.saturated if saturated else model.slip
@@ -246,7 +263,33 @@ def _slip(model: Model, saturated: bool, steps: int) -> tuple[_Symbols, ca.SX, c
 
     fractions = [s.first + (s.last - s.first) * j / steps for j in range(steps)]
     rows = [(s.end[i] - x[i]) / s.row_scale[i] for i in range(len(model.states)) if i not in held]
+    if released:
+        freed = held[0]  # held rows are not used: the place of its scale holds that of its rate
+        rows.append(model.slip(x, p, inputs(t))[freed] / s.row_scale[freed])
     return s, ca.vertcat(*rows), _cells(s, points, fractions, h)
+
+
+def _steady(model: Model, saturated: bool) -> tuple[_Symbols, ca.SX, ca.SX]:
+    """Sliding as fast as the drive: at both ends nothing changes, and between them the force is a straight line.
+
+    Exact where the normal force is level; where it drifts, the motion lags behind by less than a natural period.
+    """
+    s = _Symbols.of(model)
+    p = s.parameters(model)
+    field = model.saturated if saturated else model.slip
+    held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
+    rows, shown = [], []
+    ends = ((s.start, s.force_start, s.since), (s.end, s.force_end, s.since + s.reference))
+    for state, force, t in ends:
+        x = ca.SX(state)
+        x[SPEED] = s.drive_speed
+        for i in held:
+            x[i] = model.states[i].lower
+        u = ca.vertcat(s.drive_speed, force + s.deviation, 1, t)
+        rates = field(x, p, u)
+        rows += [rates[i] / s.row_scale[i] for i in range(len(model.states)) if i not in (ELONGATION, *held)]
+        shown.append(model.load_cell(x, p, u))
+    return s, ca.vertcat(*rows), ca.vertcat(shown[0], shown[1] - shown[0])
 
 
 def _hermite(left: tuple[ca.SX, ca.SX], right: tuple[ca.SX, ca.SX], h: ca.SX) -> list[ca.SX]:
@@ -268,16 +311,19 @@ def _composed(c: list[ca.SX], stretch: ca.SX, shift: ca.SX) -> ca.SX:
 @lru_cache(maxsize=64)
 def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
     """The block functions of one kind; `steps` RK4 steps per interval (slips only)."""
-    sliding = kind in ("slip", "saturated")
+    sliding, steady = kind in ("slip", "saturated", "released"), kind.startswith("steady")
     if sliding:
-        s, rows, curve = _slip(model, kind == "saturated", steps)
+        s, rows, curve = _slip(model, kind != "slip", steps, kind == "released")
+    elif steady:
+        s, rows, curve = _steady(model, kind.endswith("saturated"))
     else:
-        s, rows, curve = _rest(model, kind.endswith("reaged"), with_end=kind.startswith("stick"))
+        with_end = not kind.startswith("rest")
+        s, rows, curve = _rest(model, kind.endswith("reaged"), with_end, guarded=kind.startswith("stick"))
     slots = s.slots(with_end=not kind.startswith("rest"))
     values = ca.Function(f"{kind}_values", [slots, s.constants], [rows, curve])
     jacobians = [ca.densify(ca.jacobian(rows, slots)), ca.densify(ca.jacobian(curve, slots))]
     derivatives = ca.Function(f"{kind}_derivatives", [slots, s.constants], [rows, curve, *jacobians])
-    cells, order = (steps, 4) if sliding else (1, 2) if model.straight else (REST_CELLS, 4)
+    cells, order = (steps, 4) if sliding else (1, 2) if model.straight or steady else (REST_CELLS, 4)
     return Block(
         kind,
         slots.numel(),

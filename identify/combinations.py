@@ -87,7 +87,8 @@ class Combination:
     @property
     def interval(self) -> tuple[float, float]:
         """The 95 % interval, in the logarithm: a combination keeps its sign."""
-        wide = float(np.exp(QUANTILE * self.standard_error / abs(self.value)))
+        with np.errstate(over="ignore"):
+            wide = float(np.exp(QUANTILE * self.standard_error / abs(self.value)))
         low, high = sorted((self.value / wide, self.value * wide))
         return low, high
 
@@ -169,9 +170,9 @@ def directions(names: Sequence[str], logarithmic: Sequence[bool], values: Values
 
 def _sentence(number: int, count: int, size: float, moves: Mapping[str, float], logs: Mapping[str, bool]) -> str:
     rank = "known best" if number == 0 else "known worst" if number == count - 1 else f"known {number + 1} of {count}"
-    told = [
-        f"{name} {100 * np.expm1(move):+.2g} %" if logs[name] else f"{name} {move:+.2g}" for name, move in moves.items()
-    ]
+    with np.errstate(over="ignore"):
+        percent = {name: 100 * np.expm1(move) for name, move in moves.items()}
+    told = [f"{name} {percent[name]:+.2g} %" if logs[name] else f"{name} {move:+.2g}" for name, move in moves.items()]
     if len(told) == 1:
         return f"{rank}: {told[0]} by itself is one standard error"
     return f"{rank}: {', '.join(told[:-1])} and {told[-1]} together are one standard error"

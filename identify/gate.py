@@ -69,9 +69,9 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
 
 
 def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
-    """Sum of squared weighted residuals and number of samples of every cycle, its log and cycle (from 0).
+    """Sum of squared weighted residuals and number of samples of every cycle or slide, its log and number (from 0).
     What follows the last slip of a log counts to its last cycle."""
-    last = np.array([guess.cycles - 1 for guess in solved.guesses])
+    last = np.array([guess.parts - 1 for guess in solved.guesses])
     offsets = np.concatenate([[0], np.cumsum(last + 1)])
     squares, counts = np.zeros(offsets[-1]), np.zeros(offsets[-1])
     for family, moments, cost in zip(solved.problem.layout.families, solved.problem.moments, costs, strict=True):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.drive import NormalForce
+from identify.drive import Drive, NormalForce
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ class LogData:
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
     normal_force_sd [N] (0: exact); the fitted window [s]; groups (n_p): the group of logs it shares each parameter
-    with, "" for none.
+    with, "" for none; programme: the drive where it changes its speed within the window (None: drive_speed throughout).
     """
 
     time: Array
@@ -44,10 +45,15 @@ class LogData:
     end: float
     own: Array = field(default_factory=lambda: np.empty(0))
     groups: tuple[str, ...] = ()
+    programme: Drive | None = None
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""
         return shared if self.own.size == 0 else np.where(np.isfinite(self.own), self.own, shared)
+
+    def speed_at(self, time: float) -> float:
+        """Drive speed at a time [m/s]."""
+        return self.drive_speed if self.programme is None else self.programme.at(time)
 
     @property
     def samples(self) -> int:
@@ -61,6 +67,26 @@ class LogData:
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """One stretch of a motion that is no whole cycle: a rest, a part of a slide, or steady sliding.
+
+    kind; until: its end [s]; ended_by: the guard that falls to zero there, or "time" where it is a time that is given
+    (the drive changes, the window ends); nodes (n + 1, n_x) from its start to its end; of steady sliding (2 n, n_x),
+    start and end of each of n pieces.
+    """
+
+    kind: Literal["rest", "slip", "saturated", "steady", "steady_saturated"]
+    until: float
+    ended_by: Literal["onset", "saturation", "release", "arrest", "time"]
+    nodes: Array
+
+    @property
+    def steady(self) -> bool:
+        """Whether the mass slides as fast as the drive."""
+        return self.kind.startswith("steady")
+
+
+@dataclass(frozen=True)
 class Guess:
     """Event times and node states of one log, c cycles.
 
@@ -68,7 +94,8 @@ class Guess:
     the bounded state never reaches its bound; deviation (c,) of the normal force from its measured course [N];
     slip (c, n1 + 1, n_x) nodes from onset to
     saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest; own (n_p,): search variables
-    this log has for itself (NaN: shared with the others; empty: all are).
+    this log has for itself (NaN: shared with the others; empty: all are); tail: what follows the last cycle where that
+    is not a rest up to the end (deviation then goes on, one for each slide).
     """
 
     start: Array
@@ -79,6 +106,7 @@ class Guess:
     slip: Array
     saturated: Array
     own: Array = field(default_factory=lambda: np.empty(0))
+    tail: tuple[Stretch, ...] = ()
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log."""
@@ -88,6 +116,20 @@ class Guess:
     def cycles(self) -> int:
         """Number of slips."""
         return self.onset.size
+
+    @property
+    def units(self) -> list[int]:
+        """Number (from 0) of the part of the record that each stretch of the tail is in: a rest begins a new one."""
+        out: list[int] = []
+        for i, stretch in enumerate(self.tail):
+            follows = i > 0 and not (stretch.kind == "rest" and self.tail[i - 1].kind != "rest")
+            out.append(self.cycles if not out else out[-1] if follows else out[-1] + 1)
+        return out
+
+    @property
+    def parts(self) -> int:
+        """Number of parts of the record that are judged one by one: cycles, then slides."""
+        return self.units[-1] + 1 if self.tail else self.cycles
 
     @property
     def saturates(self) -> NDArray[np.bool_]:

@@ -20,6 +20,10 @@ def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
     Args:
         logs, guesses: the fitted logs and the motion behind them; theta (n_p,) the answer.
     """
+    slipping = [(log, g) for log, g in zip(logs, guesses, strict=True) if g.cycles]
+    if not slipping:
+        return _without_cycles(logs, guesses, unknowns)
+    logs, guesses = [log for log, _ in slipping], [g for _, g in slipping]
     slips = [float(np.median(g.arrest - g.onset)) for g in guesses]
     intervals = [float(np.median(np.diff(log.data.time))) for log in logs]
     samples = [slip / interval for slip, interval in zip(slips, intervals, strict=True)]
@@ -32,6 +36,22 @@ def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
         out["t_cr"] = _holds(sticks, t_cr)
         out["mu_s"] = _holds(sticks, t_cr)
     return out
+
+
+def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns) -> dict[str, str]:
+    """Of logs that slide, or stick once: what they hold, and what would tell more."""
+    sticks = sum(stretch.ended_by == "onset" for guess in guesses for stretch in guess.tail)
+    speeds = sorted({1e3 * log.data.speed_at(log.data.end) for log in logs})
+    told = " and ".join(f"{speed:.3g} mm/s" for speed in speeds[:3])
+    level = f"a log that slides holds the friction level at its speed ({told}) and no more"
+    slower = "add a log that sticks and slips: slower, with a softer spring or at a higher load"
+    out = dict.fromkeys(("mu_k0", "delta_mu_k", "a"), f"{level}: {slower}, and logs that slide at other speeds")
+    out |= dict.fromkeys(("mu_s", "t_cr", "D"), f"{level}: {slower}")
+    if sticks:
+        peaks = "one stick shows" if sticks == 1 else f"{sticks} sticks show"
+        hold = f"{peaks} the strength after those rests: add holds that last a tenth and ten times as long"
+        out |= {"mu_s": hold, "t_cr": hold, "D": f"the peaks hold too few samples: sample faster, or {slower}"}
+    return {name: reason for name, reason in out.items() if name in unknowns.names}
 
 
 def _shape(samples: Sequence[float], slips: Sequence[float], speeds: Sequence[float]) -> str:

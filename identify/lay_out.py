@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from identify.blocks import REST_CELLS, BlockKind
 from identify.collector import Collector
-from identify.guess import Grid, Guess, LogData
-from identify.layout import KNOWN, Indices, Layout, Places
-from identify.model import SPEED
+from identify.guess import Grid, Guess, LogData, Stretch
+from identify.layout import KNOWN, Indices, Layout, Places, StretchPlaces
+from identify.model import ELONGATION, SPEED
+from identify.steadiness import rate_slopes
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -43,20 +44,26 @@ class _LogWalk:
         self.rest_rows[SPEED] = force  # the onset guard is a force
         self.tick = 0.1 * float(np.sqrt(m / k))
         self.held = () if model.clamped is None else (model.clamped,)
-        shape = (guess.cycles, self.n_x)
         self.own = np.full(len(model.parameters), KNOWN)
         self.events = {name: np.full(guess.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
-        self.loads = np.full(guess.cycles, KNOWN)
-        self.slip = np.full((shape[0], grid.slip + 1, shape[1]), KNOWN)
-        self.saturated = np.full((shape[0], grid.saturated + 1, shape[1]), KNOWN)
+        self.loads = np.full(guess.parts, KNOWN)
+        self.tail: list[StretchPlaces] = []
+        self.slip = np.full(guess.slip.shape, KNOWN)
+        self.saturated = np.full(guess.saturated.shape, KNOWN)
 
     def walk(self) -> Places:
         """Note everything of this log."""
         self._own()
         # The state the record starts from: elongation free, the other states with a weak prior.
         start = np.full(self.n_x, KNOWN)
-        start[[0]] = self.c.add(self.guess.start[[0]], self.size[[0]])
-        extra = list(range(2, self.n_x))
+        first = self.guess.tail[0] if self.guess.tail and not self.guess.cycles else None
+        begins_steady = first is not None and first.steady
+        if not begins_steady:
+            start[[0]] = self.c.add(self.guess.start[[0]], self.size[[0]])
+        if first is not None and first.kind in ("slip", "saturated"):
+            start[[SPEED]] = self.c.add(self.guess.start[[SPEED]], self.size[[SPEED]])
+        known = self.held if first is not None and first.kind == "saturated" else ()
+        extra = [] if begins_steady else [i for i in range(2, self.n_x) if i not in known]
         if extra:
             bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
             mean = np.where(bounded, 0.5, self.guess.start[extra])
@@ -68,9 +75,10 @@ class _LogWalk:
             self._load(cycle)
             self._stick(cycle)
             self._slide(cycle)
-        constants = self._constants(self.rest_rows, self.since, self.log.end, self.log.end)
-        for part in self._parts(self.since, self.log.end):
-            self._rest_part(self.guess.cycles, NO_OFFSET, NO_OFFSET, ZERO, constants, part)
+        if self.guess.tail:
+            self._tail()
+        else:
+            self._last_rest(self.guess.cycles)
         events = self.events
         return Places(
             start,
@@ -81,7 +89,14 @@ class _LogWalk:
             self.slip,
             self.saturated,
             self.own,
+            tuple(self.tail),
         )
+
+    def _last_rest(self, cycle: int) -> None:
+        """The rest that the end of the window cuts."""
+        constants = self._constants(self.rest_rows, self.since, self.log.end, self.log.end)
+        for part in self._parts(self.since, self.log.end):
+            self._rest_part(cycle, NO_OFFSET, NO_OFFSET, ZERO, constants, part)
 
     def _own(self) -> None:
         """The parameters this log has for itself or with its group; those of the first log are the shared ones."""
@@ -120,7 +135,8 @@ class _LogWalk:
     def _constants(self, rows: Array, start: float, end: float, slope_at: float) -> Array:
         force_start, force_end = self.log.normal_force.at([start, end])
         slope = self.log.normal_force.line(slope_at)[1]
-        ends = [self.log.drive_speed, force_start, force_end, slope, start, end - start, 0.0, 1.0]
+        drive = self.log.speed_at(0.5 * (start + end))
+        ends = [drive, force_start, force_end, slope, start, end - start, 0.0, 1.0]
         return np.concatenate([self.log.base, rows, ends])
 
     def _middle(self, cycle: int) -> float:
@@ -131,7 +147,12 @@ class _LogWalk:
         """The stick before a slip: continuity and the onset guard."""
         on = float(self.guess.onset[cycle])
         index = self.c.event(self.tick, on - self.since, self._middle(cycle) - on)
-        value = self.guess.slip[cycle, 0].copy()
+        self.slip[cycle, 0] = self._rest_until(cycle, on, index, self.guess.slip[cycle, 0])
+        self.events["onset"][cycle] = index
+
+    def _rest_until(self, cycle: int, on: float, index: int, state: Array) -> Indices:
+        """A rest that ends in a node: with the onset guard at an event, without it (index KNOWN) at a given time."""
+        value = state.copy()
         value[SPEED] = 0.0
         node = self.c.state(value, self.size, (SPEED,))
         constants = self._constants(self.rest_rows, self.since, on, on)
@@ -139,7 +160,7 @@ class _LogWalk:
         for part in before:
             self._rest_part(cycle, np.array([index]), self.load, self.load_value, constants, part)
         self.c.put(
-            "stick_reaged" if self.reaged else "stick",
+            _kind("hold" if index == KNOWN else "stick", self.reaged),
             1,
             self.number,
             cycle,
@@ -148,15 +169,15 @@ class _LogWalk:
             *self._cut(constants, last),
             self.own,
         )
-        self.events["onset"][cycle], self.slip[cycle, 0] = index, node
         self.node, self.value, self.offset = node, value, np.array([index])
+        return node
 
     def _rest_part(
         self, cycle: int, end: Indices, load: Indices, load_value: Array, constants: Array, part: tuple[float, float]
     ) -> None:
         """A part of a rest without the guard that ends it."""
         self.c.put(
-            "rest_reaged" if self.reaged else "rest",
+            _kind("rest", self.reaged),
             1,
             self.number,
             cycle,
@@ -230,7 +251,26 @@ class _LogWalk:
         known_inside: tuple[int, ...],
         known_at_end: tuple[int, ...],
     ) -> None:
-        """The shooting intervals of one part of a slip."""
+        """The shooting intervals of one part of the slip of a cycle."""
+        places[cycle, 1:] = self._intervals(kind, cycle, nodes, span, end, known_inside, known_at_end)
+
+    def _intervals(
+        self,
+        kind: BlockKind,
+        cycle: int,
+        nodes: Array,
+        span: tuple[float, float],
+        end: int,
+        known_inside: tuple[int, ...],
+        known_at_end: tuple[int, ...],
+        local: Array | None = None,
+    ) -> Indices:
+        """The shooting intervals of one part of a slide: indices of the nodes at their ends (n, n_x).
+
+        Args:
+            end: index of the event that ends it, KNOWN at a given time; local: constants of each interval in place of
+                those of the whole span.
+        """
         intervals, steps, n_x = nodes.shape[0] - 1, self.grid.steps, self.n_x
         values = nodes[1:].copy()
         unknown = np.ones((intervals, n_x), bool)
@@ -244,26 +284,116 @@ class _LogWalk:
         d_end = np.array([end])
         tail = np.concatenate([self.offset, d_end, self.load])
         tail_values = np.concatenate([ZERO, ZERO, self.load_value])
-        constants = np.tile(self._constants(self.size, *span, span[0]), (intervals, 1))
+        constants = np.tile(self._constants(self.size, *span, span[0]), (intervals, 1)) if local is None else local
         fractions = np.arange(intervals + 1) / intervals
         constants[:, -2:] = np.stack([fractions[:-1], fractions[1:]], axis=1)
         cells = span[0] + (span[1] - span[0]) * np.linspace(0.0, 1.0, intervals * steps + 1)
-        self.c.put_all(
-            kind,
-            steps,
-            self.number,
-            cycle,
-            np.concatenate([befores, index, np.tile(tail, (intervals, 1))], axis=1),
-            np.concatenate(
-                [np.concatenate([self.value[None], values[:-1]]), values, np.tile(tail_values, (intervals, 1))], axis=1
-            ),
-            constants,
-            np.stack([cells[:-1], cells[1:]], axis=1).reshape(intervals, steps, 2),
-            self.own,
+        slots = np.concatenate([befores, index, np.tile(tail, (intervals, 1))], axis=1)
+        fixed = np.concatenate(
+            [np.concatenate([self.value[None], values[:-1]]), values, np.tile(tail_values, (intervals, 1))], axis=1
         )
-        places[cycle, 1:] = index
+        edges = np.stack([cells[:-1], cells[1:]], axis=1).reshape(intervals, steps, 2)
+        last = intervals - 1 if kind == "released" else intervals  # the guard is in the last interval
+        for name, part in (("saturated" if kind == "released" else kind, slice(0, last)), (kind, slice(last, None))):
+            if slots[part].size:
+                self.c.put_all(
+                    name, steps, self.number, cycle, slots[part], fixed[part], constants[part], edges[part], self.own
+                )
         self.node, self.value = index[-1], values[-1]
         self.offset = d_end
+        return index
+
+    def _tail(self) -> None:
+        """What follows the last cycle: rests and slides as they come."""
+        stretches, units = self.guess.tail, self.guess.units
+        for i, (unit, stretch) in enumerate(zip(units, stretches, strict=True)):
+            if i == 0 or unit != units[i - 1]:
+                self._load(unit)
+            if stretch.steady:
+                self._steady(unit, stretch)
+                continue
+            last = i + 1 == len(stretches)
+            if stretch.kind == "rest" and last:
+                self._last_rest(unit)
+                self.tail.append(StretchPlaces(KNOWN, np.full(stretch.nodes.shape, KNOWN)))
+                continue
+            index = KNOWN
+            if stretch.ended_by != "time":
+                room = (self.log.end if last else stretches[i + 1].until) - stretch.until
+                index = self.c.event(self.tick, stretch.until - self.since, room)
+            nodes = np.full(stretch.nodes.shape, KNOWN)
+            if stretch.kind == "rest":
+                nodes[-1] = self._rest_until(unit, stretch.until, index, stretch.nodes[-1])
+                self.reaged = False
+            else:
+                nodes[1:] = self._sliding(unit, stretch, index)
+            self.tail.append(StretchPlaces(index, nodes))
+            self.since = stretch.until
+
+    def _sliding(self, unit: int, stretch: Stretch, index: int) -> Indices:
+        """A part of a slide in one mode, whatever ends it."""
+        saturated = stretch.kind == "saturated"
+        inside = self.held if saturated else ()
+        arrests = (SPEED,) if stretch.ended_by == "arrest" else ()
+        at_end = (*self.held, *arrests) if saturated or stretch.ended_by == "saturation" else arrests
+        kind: BlockKind = "saturated" if saturated else "slip"
+        rows = self.size.copy()
+        if stretch.ended_by == "release":
+            kind = "released"
+            rows[list(self.held)] = self._pace_of_bound(stretch.nodes[-1], stretch.until)
+        intervals = stretch.nodes.shape[0] - 1
+        edges = np.linspace(self.since, stretch.until, intervals + 1)
+        local = np.tile(self._constants(rows, self.since, stretch.until, self.since), (intervals, 1))
+        # The normal force as a straight line over each interval, written as one from the start of the stretch.
+        forces = self.log.normal_force.at(edges)
+        slope = np.diff(forces) / np.diff(edges)
+        local[:, -7], local[:, -5] = forces[:-1] - slope * (edges[:-1] - self.since), slope
+        self.reaged = saturated
+        return self._intervals(kind, unit, stretch.nodes, (self.since, stretch.until), index, inside, at_end, local)
+
+    def _rates(self, state: Array, at: float) -> Array:
+        """Derivatives of the rates of all states with respect to the states (n_x, n_x) [1/s per unit]."""
+        unknowns, model = self.c.unknowns, self.c.model
+        p = unknowns.values(self.guess.theta(unknowns.start), self.log.base)
+        return rate_slopes(model, state, p, np.array([self.log.speed_at(at), self.log.normal_force.at(at), 1.0, at]))
+
+    def _pace_of_bound(self, state: Array, at: float) -> float:
+        """A typical rate of the bounded state [1/s]."""
+        return float(np.max(np.abs(self._rates(state, at)[list(self.held)]) * self.size))
+
+    def _steady(self, unit: int, stretch: Stretch) -> None:
+        """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
+        saturated = stretch.kind == "steady_saturated"
+        known = (SPEED, *(self.held if saturated else ()))
+        pieces = stretch.nodes.reshape(-1, 2, self.n_x)
+        edges = np.linspace(self.since, stretch.until, pieces.shape[0] + 1)
+        places = np.full(pieces.shape, KNOWN)
+        kind: BlockKind = "steady_saturated" if saturated else "steady"
+        rows = np.maximum(np.max(np.abs(self._rates(pieces[0, 0], self.since)) * self.size, axis=1), 1e-300)
+        rows[ELONGATION] = 1.0
+        for i, (span, ends) in enumerate(zip(pairwise(edges.tolist()), pieces, strict=True)):
+            for j in range(2):
+                places[i, j] = self.c.state(ends[j], self.size, known)
+            self.c.put(
+                kind,
+                1,
+                self.number,
+                unit,
+                [places[i, 0], places[i, 1], NO_OFFSET, NO_OFFSET, self.load],
+                [ends[0], ends[1], ZERO, ZERO, self.load_value],
+                self._constants(rows, *span, span[1]),
+                np.array([span]),
+                self.own,
+            )
+        self.tail.append(StretchPlaces(KNOWN, places.reshape(stretch.nodes.shape)))
+        self.node, self.value, self.offset = places[-1, 1], pieces[-1, 1].copy(), NO_OFFSET
+        self.value[SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
+        self.since, self.reaged = stretch.until, saturated
+
+
+def _kind(kind: str, reaged: bool) -> BlockKind:
+    """The kind of a rest, by whether the contact re-aged in the last moment of the slide before it."""
+    return f"{kind}_reaged" if reaged else kind  # type: ignore[return-value]
 
 
 def lay_out(

@@ -6,13 +6,13 @@ otherwise rows become redundant and the multipliers never converge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.blocks import Block
-from identify.guess import Guess
+from identify.guess import Guess, Stretch
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -41,6 +41,19 @@ class Family:
 
 
 @dataclass(frozen=True)
+class StretchPlaces:
+    """Where a stretch of a tail stands among the unknowns: the offset of its end, its nodes; KNOWN for constants."""
+
+    until: int
+    nodes: Indices
+
+    def read(self, stretch: Stretch, x: Array) -> Stretch:
+        """The stretch moved to the unknowns x (n,)."""
+        until = stretch.until + (float(x[self.until]) if self.until >= 0 else 0.0)
+        return replace(stretch, until=until, nodes=np.where(self.nodes >= 0, x[self.nodes], stretch.nodes))
+
+
+@dataclass(frozen=True)
 class Places:
     """Where the guess of one log stands among the unknowns: indices in the shapes of `Guess`, KNOWN for constants;
     event times as the indices of their offsets."""
@@ -53,6 +66,14 @@ class Places:
     slip: Indices
     saturated: Indices
     own: Indices
+    tail: tuple[StretchPlaces, ...] = ()
+
+    @property
+    def events(self) -> Indices:
+        """All offsets of event times."""
+        tail = [place.until for place in self.tail]
+        index = np.concatenate([self.onset, self.saturation, self.arrest, np.array(tail, dtype=np.int64)])
+        return index[index >= 0]
 
     def read(self, guess: Guess, x: Array) -> Guess:
         """The guess moved to the unknowns x (n,), in physical units."""
@@ -72,6 +93,7 @@ class Places:
             state(self.slip, guess.slip),
             state(self.saturated, guess.saturated),
             state(self.own, guess.own) if guess.own.size else guess.own,
+            tuple(place.read(stretch, x) for place, stretch in zip(self.tail, guess.tail, strict=True)),
         )
 
 

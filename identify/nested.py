@@ -197,7 +197,12 @@ def _translated(guess: Guess, large: Model, small: Model, p: Array) -> Guess:
         at = [large.parameter_names.index(n) if n in large.parameter_names else -1 for n in small.parameter_names]
         own = np.where(np.array(at) >= 0, own[at], np.nan)
     return replace(
-        guess, start=states(guess.start), slip=states(guess.slip), saturated=states(guess.saturated), own=own
+        guess,
+        start=states(guess.start),
+        slip=states(guess.slip),
+        saturated=states(guess.saturated),
+        own=own,
+        tail=tuple(replace(stretch, nodes=states(stretch.nodes)) for stretch in guess.tail),
     )
 
 

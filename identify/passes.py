@@ -122,6 +122,7 @@ def _ordered(guess: Guess) -> bool:
     """Whether every event still follows the one before it."""
     middle = np.where(guess.saturates, guess.saturation, 0.5 * (guess.onset + guess.arrest))
     times = np.stack([guess.onset, middle, guess.arrest], axis=1).ravel()
+    times = np.concatenate([times, [stretch.until for stretch in guess.tail]])
     return bool(np.all(np.isfinite(times)) and np.all(np.diff(times) > 0))
 
 
@@ -129,8 +130,7 @@ def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData])
     """Largest event offset of this pass in sample intervals of its log."""
     worst = 0.0
     for place, log in zip(problem.layout.places, logs, strict=True):
-        index = np.concatenate([place.onset, place.saturation, place.arrest])
-        index = index[index >= 0]
+        index = place.events
         if index.size:
             interval = float(np.median(np.diff(log.time)))
             worst = max(worst, float(np.max(np.abs(solution.x[index]))) / interval)

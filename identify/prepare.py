@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
 from identify.cutting import Account, account, cut_and_correct
+from identify.drive import Drive
 from identify.errors import FitError
 from identify.guess import LogData
 from identify.judgement import Judgement, judge
 from identify.loads import level, smooth, swing
+from identify.manner import FEW, Manner, manner_of, moving_pieces
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
-from identify.segment import SLIDING, STICK, Segmentation, segment
+from identify.segment import STICK, Segmentation, segment
 from identify.slip_quality import Part
 from identify.unknowns import Unknowns
 
@@ -24,6 +26,9 @@ Array = NDArray[np.float64]
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 RISE = (0.4, 0.9)  # of the first rise: the stretch its straight line is taken from
+SHORT_RISE = 40  # samples: of a shorter first rise no line is drawn,
+SHORT_LOADING = 2.0  # half periods: nor of one that may end in a swing
+LOW = 0.15  # of such a rise: the fit begins at the last sample below
 CLEAR = 0.1  # of the loading line after the bend that is left out
 SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
@@ -38,7 +43,8 @@ class Prepared:
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
     account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
-    as a share).
+    as a share); manner: how it moves; views: data and falls of each stretch that is a train of like cycles, which
+    starts are taken from.
     """
 
     record: Record
@@ -55,6 +61,13 @@ class Prepared:
     account: Account
     judgement: Judgement
     hidden_swing: float = 0.0
+    manner: Manner = field(default_factory=lambda: Manner("cycles", None, False))
+    views: tuple[tuple[LogData, Array], ...] = ()
+
+    @property
+    def typical(self) -> int:
+        """Number of cycles of the view that shows most."""
+        return max((falls.size for _, falls in self.views), default=0)
 
     @property
     def name(self) -> str:
@@ -66,7 +79,7 @@ class Prepared:
         """How much the force drop differs from one settled cycle to the next, as a share of the mean drop, beyond
         what the noise does; 0 with fewer than four cycles. A slow drift does not count."""
         drop = self.segmentation.cycles.drop[1:]
-        if drop.size < 3:
+        if drop.size < 3 or self.manner.name != "cycles":
             return 0.0
         step = np.diff(drop) / np.sqrt(2.0)
         noise = 2.0 / np.sqrt(max(float(np.max(self.data.weight)), 1e-300))
@@ -78,12 +91,13 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     """Cut, correct and segment one log.
 
     Raises:
-        FitError: a drive programme, or a log of which nothing is left.
+        FitError: no drive speed, a drive that turns, or a log of which nothing is left.
         SceneError: an effect outside its measured range.
     """
     rig = scene.rig_for(entry)
     name = entry.path.name
-    speed = _drive_speed(rig, record, name)
+    drive = _drive(rig, entry, record, name)
+    speed = max(drive.speeds)
     corrected = cut_and_correct(entry, record)
     raw, record = record, corrected.record
     force = np.asarray(record.friction_force, float)
@@ -105,10 +119,18 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     weight = np.where(used & ~spikes & np.isfinite(force), 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
     falls = found.cycles.fall[entry.skip_cycles :]
     soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
-    expected = None if soft else abs(speed) * rig.stiffness
+    expected = None if soft or not drive.constant else speed * rig.stiffness
     part = Part(record.time[first:last], shown[first:last], found, expected)
     judgement = judge(record, [part], scene.thresholds, used)
-    begin, end = _window(record.time[first:last], shown[first:last], found, noise, entry.skip_cycles)
+    inner = slice(first, last)
+    half_period = rig.half_period or 0.0
+    manner = manner_of(
+        found, record.time[inner], shown[inner], falls, noise=noise, half_period=half_period, drive=drive
+    )
+    if manner.name == "cycles":
+        begin, end = _window(record.time[inner], shown[inner], found, noise, entry.skip_cycles)
+    else:
+        begin, end = _course(record.time[inner], shown[inner], found, noise, manner, drive, half_period)
     load, load_sd = smooth(record.time[used], record.normal_force[used], name, found.count)
     hidden = 0.0
     if not unknowns.model.follows_load:
@@ -116,44 +138,64 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         hidden = hidden if hidden > SEEN * load_sd / float(np.mean(load.values)) else 0.0
         inside = np.flatnonzero(used & (record.time >= begin) & (record.time <= end))
         load, load_sd = level(record.time[inside], record.normal_force[inside], name, found.count)
-    scene.check_ranges(entry, speed, (min(load.values), max(load.values)))
+    programme = speed if drive.constant else tuple(zip(drive.starts, drive.speeds, strict=True))
+    scene.check_ranges(entry, programme, (min(load.values), max(load.values)))
     load_sd = float(np.hypot(load_sd, REPEATABLE * np.mean(load.values)))
     data = LogData(
         np.ascontiguousarray(record.time),
         np.nan_to_num(force),
         weight,
         unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
-        abs(speed),
+        speed,
         load,
         load_sd,
         begin,
         end,
         np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
         tuple("" if by is None or by == EACH_LOG else entry.labels[by] for by in unknowns.per),
+        None if drive.constant else drive,
     )
-    reason = _reason(found, falls, name) or _rejected(judgement, name)
+    reason = _reason(manner, falls, name) or _rejected(judgement, name)
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
     counted = used & ~spikes
     estimated = rig.noise is None
     return Prepared(
-        record, entry, rig, sign, force, counted, found, data, falls, reason, estimated, told, judgement, hidden
+        record,
+        entry,
+        rig,
+        sign,
+        force,
+        counted,
+        found,
+        data,
+        falls,
+        reason,
+        estimated,
+        told,
+        judgement,
+        hidden,
+        manner,
+        _views(data, falls, manner),
     )
 
 
-def _drive_speed(rig: Rig, record: Record, name: str) -> float:
-    speed = rig.drive_speed
-    if isinstance(speed, tuple):
-        if len(speed) > 1:
-            raise FitError(
-                f"{name} has a drive programme of {len(speed)} speeds; the fit takes one constant speed per log "
-                "so far: cut the log into one window per speed"
-            )
-        speed = speed[0][1]
-    if speed is None:
+def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
+    """How the drive goes while the record counts: one speed, or a programme that goes one way."""
+    if rig.drive_speed is None:
         raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
-    if speed == 0.0:
+    whole = Drive.of(rig.drive_speed)
+    start, stop = entry.window or (0.0, float(record.time[-1]))
+    starts = [t for t in whole.starts if start < t < stop]
+    speeds = [whole.at(max(start, 0.0)), *(whole.at(t) for t in starts)]
+    if all(speed == 0.0 for speed in speeds):
         raise FitError(f"{name} has a drive speed of 0 m/s; expected a moving drive: a hold alone cannot be fitted")
-    return float(speed)
+    if min(speeds) < 0.0 < max(speeds):
+        raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
+    kept = [(0.0, abs(speeds[0]))]
+    for t, speed in zip(starts, speeds[1:], strict=True):
+        if abs(speed) != kept[-1][1]:
+            kept.append((t, abs(speed)))
+    return Drive.of(tuple(kept))
 
 
 def _sign(entry: LogEntry, force: Array) -> int:
@@ -212,11 +254,47 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     return bend + CLEAR * max(float(t[late][0]) - bend, 0.0)
 
 
-def _reason(found: Segmentation, falls: Array, name: str) -> str | None:
-    if falls.size == 0:
+def _course(
+    time: Array, force: Array, found: Segmentation, noise: float, manner: Manner, drive: Drive, half_period: float
+) -> tuple[float, float]:
+    """The part of a record without a train of cycles that the estimator takes."""
+    begin, end = float(time[0]), float(time[-1])
+    if manner.name == "sliding":
+        return (begin if manner.settled is None else manner.settled), end
+    if manner.begins_sliding:
+        return begin, end
+    resting = found.phase == STICK
+    first = float(time[int(np.argmin(resting))]) if not np.all(resting) else end
+    first = min([first, *found.cycles.onset[:1].tolist()])
+    rising = np.flatnonzero((time <= first) & np.isfinite(force))
+    rising = rising[: int(np.argmax(force[rising])) + 1] if rising.size else rising
+    brief = rising.size and time[rising[-1]] - time[rising[0]] < SHORT_LOADING * half_period
+    if 0 < rising.size < SHORT_RISE or brief:
+        low, high = float(np.min(force[rising])), float(force[rising[-1]])
+        return float(time[rising[np.flatnonzero(force[rising] <= low + LOW * (high - low))[-1]]]), end
+    # While the drive stands, or starts anew, a force that only rises is no straight line.
+    moving = max((a for a, _, _ in moving_pieces(drive, begin, end) if a < first), default=begin)
+    return (_line_start(time, force, begin, first, noise) if moving == begin else begin), end
+
+
+def _views(data: LogData, falls: Array, manner: Manner) -> tuple[tuple[LogData, Array], ...]:
+    """Data and falls of each stretch of constant speed in which cycles repeat."""
+    if manner.name == "cycles":
+        return ((data, falls),)
+    out = []
+    for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
+        inside = falls[(falls > start) & (falls < stop)]
+        if inside.size >= FEW:
+            piece = replace(data, begin=start, end=stop, drive_speed=speed, programme=None)
+            out.append((piece, inside))
+    return tuple(out)
+
+
+def _reason(manner: Manner, falls: Array, name: str) -> str | None:
+    if manner.name == "cycles" and falls.size == 0:
         return f"{name} shows no complete stick-slip cycle"
-    if found.ends_sliding and (falls.size < 3 or found.share(SLIDING) > 0.5):
-        return f"{name} slides without sticking after {falls.size} slip(s): above its stick-slip limit"
+    if manner.name == "sliding" and manner.settled is None:
+        return f"{name} slides without sticking, and its force never settles within its noise"
     return None
 
 
@@ -224,6 +302,20 @@ def _rejected(judgement: Judgement, name: str) -> str | None:
     if judgement.verdict != "reject":
         return None
     return f"{name} is rejected by the quality gate: {judgement.reason}; a threshold can be moved under [quality]"
+
+
+def settled_part(prepared: Prepared) -> Prepared | None:
+    """The log from where it slides steadily on, as a log of sliding; None where it does not."""
+    since = prepared.manner.settled
+    if since is None or prepared.manner.name == "cycles":
+        return None
+    if prepared.data.programme is not None:
+        since = max(since, prepared.data.programme.starts[-1])
+    speed = prepared.data.speed_at(since)
+    if speed == 0.0 or not since < prepared.data.end:
+        return None
+    data = replace(prepared.data, begin=since, drive_speed=speed, programme=None)
+    return replace(prepared, data=data, manner=replace(prepared.manner, name="sliding"), views=())
 
 
 def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:

@@ -27,7 +27,8 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
             z (c,) misfit of each cycle in standard deviations.
     """
     p = unknowns.values(guess.theta(theta), log.data.base)
-    cycles = np.column_stack([guess.onset, guess.arrest, *_event_forces(log, unknowns, p, guess), z])
+    forces = _event_forces(log, unknowns, p, guess)
+    cycles = np.column_stack([guess.onset, guess.arrest, *forces, z[: guess.cycles]])
     return LogCurves(
         log.name,
         log.record.time,
@@ -72,6 +73,8 @@ def _as_read(log: Prepared) -> tuple[Array | None, tuple[tuple[str, float, float
 
 def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> tuple[Array, Array]:
     """What the load cell sees at onset and arrest of every cycle (c,), (c,) [N]."""
+    if guess.cycles == 0:
+        return np.empty(0), np.empty(0)
     ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1])
     out = []
     for times, states in ((guess.onset, guess.slip[:, 0]), (guess.arrest, ends)):

@@ -16,12 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.features import Features, extract
+from identify.following import glide
 from identify.gate import Gate, pass_gate
 from identify.guess import Guess
+from identify.levels import level_starts
 from identify.outcome import Status
 from identify.passes import COARSE, Solved, solve_in_passes
 from identify.placing import place
-from identify.prepare import Prepared, cut_in_last_stick
+from identify.prepare import Prepared, cut_in_last_stick, settled_part
+from identify.sequence import TRIES, followed, resequenced
+from identify.shooting import transcribe
 from identify.start import GOOD, Start, candidates, fit_features, random_starts
 from identify.unknowns import Unknowns
 from identify.vibration import quieted
@@ -89,9 +93,11 @@ def search(
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = [i for i in range(len(prepared)) if i not in left_out]
     for least in (FULL, 2, 1):
-        first = [i for i in able if prepared[i].falls.size >= least]
+        first = [i for i in able if prepared[i].typical >= least]
         if first:
             break
+    if not first:
+        first = able
     if not first:
         return None, left_out
     best: Attempt | None = None
@@ -152,14 +158,18 @@ def _starts(
     since = time.perf_counter()
     features: list[Features] = []
     bases: list[Array] = []
-    for i, log in enumerate(prepared):
-        found = extract(i, log.data, log.falls, log.rig.half_period)
-        if found is not None:
-            features.append(found)
-            bases.append(log.data.base)
+    for log in prepared:
+        for data, falls in log.views:
+            found = extract(len(features), data, falls, log.rig.half_period)
+            if found is not None:
+                features.append(found)
+                bases.append(data.base)
     if not features:
+        made = [level_starts(prepared, unknowns)] if sources != "user" else []
+        tried = np.concatenate([unknowns.start[None, :], *made]) if sources != "data" else made[0]
+        ranked = _ranked(prepared, unknowns, tried)
         clock.add("start", since)
-        yield unknowns.start
+        yield from _distinct(ranked, unknowns)
         return
     own = [unknowns.start[None, :]] if sources != "data" else []
     made = [candidates(unknowns, features, bases)] if sources != "user" else []
@@ -180,6 +190,21 @@ def _starts(
     timed = settled.free != unknowns.free
     starts = [replace(s, theta=np.where(timed, unknowns.start, s.theta)) for s in starts if s.cost <= worst]
     yield from _distinct(starts, unknowns)
+
+
+def _ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Array) -> list[Start]:
+    """Starts of logs without repeating cycles in the order of how well the motions that follow from them fit before any
+    is solved; those that can be placed on fewer logs last."""
+    out = []
+    for theta in tried:
+        at = replace(unknowns, start=theta)
+        placed = _place(prepared, list(range(len(prepared))), at)
+        if placed:
+            logs = [log.data for _, log, _ in placed]
+            problem = transcribe(logs, [guess for _, _, guess in placed], at, COARSE)
+            cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
+            out.append(Start(theta, float(cost) + 1e6 * (len(prepared) - len(placed))))
+    return sorted(out, key=lambda start: start.cost)
 
 
 def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
@@ -226,6 +251,14 @@ def _solve(
     unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
     guesses[0] = replace(guesses[0], own=np.empty(0))
     solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(firmness))
+    for _ in range(TRIES):
+        again = resequenced(logs, solved.guesses, replace(unknowns, start=solved.theta))
+        if again is None:
+            break
+        logs, guesses = again
+        solved = solve_in_passes(
+            [log.data for log in logs], guesses, replace(unknowns, start=solved.theta).softened(firmness)
+        )
     clock.add("solve", since + solved.forming)
     clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
     gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
@@ -243,10 +276,14 @@ def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int =
 
 def _place(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[tuple[int, Prepared, Guess]]:
     """Number, cut log and guess of every chosen log that the start can be placed on."""
+    out: list[tuple[int, Prepared, Guess]] = []
+    for number in chosen:
+        if prepared[number].manner.name != "cycles":
+            out += [(number, *found) for found in _followed(prepared[number], unknowns)]
+    chosen = [i for i in chosen if prepared[i].manner.name == "cycles"]
     logs = [prepared[i] for i in chosen]
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
     placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
-    out = []
     for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
         if guess is None or not _joins_up(guess, log):
             continue
@@ -254,7 +291,17 @@ def _place(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> l
         typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
         cut = cut_in_last_stick(log, float(guess.arrest[-1]), typical)
         out.append((number, cut, guess))
-    return out
+    return sorted(out, key=lambda entry: entry[0])
+
+
+def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Guess]]:
+    """The log of a course of its own, or of sliding, cut to what the start follows of it; empty where it does not."""
+    p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
+    if log.manner.name == "sliding":
+        gliding = glide(unknowns.model, log.data, p)
+        return [] if gliding is None else [(log, gliding)]
+    found = followed(log, unknowns)
+    return [] if found is None else [found]
 
 
 def _joins_up(guess: Guess, log: Prepared) -> bool:
@@ -281,4 +328,17 @@ def _join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Un
     if not late:
         return best
     joined = _solve(prepared, sorted([*best.logs, *late]), at_answer, clock)
-    return joined if joined is not None and joined.gate.status is Status.CONVERGED else best
+    if joined is not None and joined.gate.status is Status.CONVERGED:
+        return joined
+    # One log that does not fit must not keep out the others; of a course that does not, its steady end may.
+    for i in late:
+        settled = settled_part(prepared[i])
+        for log in (prepared[i], settled):
+            if log is None or (len(late) == 1 and log is prepared[i]):
+                continue
+            having = [log if j == i else other for j, other in enumerate(prepared)]
+            joined = _solve(having, sorted([*best.logs, i]), replace(unknowns, start=best.solved.theta), clock)
+            if joined is not None and joined.gate.status is Status.CONVERGED:
+                best, prepared = joined, having
+                break
+    return best

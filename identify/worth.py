@@ -113,7 +113,7 @@ def logs_left_out(fitted: Fitted) -> float:
         return float("nan")
     total, count = 0.0, 0
     for number, (log, guess) in enumerate(zip(attempt.prepared, attempt.solved.guesses, strict=True)):
-        if guess.cycles <= SHOWN:
+        if guess.cycles <= SHOWN or guess.tail:
             continue
         hidden = log.data.time > guess.arrest[SHOWN - 1]
         data = [other.data for other in attempt.prepared]

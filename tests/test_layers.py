@@ -25,11 +25,11 @@ drawn scatter stated calculable choice price selection_numbers comparison form_s
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess loads lanes blocks features unknowns cutting prepare rhythms vibration placing layout start collector
-lay_out hints
+guess loads lanes steadiness following blocks features unknowns cutting manner prepare rhythms vibration placing
+layout start collector lay_out hints
 equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation
-consistency gate accuracy combinations asked profile_line profile widened search grouped shares certainty nested
-screening selection_words selection diagnosis preview depth findings log_outlook worth result
+levels sequence consistency gate accuracy combinations asked profile_line profile widened search grouped shares
+certainty nested screening selection_words selection diagnosis preview depth findings log_outlook worth result
 identification
 report
 comparing

@@ -74,8 +74,8 @@ def test_skipped_cycles_and_windows_leave_samples_and_falls_out():
 
 def test_what_cannot_be_fitted_is_refused_by_name():
     scene = _scene()
-    stepped = replace(scene, rig=replace(scene.rig, drive_speed=((0.0, 1e-3), (1.0, 2e-3))))
-    with pytest.raises(FitError, match="drive programme of 2 speeds"):
+    stepped = replace(scene, rig=replace(scene.rig, drive_speed=((0.0, 1e-3), (1.0, -1e-3))))
+    with pytest.raises(FitError, match="a drive that turns"):
         prepare(stepped, stepped.logs[0], _record(), from_scene(stepped))
     with pytest.raises(FitError, match="0 usable samples"):
         _prepared(_record(), window=[10.0, 11.0])

@@ -1,0 +1,368 @@
+"""From parameters to a guess of a motion that is no train of equal cycles: simulated stretch by stretch along the data.
+
+Drive programmes, holds, sticks that end in sliding. Each onset is moved onto the peak of the measured force before the
+slide goes on from there, so that what is wrong with the parameters does not add up; what does not join up is left to
+the shooting. A slide whose oscillation has faded goes on as steady sliding, which has no steps to take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify import lanes
+from identify.drive import NormalForce
+from identify.errors import SimulationError
+from identify.guess import Guess, LogData, Stretch
+from identify.model import SPEED, Model
+from identify.phases import stick
+from identify.simulate import run
+from identify.situated import Situated
+from identify.steadiness import Steadiness, steadiness
+from identify.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+INTERVAL = 1 / 8  # of half a period: shooting intervals of a slide
+FIRST_INTERVALS = 8  # of the part of a slip in which the contact fades
+CHUNK = 6.0  # half periods that are simulated at a time
+FADED = 0.1  # of the noise: an oscillation that is smaller is not followed
+LONGEST = 120  # half periods of one slide that are followed
+BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
+REACH = 4.0  # half periods by which an onset is moved at most around what the data or the simulation say
+PER_HALF_PERIOD = 12  # places per half period that are tried
+PEAK = 0.5  # of a rest: how far from its simulated end the peak is looked for
+COMPARED = 400  # samples that vote on a place
+TOLERANCE = 1e-7  # of a simulation step
+MOST_STRETCHES = 400
+PIECES = 200  # of steady sliding, at most
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A motion from the begin of the window: the guess, and where it ends [s]: earlier than the window where an
+    oscillation never fades."""
+
+    guess: Guess
+    end: float
+
+
+def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Followed | None:
+    """Guess the motion of a log by simulating it; None where the model does not move like this at all.
+
+    Args:
+        p: parameter values of the log (n_p,); begins_sliding: it starts in steady sliding, else at rest.
+    """
+    try:
+        return _Course(model, log, p).run(begins_sliding)
+    except SimulationError:
+        return None
+
+
+def glide(model: Model, log: LogData, p: Array) -> Guess | None:
+    """Guess of a log that slides steadily from begin to end; None where the model has no such motion."""
+    course = _Course(model, log, p)
+    end = course.steady(log.begin)
+    if end is None:
+        return None
+    course.glide(log.begin, log.end)
+    return course.guess(end.state)
+
+
+class _Course:
+    """A motion as it is put together."""
+
+    def __init__(self, model: Model, log: LogData, p: Array) -> None:
+        self.model, self.log, self.p = model, log, p
+        names = model.parameter_names
+        self.values = dict(zip(names, p.tolist(), strict=True))
+        self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
+        self.noise = float(1.0 / np.sqrt(np.max(log.weight)))
+        self.stretches: list[Stretch] = []
+        starts = () if log.programme is None else log.programme.starts
+        self.changes = [t for t in starts if log.begin < t < log.end]
+
+    def guess(self, start: Array) -> Guess:
+        """The motion so far, from a state at the begin of the window."""
+        n, none = len(self.model.states), np.empty(0)
+        nothing = np.empty((0, 2, n))
+        made = Guess(start, none, none, none, none, nothing, nothing, self.log.own, tuple(self.stretches))
+        return replace(made, deviation=np.zeros(made.parts))
+
+    def run(self, begins_sliding: bool) -> Followed | None:
+        """Follow the motion to the end of the window."""
+        t = self.log.begin
+        if begins_sliding:
+            steady = self.steady(t)
+            if steady is None:
+                return None
+            start = x = steady.state
+            t = self.change_after(t)
+            self.glide(self.log.begin, t)
+            sliding = True
+        else:
+            start = x = self.first_state()
+            sliding = False
+        while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
+            if sliding:
+                t, x, sliding = self.slide(t, x)
+                if np.isnan(t):
+                    return Followed(self.guess(start), self.stretches[-1].until) if self.stretches else None
+            else:
+                t, x, sliding = self.rest(t, x)
+        return Followed(self.guess(start), t) if t >= self.log.end else None
+
+    def change_after(self, t: float) -> float:
+        """The next change of the drive, or the end of the window [s]."""
+        return next((c for c in self.changes if c > t), self.log.end)
+
+    def inputs(self, t: float, just_before: bool = False) -> Array:
+        """Inputs (4,) of the model at a time [s]."""
+        speed = self.log.speed_at(np.nextafter(t, -np.inf) if just_before else t)
+        return np.array([speed, float(self.log.normal_force.at(t)), 1.0, t])
+
+    def steady(self, t: float, just_before: bool = False) -> Steadiness | None:
+        """The state of steady sliding at a time [s]."""
+        u = self.inputs(t, just_before)
+        return steadiness(self.model, self.p, u) if u[0] > 0.0 else None
+
+    def first_state(self) -> Array:
+        """State at the begin of the window: the elongation from the first samples, the contact half aged or such that
+        the first peak comes when it is seen."""
+        log, model = self.log, self.model
+        peak = self.peak(log.begin, self.moving_from(log.begin), None)
+        until = log.begin + 0.8 * (peak - log.begin)
+        mine = (log.time >= log.begin) & (log.time <= until) & (log.weight > 0)
+        if not np.any(mine):
+            mine = np.arange(log.time.size) == np.searchsorted(log.time, log.begin)
+        moved = np.array([self.drive_motion(t) for t in log.time[mine]])
+        level = float(np.median(log.force[mine] - self.values["stiffness"] * moved))
+        x = lanes.at_force(model, np.array([level]), self.p[None], self.inputs(log.begin)[None])[0]
+        if model.clamped is None:
+            return x
+        candidates = np.linspace(0.0, 1.0, 41)
+        onsets = np.full(candidates.size, np.nan)
+        for i, value in enumerate(candidates):
+            x[model.clamped] = value
+            onsets[i] = self.onset(log.begin, x)[0]
+        x[model.clamped] = 0.5
+        if np.any(np.isfinite(onsets)) and np.ptp(onsets[np.isfinite(onsets)]) > 1e-3 * (peak - log.begin):
+            x[model.clamped] = candidates[int(np.nanargmin(np.abs(onsets - peak)))]
+        return x
+
+    def drive_motion(self, t: float) -> float:
+        """How far the drive has gone since the begin of the window [m]."""
+        edges = [self.log.begin, *(c for c in self.changes if c < t), t]
+        return sum((b - a) * self.log.speed_at(0.5 * (a + b)) for a, b in pairwise(edges))
+
+    def moving_from(self, t: float) -> float:
+        """When the drive next moves, from t on [s]."""
+        return next((c for c in (t, *self.changes) if c >= t and self.log.speed_at(c) > 0.0), self.log.end)
+
+    def onset(self, t: float, x: Array) -> tuple[float, Array, list[tuple[float, Array]]]:
+        """When a rest from x at t ends [s] (NaN: not within the window), the state there, and time and state at each
+        change of the drive before it."""
+        legs: list[tuple[float, Array]] = []
+        while t < self.log.end:
+            until = self.change_after(t)
+            force, slope = self.log.normal_force.line(t)
+            speed = self.log.speed_at(t)
+            made = stick(self.model, x, Situated(self.p, speed, 1.0, force, slope, t), t, until - t)
+            t, x = made.start + made.duration, made.end
+            if made.ended_by is not None:
+                if made.pull < 0.0:
+                    raise SimulationError("the mass is pulled back")
+                return t, x, legs
+            t = until
+            legs.append((t, x))
+        return np.nan, x, legs
+
+    def rest(self, t: float, x: Array) -> tuple[float, Array, bool]:
+        """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides."""
+        onset, at_onset, legs = self.onset(t, x)
+        before = x
+        for until, after in legs:
+            if np.isfinite(onset) or until < self.log.end:
+                self.stretches.append(Stretch("rest", until, "time", np.stack([before, after])))
+                before, t = after, until
+        if not np.isfinite(onset):
+            self.stretches.append(Stretch("rest", self.log.end, "time", np.stack([before, legs[-1][1]])))
+            return self.log.end, x, False
+        found = self.placed(t, onset, at_onset)
+        self.stretches.append(Stretch("rest", found, "onset", np.stack([before, at_onset])))
+        return found, at_onset, True
+
+    def motion(self, t: float, x: Array, duration: float) -> Trajectory:
+        """The simulated motion from state x at t [s]."""
+        names = [s.name for s in self.model.states]
+        load = self.log.normal_force
+        inner = [c for c in load.times if t < c < t + duration]
+        times = np.array([t, *inner, t + duration])
+        course = NormalForce.of((times - t, load.at(times)))
+        start = dict(zip(names, x.tolist(), strict=True))
+        return run(self.model, self.values, self.log.speed_at(t), course, duration, start=start, rtol=TOLERANCE)
+
+    def placed(self, since: float, onset: float, x: Array) -> float:
+        """Where on the data a slide that starts at `onset` from x fits best; after `since` [s]."""
+        log = self.log
+        window = 2.0 * self.half
+        motion = self.motion(onset, x, window)
+        slope = self.values["stiffness"] * log.speed_at(onset)
+        local = np.linspace(0.0, window, 200)
+        wave = motion.sample(local)["force"]
+        interval = float(np.median(np.diff(log.time)))
+        reach = max(REACH * self.half, 2.0 * interval)
+        step = max(self.half / PER_HALF_PERIOD, 0.25 * interval)
+        seen = self.peak(since, since, onset) - float(local[int(np.argmax(wave))])
+        around = np.arange(-reach, reach, step)
+        places = np.unique(np.concatenate([onset + around, seen + around]))
+        latest = self.change_after(since) - 1e-3 * self.half
+        places = places[(places > since + 1e-3 * self.half) & (places < latest)]
+        if places.size == 0:
+            return onset
+        costs = np.full(places.size, np.inf)
+        for centre in (onset, seen):
+            inside = np.abs(places - centre) <= reach
+            first, last = np.searchsorted(log.time, [centre - reach - self.half, centre + reach + window])
+            index = np.arange(first, last, max((last - first) // COMPARED, 1))
+            index = index[(log.weight[index] > 0) & (log.time[index] > since)]
+            if index.size < 4:
+                continue
+            t, f, w = log.time[index], log.force[index], log.weight[index]
+            for i in np.flatnonzero(inside):
+                local_t = t - places[i]
+                shown = np.where(local_t < 0.0, wave[0] + slope * local_t, np.interp(local_t, local, wave))
+                counted = local_t < window
+                costs[i] = min(costs[i], float(np.sum(w[counted] * (f - shown)[counted] ** 2) / max(counted.sum(), 1)))
+        return float(places[int(np.argmin(costs))]) if np.any(np.isfinite(costs)) else onset
+
+    def peak(self, since: float, moving: float, expected: float | None) -> float:
+        """When the smoothed force is highest around the expected end of a rest, or first peaks [s]."""
+        log = self.log
+        length = None if expected is None else expected - since
+        until = log.end if length is None else min(expected + PEAK * length + 2 * self.half, self.change_after(since))  # type: ignore[operator]
+        if expected is None:
+            until = min(until, self.change_after(moving))
+        first, last = np.searchsorted(log.time, [max(since, moving), until])
+        used = np.flatnonzero(log.weight[first:last] > 0) + first
+        if used.size < 3:
+            return expected if expected is not None else log.begin
+        interval = float(np.median(np.diff(log.time)))
+        width = max(min(int(0.2 * self.half / interval), used.size // 3), 1)
+        smooth = np.convolve(log.force[used], np.ones(width) / width, mode="same")
+        return float(log.time[used[int(np.argmax(smooth))]])
+
+    def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
+        """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""
+        until, begun = self.change_after(t), t
+        parts: list[tuple[str, float, str]] = []  # mode, end, what ended it
+        pieces: list[tuple[float, Trajectory]] = []
+        rested = faded = False
+        while t < until and t < begun + LONGEST * self.half:
+            motion = self.motion(t, x, min(CHUNK * self.half, until - t))
+            pieces.append((t, motion))
+            for phase in motion.phases:
+                end = t + phase.start + phase.duration
+                if phase.mode == "stick":
+                    continue
+                _note(parts, phase.mode, end, phase.ended_by)
+                if phase.ended_by == "speed":
+                    rested, last = True, phase
+                    break
+            if rested:
+                t, x = t + last.start + last.duration, last.end
+                break
+            t, x = t + motion.duration, motion.phases[-1].end
+            faded = t < until and self.faded(t, motion)
+            if faded:
+                break
+        if rested:
+            parts = _merged(parts, begun, BRIEF * self.half)
+        self.note_parts(begun, parts, pieces, "arrest" if rested else "time")
+        if rested:
+            return t, x, False
+        if faded:
+            self.glide(t, until)
+            steady = self.steady(until, just_before=True)
+            assert steady is not None
+            return until, steady.state, True
+        return (until, x, True) if t >= until else (np.nan, x, True)
+
+    def note_parts(
+        self, begun: float, parts: list[tuple[str, float, str]], pieces: list[tuple[float, Trajectory]], last: str
+    ) -> None:
+        """Stretches of a slide with their nodes."""
+        since = begun
+        at = _sampler(self.model, pieces)
+        for i, (mode, end, ended) in enumerate(parts):
+            first = i == 0 and mode == "slip" and bool(self.stretches) and self.stretches[-1].kind == "rest"
+            count = max(ceil((end - since) / (INTERVAL * self.half)), FIRST_INTERVALS if first else 2)
+            nodes = at(np.linspace(since, end, count + 1))
+            if i + 1 == len(parts):
+                ended = last
+            if ended == "arrest":
+                nodes[-1, SPEED] = 0.0
+            kept = {"clearance": "saturation", "release": "release"}.get(ended, ended)
+            self.stretches.append(Stretch(mode, end, kept, nodes))  # type: ignore[arg-type]
+            since = end
+
+    def faded(self, t: float, motion: Trajectory) -> bool:
+        """Whether the last period of a motion that ends at t is steady sliding but for a part of the noise."""
+        steady = self.steady(t, just_before=True)
+        if steady is None or motion.duration < 2.0 * self.half:
+            return False
+        local = np.linspace(motion.duration - 2.0 * self.half, motion.duration, 60)
+        shown = motion.sample(local)["force"]
+        level = float(np.array(self.model.load_cell(steady.state, self.p, self.inputs(t, True))).item())
+        drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
+        return bool(np.max(np.abs(shown - level * drift)) < FADED * self.noise)
+
+    def glide(self, since: float, until: float) -> None:
+        """Steady sliding between two times, in as many pieces as the course of the normal force has."""
+        knots = [t for t in self.log.normal_force.times if since < t < until]
+        count = min(max(2 * len(knots), 1), PIECES)
+        edges = np.linspace(since, until, count + 1)
+        found = [self.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
+        if any(s is None for s in found):
+            raise SimulationError("there is no steady sliding")
+        states = [s for s in found if s is not None]
+        saturated = all(s.saturated for s in states)
+        rows = [s.state for s in states]
+        nodes = np.stack([state for i in range(count) for state in (rows[i], rows[i + 1])])
+        self.stretches.append(Stretch("steady_saturated" if saturated else "steady", until, "time", nodes))
+
+
+def _note(parts: list[tuple[str, float, str]], mode: str, end: float, ended: str | None) -> None:
+    """One more phase of a slide, joined to the one before where only the simulation was cut."""
+    if parts and parts[-1][0] == mode and parts[-1][2] == "time":
+        parts.pop()
+    parts.append((mode, end, "time" if ended is None else ended))
+
+
+def _merged(parts: list[tuple[str, float, str]], begun: float, brief: float) -> list[tuple[str, float, str]]:
+    """Without the brief re-ageing of a saturated contact before it rests."""
+    if len(parts) < 2 or parts[-2][2] != "release" or parts[-1][1] - parts[-2][1] > brief:
+        return parts
+    return [*parts[:-2], (parts[-2][0], parts[-1][1], parts[-1][2])]
+
+
+def _sampler(model: Model, pieces: list[tuple[float, Trajectory]]) -> Callable[[Array], Array]:
+    """States (n, n_x) of joined motions at times (n,) [s]."""
+    starts = np.array([t for t, _ in pieces])
+    names = [s.name for s in model.states]
+
+    def at(times: Array) -> Array:
+        which = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, None)
+        out = np.empty((times.size, len(names)))
+        for i in np.unique(which).tolist():
+            rows, (begin, motion) = which == i, pieces[i]
+            sampled = motion.sample(np.clip(times[rows] - begin, 0.0, motion.duration))
+            out[rows] = np.stack([sampled[name] for name in names], axis=1)
+        return out
+
+    return at
