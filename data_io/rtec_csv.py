@@ -15,15 +15,17 @@ from data_io.table import read_tables
 from data_io.text import looks_like_text
 
 NAME: Final = "rtec-csv"
-_NAMES = re.compile(rb"(?:^|,)\s*Step\s*,(?:[^,]*,)?\s*Timestamp\s*,", re.IGNORECASE)
+_NAMES: Final = {b"step", b"timestamp"}
 _STEP: Final = "Step"
 _FEWEST: Final = 3
 
 
 def can_read(head: bytes) -> bool:
     """Tell an Rtec export by its columns Step and Timestamp."""
+    if b"imestamp" not in head or not looks_like_text(head):
+        return False
     lines = (line for line in re.split(rb"[\r\n]+", head) if b"imestamp" in line)
-    return b"imestamp" in head and looks_like_text(head) and any(_NAMES.search(line) for line in lines)
+    return any({name.strip().lower() for name in line.split(b",")} >= _NAMES for line in lines)
 
 
 def read(source: Source, request: Request) -> Contents:

@@ -156,10 +156,10 @@ def decimal_sign(data: bytes, draw: random.Random) -> bytes:
 
 
 def no_units(data: bytes, _draw: random.Random) -> bytes:
-    """Every unit gone: brackets, the row of units, suffixes."""
+    """Every unit gone: brackets, the row of units (whatever its line ends), suffixes."""
     data = re.sub(rb" ?[(\[][a-zA-Z\xb5\xc2]{1,4}[)\]]", b"", data)
     data = re.sub(rb"_N\b", b"", data)
-    return re.sub(rb"(?m)^(?:(?:g|mm|sec|mm/sec|N|);?,?)+\r?$", b"", data)
+    return re.sub(rb"(?<=[\r\n])(?:(?:g|mm|sec|mm/sec|N|);?,?)+(?=[\r\n])", b"", data)
 
 
 def bytes_changed(data: bytes, draw: random.Random) -> bytes:
@@ -179,6 +179,33 @@ def bytes_changed(data: bytes, draw: random.Random) -> bytes:
         if not changed:
             changed = bytearray(b"0")
     return bytes(changed)
+
+
+def column_order(data: bytes, draw: random.Random) -> bytes:
+    """The columns in another order, names, units and rows alike; those that are empty at the end stay there.
+
+    LabVIEW's clock stands in front; columns apart by blanks stay as they are.
+    """
+    lines = _lines(data)
+    rows = _row_numbers(lines)
+    mark = _delimiter(lines[rows[0]]) if rows else b" "
+    if mark == b" ":
+        return data
+    split = [line.rstrip(b"\r\n").split(mark) for line in lines]
+    width = len(split[rows[0]])
+    top = next((i for i in range(rows[0] - 1, -1, -1) if len(split[i]) > 1), 0)
+    while top > 0 and len(split[top - 1]) == len(split[top]) > 2 and split[top][0] != b"X_Value":  # names above units
+        top -= 1
+    names = split[top]
+    free = list(range(names[:1] == [b"X_Value"], width - (split[rows[0]][-1] == b"")))
+    order = list(free)
+    while order == free:
+        draw.shuffle(order)
+    for i, fields in enumerate(split):
+        if i >= top and (len(fields) == width or fields == names):
+            moved = [*fields[: free[0]], *(fields[k] for k in order), *fields[free[-1] + 1 :]]
+            lines[i] = mark.join(moved) + lines[i][len(lines[i].rstrip(b"\r\n")) :]
+    return b"".join(lines)
 
 
 def none(data: bytes, _draw: random.Random) -> bytes:
@@ -206,6 +233,8 @@ TEXT: Mapping[str, Mutation] = {
     "no units": Mutation(no_units, "refuse"),
     "bytes changed": Mutation(bytes_changed, "any"),
 }
+ORDER = Mutation(column_order, "same")
+"""Below any other: fields are lost, units gone and rows cut in whatever order the columns have."""
 BINARY: Mapping[str, Mutation] = {
     name: TEXT[name] for name in ("nothing", "packed", "bytes changed")
 } | {"cut off": Mutation(cut, "part")}  # fmt: skip

@@ -24,9 +24,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import LogError, Record, read_log
 from experiments.lookalikes import ALL, TEXTS, LookAlike, Made, rows
 from experiments.machine import describe
-from experiments.mutations import BINARY, TEXT, Mutation
+from experiments.mutations import BINARY, ORDER, TEXT, Mutation
 
 WHOLE = 25  # files of each kind, of 20 to 92 rows
+REORDERED = 0.2  # share of the texts
 SLOW = 2.0  # [s] of processor time
 BINARIES = tuple(name for name in ALL if name not in TEXTS)
 CLOCKLESS = ("pair.lvm", "volts.csv")  # without a time column nobody can see that rows moved
@@ -42,6 +43,8 @@ def one(seed: int, folder: Path) -> tuple[str, str]:
     chosen = draw.sample(sorted(table), draw.choice([1, 1, 1, 2, 2, 3]))
     chosen.sort(key="packed".__eq__)  # packing comes last
     data = made.data
+    if reordered := name in TEXTS and random.Random(-3 - seed).random() < REORDERED:
+        data = ORDER.change(data, draw)
     for label in chosen:
         data = table[label].change(data, draw)
     path = folder / kind.file_name
@@ -50,7 +53,7 @@ def one(seed: int, folder: Path) -> tuple[str, str]:
     outcome = judge(path, kind, made, [table[label] for label in chosen], data)
     if (took := time.process_time() - begun) > SLOW:
         outcome = f"WRONG: {took:.1f} s"
-    return f"{name}: {', '.join(chosen)}", outcome
+    return f"{name}: {'columns in another order, ' * reordered}{', '.join(chosen)}", outcome
 
 
 @functools.cache

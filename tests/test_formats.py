@@ -2,6 +2,8 @@
 
 import gzip
 import io
+import random
+import re
 import resource
 import time
 import zipfile
@@ -13,7 +15,7 @@ from data_io import LogError, list_steps, read_log
 from data_io.readers import READERS
 from experiments import run_reader_fuzz
 from experiments.lookalikes import ALL, TEXTS, rows
-from experiments.mutations import TEXT
+from experiments.mutations import ORDER, TEXT
 
 SMALL = rows(60)
 
@@ -49,8 +51,6 @@ def test_every_reader_says_what_it_reads():
 @pytest.mark.parametrize("mutation", [name for name, m in TEXT.items() if m.oracle != "any"])
 @pytest.mark.parametrize("name", TEXTS)
 def test_broken_variants(tmp_path, name, mutation):
-    import random
-
     kind = ALL[name]
     made = kind.make(SMALL)
     for seed in range(3):
@@ -202,6 +202,33 @@ def test_steps_are_listed_before_anybody_chooses(tmp_path):
 
 
 GOOD = "T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100:.2f},{i % 7}.5,3.0\n" for i in range(40))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", TEXTS)
+def test_the_order_of_columns_does_not_matter(tmp_path, name, seed):
+    kind = ALL[name]
+    made = kind.make(SMALL)
+    data = ORDER.change(made.data, random.Random(seed))
+    assert (data == made.data) == (name == "blanks")
+    path = put(tmp_path, kind, data)
+    assert run_reader_fuzz.judge(path, kind, made, [ORDER], data) == "read as written"
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize("name", [name for name in TEXTS if not ALL[name].options])
+def test_units_that_are_gone_are_asked_for_whatever_the_line_ends(tmp_path, name, end):
+    made = ALL[name].make(SMALL).data
+    data = TEXT["no units"].change(re.sub(rb"\r\n|\n|\r", end, made), random.Random(0))
+    with pytest.raises(LogError, match="no unit was found"):
+        read_log(put(tmp_path, ALL[name], data))
+
+
+@pytest.mark.parametrize("seed", [16439, 34217])
+def test_broken_logs_in_which_units_seemed_to_be_guessed(tmp_path, seed):
+    # the units row of a log with CR alone had been left in
+    told, outcome = run_reader_fuzz.one(seed, tmp_path)
+    assert "no units" in told and outcome == "refused"
 
 
 @pytest.mark.parametrize("seed", [29895, 45515])
