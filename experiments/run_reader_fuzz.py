@@ -1,9 +1,10 @@
 """Broken logs by the thousand: every file is read as it was written, or refused in a sentence, or read with a warning.
 
-Each input is a look-alike of a real format with random numbers, broken in up to three ways. Looked for: a traceback,
-more than 2 s of processor time, and a number that is not the one written, without a warning.
+An input is a look-alike of a real format with random numbers, broken in up to three ways; or one that Hypothesis draws:
+any bytes, small logs broken byte by byte, sound tables in any layout. Looked for: a traceback, more than 2 s of
+processor time, and a number that is not the one written, without a warning.
 
-    python experiments/run_reader_fuzz.py [count [first seed]]
+    python experiments/run_reader_fuzz.py [count [first seed [how many Hypothesis draws]]]
 """
 
 from __future__ import annotations
@@ -15,13 +16,17 @@ import tempfile
 import time
 import traceback
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.strategies import SearchStrategy
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import LogError, Record, read_log
+from experiments.drawn_logs import ANY, Drawn, broken, tables
 from experiments.lookalikes import ALL, TEXTS, LookAlike, Made, rows
 from experiments.machine import describe
 from experiments.mutations import BINARY, ORDER, TEXT, Mutation
@@ -34,16 +39,16 @@ CLOCKLESS = ("pair.lvm", "volts.csv")  # without a time column nobody can see th
 WORST = {"same": 0, "part": 1, "refuse": 2, "any": 3}
 
 
-def one(seed: int, folder: Path) -> tuple[str, str]:
+def one(number: int, folder: Path) -> tuple[str, str]:
     """What became of one input: (kind and mutations, outcome). Outcomes that begin with "WRONG" are defects."""
-    draw = random.Random(seed)
+    draw = random.Random(number)
     name = draw.choice(BINARIES) if draw.random() < 0.02 else draw.choice(TEXTS)
     table = TEXT if name in TEXTS else BINARY
     kind, made = ALL[name], whole(name, draw.randrange(WHOLE))
     chosen = draw.sample(sorted(table), draw.choice([1, 1, 1, 2, 2, 3]))
     chosen.sort(key="packed".__eq__)  # packing comes last
     data = made.data
-    if reordered := name in TEXTS and random.Random(-3 - seed).random() < REORDERED:
+    if reordered := name in TEXTS and random.Random(-3 - number).random() < REORDERED:
         data = ORDER.change(data, draw)
     for label in chosen:
         data = table[label].change(data, draw)
@@ -57,9 +62,9 @@ def one(seed: int, folder: Path) -> tuple[str, str]:
 
 
 @functools.cache
-def whole(name: str, seed: int) -> Made:
+def whole(name: str, number: int) -> Made:
     """One of the files before they are broken."""
-    return ALL[name].make(rows(20 + 3 * seed, seed))
+    return ALL[name].make(rows(20 + 3 * number, number))
 
 
 def judge(path: Path, kind: LookAlike, made: Made, mutations: list[Mutation], data: bytes) -> str:
@@ -113,28 +118,80 @@ def same(forces: tuple[float, float], truth: dict[str, np.ndarray], row: int) ->
     return all(abs(a - b) <= 4e-16 * abs(b) for a, b in zip(forces, written, strict=True))
 
 
-def main(fast: bool = False, count: int | None = None, first: int = 0) -> Counter[str]:
-    """Outcomes of so many inputs (fast: 300; else 10,000), from one seed on."""
+def by_hypothesis(count: int, first: int, folder: Path) -> Iterator[tuple[str, str, float]]:
+    """So many inputs of each of the three strategies: what was drawn, outcome, processor time [s]."""
+    for name, strategy in (("any bytes", ANY), ("broken", broken()), ("table", tables())):
+        for drawn, outcome, took in _looked_at(strategy, count, first, folder):
+            yield f"{name} {drawn!r:.300}", f"WRONG: {took:.1f} s" if took > SLOW else outcome, took
+
+
+def _looked_at(
+    strategy: SearchStrategy[bytes] | SearchStrategy[Drawn], count: int, first: int, folder: Path
+) -> list[tuple[bytes | Drawn, str, float]]:
+    seen: list[tuple[bytes | Drawn, str, float]] = []
+
+    @seed(first)
+    @settings(
+        max_examples=count, deadline=None, database=None, phases=[Phase.generate], suppress_health_check=HealthCheck
+    )
+    @given(strategy)
+    def look(drawn: bytes | Drawn) -> None:
+        begun = time.process_time()
+        outcome = judge_drawn(folder / "log.csv", drawn)
+        seen.append((drawn, outcome, time.process_time() - begun))
+
+    look()
+    return seen
+
+
+def judge_drawn(path: Path, drawn: bytes | Drawn) -> str:
+    """Read what was drawn and say what became of it; of a table every number is known."""
+    path.write_bytes(drawn if isinstance(drawn, bytes) else drawn.data)
+    try:
+        record = read_log(path)
+    except LogError as error:
+        text = str(error)
+        return "refused" if "\n" not in text and text.startswith(str(path)) else f"WRONG: no sentence: {text!r:.200}"
+    except Exception:  # noqa: BLE001 - the search for what is no LogError
+        return "WRONG: " + traceback.format_exc(limit=-2).replace("\n", " | ")[-400:]
+    if any(finding.severity != "info" for finding in record.findings):
+        return "read with a warning"
+    if isinstance(drawn, bytes):
+        return "read, changed"
+    wrong = drawn.differs(record)
+    return f"WRONG: {wrong}" if wrong else "read as written"
+
+
+def by_mutations(count: int, first: int, folder: Path) -> Iterator[tuple[str, str, float]]:
+    """So many broken look-alikes: seed and mutations, outcome, processor time [s]."""
+    for number in range(first, first + count):
+        begun = time.process_time()
+        label, outcome = one(number, folder)
+        yield f"seed {number}, {label}", outcome, time.process_time() - begun
+
+
+def main(fast: bool = False, count: int | None = None, first: int = 0, draws: int | None = None) -> Counter[str]:
+    """Outcomes of so many broken look-alikes (fast: 300; else 10,000) and draws, from one seed on."""
     count = (300 if fast else 10_000) if count is None else count
-    outcomes: Counter[str] = Counter()
-    defects: list[str] = []
-    begun, slowest = time.process_time(), 0.0
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in range(first, first + count):
-            since = time.process_time()
-            label, outcome = one(seed, Path(folder))
-            slowest = max(slowest, time.process_time() - since)
-            outcomes["WRONG" if outcome.startswith("WRONG") else outcome] += 1
-            if outcome.startswith("WRONG"):
-                defects.append(f"seed {seed}, {label}: {outcome}")
-                print(defects[-1], flush=True)
-    print(f"{count} inputs from seed {first}, {time.process_time() - begun:.0f} s, the slowest {slowest:.2f} s")
+    draws = (90 if fast else 3_000) if draws is None else draws
     print(describe())
-    for outcome, number in outcomes.most_common():
-        print(f"  {number:7d}  {outcome}")
-    return outcomes
+    both: Counter[str] = Counter()
+    for kind, look, number in (("broken look-alikes", by_mutations, count), ("draws", by_hypothesis, draws // 3)):
+        outcomes: Counter[str] = Counter()
+        begun, slowest = time.process_time(), 0.0
+        with tempfile.TemporaryDirectory() as folder:
+            for label, outcome, took in look(number, first, Path(folder)):
+                slowest = max(slowest, took)
+                outcomes["WRONG" if outcome.startswith("WRONG") else outcome] += 1
+                if outcome.startswith("WRONG"):
+                    print(f"{label}: {outcome}", flush=True)
+        spent = time.process_time() - begun
+        print(f"{outcomes.total()} {kind} from seed {first}, {spent:.0f} s, the slowest {slowest:.2f} s")
+        for outcome, times in outcomes.most_common():
+            print(f"  {times:7d}  {outcome}")
+        both += outcomes
+    return both
 
 
 if __name__ == "__main__":
-    numbers = [int(argument) for argument in sys.argv[1:]]
-    main(count=numbers[0] if numbers else None, first=numbers[1] if len(numbers) > 1 else 0)
+    main(False, *(int(argument) for argument in sys.argv[1:]))
