@@ -14,7 +14,7 @@ from identify.bootstrap import Bootstrap, bootstrap
 from identify.coloured import Colour, colour, coloured_covariance
 from identify.combinations import Combination, Direction, combinations, directions
 from identify.discretisation import discretisation_error
-from identify.hints import hints
+from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
 from identify.profile import CRITICAL, Profiles, profile
@@ -106,8 +106,11 @@ def certainty(
             joint[: len(white), : len(white)] = covariance
         ends = _intervals(walked)
         found = estimates(unknowns, solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=ends)
-        asks = asked.profile or bool(bounds) or doubtful(unknowns, covariance, found)
-        along = None if asks else ridge(unknowns, covariance)
+        found = untold(found, solved.guesses, told)
+        # What one peak or one level does not tell, no walk along it will find an end of.
+        tells = onsets(solved.guesses) > 1
+        asks = asked.profile or bool(bounds) or (tells and doubtful(unknowns, covariance, found))
+        along = None if asks else ridge(unknowns, covariance) if tells else []
         if walked is not None or not accepted or along == [] or tries == BETTER_TRIES:
             break
         steps = CURVE_STEPS if asked.profile else 1

@@ -51,12 +51,20 @@ def inconsistency(
 
 
 def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tuple[Array, Array]:
-    """By how much the pull exceeds what the contact holds at every arrest (c,) [N], forward and back."""
-    model, count = unknowns.model, guess.cycles
-    ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1]).copy()
+    """By how much the pull exceeds what the contact holds at every arrest (c,) [N], forward and back; cycles first."""
+    model = unknowns.model
+    ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1])
+    rested = [(unit, s) for unit, s in zip(guess.units, guess.tail, strict=True) if s.ended_by == "arrest"]
+    ends = np.concatenate([ends, *(stretch.nodes[-1:] for _, stretch in rested)])
+    times = np.concatenate([guess.arrest, [stretch.until for _, stretch in rested]])
+    parts = np.concatenate([np.arange(guess.cycles), [unit for unit, _ in rested]]).astype(int)
     ends[:, SPEED] = 0.0
-    load = np.asarray(log.normal_force.at(guess.arrest)) + guess.deviation
-    u = np.column_stack([np.full(count, log.drive_speed), load, np.ones(count), guess.arrest])
+    count = times.size
+    if count == 0:
+        return np.empty(0), np.empty(0)
+    load = np.asarray(log.normal_force.at(times)) + guess.deviation[parts]
+    drive = np.array([log.speed_at(t) for t in times.tolist()])
+    u = np.column_stack([drive, load, np.ones(count), times])
     lanes = [ends.T, np.repeat(p[:, None], count, axis=1), u.T]
     pull = np.array(model.driving_force(*lanes)).ravel()
     grip = np.array(model.grip(*lanes)).ravel()
@@ -65,6 +73,8 @@ def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tup
 
 def _goes_back(guess: Guess) -> int | None:
     """The first cycle with a node at which the mass moves backwards."""
+    if guess.cycles == 0:
+        return None
     for nodes in (guess.slip, guess.saturated):
         speed = nodes[..., SPEED]
         fastest = np.nanmax(np.abs(guess.slip[..., SPEED]), axis=1, initial=0.0)

@@ -66,7 +66,7 @@ class _Bordered:
             return None
         try:
             made = cls(matrix, crowded)
-        except RuntimeError:  # a singular inner matrix
+        except (RuntimeError, ValueError):  # a singular inner matrix
             return None
         return made if np.all(np.isfinite(made._reached)) else None
 

@@ -38,6 +38,7 @@ REACH = 4.0  # half periods by which an onset is moved at most around what the d
 PER_HALF_PERIOD = 12  # places per half period that are tried
 PEAK = 0.5  # of a rest: how far from its simulated end the peak is looked for
 COMPARED = 400  # samples that vote on a place
+AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
 TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
@@ -58,10 +59,11 @@ def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Fol
     Args:
         p: parameter values of the log (n_p,); begins_sliding: it starts in steady sliding, else at rest.
     """
+    course = _Course(model, log, p)
     try:
-        return _Course(model, log, p).run(begins_sliding)
+        return course.run(begins_sliding)
     except SimulationError:
-        return None
+        return course.so_far()
 
 
 def glide(model: Model, log: LogData, p: Array) -> Guess | None:
@@ -84,6 +86,7 @@ class _Course:
         self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
         self.noise = float(1.0 / np.sqrt(np.max(log.weight)))
         self.stretches: list[Stretch] = []
+        self.start = np.array([s.start for s in model.states])
         starts = () if log.programme is None else log.programme.starts
         self.changes = [t for t in starts if log.begin < t < log.end]
 
@@ -101,21 +104,36 @@ class _Course:
             steady = self.steady(t)
             if steady is None:
                 return None
-            start = x = steady.state
+            self.start = x = steady.state
             t = self.change_after(t)
             self.glide(self.log.begin, t)
             sliding = True
         else:
-            start = x = self.first_state()
+            self.start = x = self.first_state()
             sliding = False
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
             if sliding:
                 t, x, sliding = self.slide(t, x)
                 if np.isnan(t):
-                    return Followed(self.guess(start), self.stretches[-1].until) if self.stretches else None
+                    return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
             else:
                 t, x, sliding = self.rest(t, x)
-        return Followed(self.guess(start), t) if t >= self.log.end else None
+        return Followed(self.guess(self.start), t) if t >= self.log.end else self.so_far()
+
+    def so_far(self) -> Followed | None:
+        """The motion up to where the simulation could not go on: the end of a slide that was steady, or the rest after
+        the last one that ended."""
+        made = self.stretches
+        while made and not (made[-1].steady or made[-1].ended_by == "arrest"):
+            made.pop()
+        if not made:
+            return None
+        end = made[-1].until
+        if made[-1].ended_by == "arrest":
+            slide = next(i for i in range(len(made) - 1, -1, -1) if made[i].kind == "rest" or i == 0)
+            end = min(end + AFTER * (end - made[slide].until), self.change_after(end))
+            made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
+        return Followed(self.guess(self.start), end)
 
     def change_after(self, t: float) -> float:
         """The next change of the drive, or the end of the window [s]."""

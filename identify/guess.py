@@ -118,6 +118,11 @@ class Guess:
         return self.onset.size
 
     @property
+    def arrests(self) -> int:
+        """How often the mass comes to rest."""
+        return self.cycles + sum(stretch.ended_by == "arrest" for stretch in self.tail)
+
+    @property
     def units(self) -> list[int]:
         """Number (from 0) of the part of the record that each stretch of the tail is in: a rest begins a new one."""
         out: list[int] = []

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from identify.guess import Guess
 from identify.prepare import Prepared
+from identify.uncertainty import Estimate
 from identify.unknowns import Unknowns
 
 RESOLVED = 12  # samples of a slip from which on its shape can be read
@@ -36,6 +37,54 @@ def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
         out["t_cr"] = _holds(sticks, t_cr)
         out["mu_s"] = _holds(sticks, t_cr)
     return out
+
+
+def onsets(guesses: Sequence[Guess]) -> int:
+    """How many sticks end within these motions."""
+    tails = sum(stretch.ended_by == "onset" for guess in guesses for stretch in guess.tail)
+    return int(tails + sum(guess.cycles for guess in guesses))
+
+
+def untold(found: list[Estimate], guesses: Sequence[Guess], told: Mapping[str, str]) -> list[Estimate]:
+    """The estimates without numbers for what no single peak can tell: how strong a contact gets, and how soon."""
+    if onsets(guesses) > 1:
+        return found
+    out = []
+    for estimate in found:
+        open_ = estimate.name in ("mu_s", "t_cr") and estimate.verdict in ("identified", "weak")
+        out.append(
+            Estimate(
+                estimate.name,
+                estimate.unit,
+                estimate.value,
+                None,
+                None,
+                None,
+                "not identifiable",
+                told.get(estimate.name, estimate.reason),
+            )
+            if open_
+            else estimate
+        )
+    return out
+
+
+def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess]) -> str:
+    """What logs hold of which none sticks, in a sentence; "" where one does."""
+    if onsets(guesses):
+        return ""
+    told = []
+    for log, guess in zip(logs, guesses, strict=True):
+        data, steady = log.data, [stretch for stretch in guess.tail if stretch.steady]
+        mine = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
+        coefficient = data.force[mine] / data.normal_force.at(data.time[mine])
+        level, error = float(np.mean(coefficient)), float(np.std(coefficient) / np.sqrt(coefficient.size))
+        if steady:
+            told.append(f"{level:.4g} ± {2.0 * error:.1g} at {1e3 * data.speed_at(data.end):.3g} mm/s ({log.name})")
+    return (
+        f"sliding throughout: what these logs hold is the friction coefficient, {', '.join(told)}, and nothing else; "
+        "add a log that sticks and slips (slower, with a softer spring or at a higher load)"
+    )
 
 
 def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns) -> dict[str, str]:

@@ -18,6 +18,7 @@ from identify.diagnosis import diagnose
 from identify.errors import FitError
 from identify.findings import Findings
 from identify.grouped import search_grouped
+from identify.hints import what_is_held
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Fit, LogCurves, Status
 from identify.prepare import Prepared, prepare
@@ -205,6 +206,8 @@ def _findings(
     for at in (theta, *(guess.theta(theta) for guess in attempt.solved.guesses)):
         bounds = _at_bounds(unknowns, at) | bounds
     status, message = _status(attempt, bounds)
+    if status is Status.CONVERGED:
+        message = what_is_held(attempt.prepared, attempt.solved.guesses) or message
     return Findings(
         status,
         message,

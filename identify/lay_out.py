@@ -252,7 +252,18 @@ class _LogWalk:
         known_at_end: tuple[int, ...],
     ) -> None:
         """The shooting intervals of one part of the slip of a cycle."""
-        places[cycle, 1:] = self._intervals(kind, cycle, nodes, span, end, known_inside, known_at_end)
+        local = self._line_by_line(self.size, span, nodes.shape[0] - 1)
+        places[cycle, 1:] = self._intervals(kind, cycle, nodes, span, end, known_inside, known_at_end, local)
+
+    def _line_by_line(self, rows: Array, span: tuple[float, float], intervals: int) -> Array:
+        """The constants of the intervals of a slide, with the normal force as a straight line over each: the tremor of
+        a finger goes through half a period while a slip lasts. Written as lines from the start of the slide."""
+        local = np.tile(self._constants(rows, *span, span[0]), (intervals, 1))
+        edges = np.linspace(*span, intervals + 1)
+        forces = self.log.normal_force.at(edges)
+        slope = np.diff(forces) / np.diff(edges)
+        local[:, -7], local[:, -5] = forces[:-1] - slope * (edges[:-1] - span[0]), slope
+        return local
 
     def _intervals(
         self,
@@ -341,13 +352,7 @@ class _LogWalk:
         if stretch.ended_by == "release":
             kind = "released"
             rows[list(self.held)] = self._pace_of_bound(stretch.nodes[-1], stretch.until)
-        intervals = stretch.nodes.shape[0] - 1
-        edges = np.linspace(self.since, stretch.until, intervals + 1)
-        local = np.tile(self._constants(rows, self.since, stretch.until, self.since), (intervals, 1))
-        # The normal force as a straight line over each interval, written as one from the start of the stretch.
-        forces = self.log.normal_force.at(edges)
-        slope = np.diff(forces) / np.diff(edges)
-        local[:, -7], local[:, -5] = forces[:-1] - slope * (edges[:-1] - self.since), slope
+        local = self._line_by_line(rows, (self.since, stretch.until), stretch.nodes.shape[0] - 1)
         self.reaged = saturated
         return self._intervals(kind, unit, stretch.nodes, (self.since, stretch.until), index, inside, at_end, local)
 

@@ -43,8 +43,7 @@ class Prepared:
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
     account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
-    as a share); manner: how it moves; views: data and falls of each stretch that is a train of like cycles, which
-    starts are taken from.
+    as a share); manner: how it moves; pieces: the stretches of a course of its own that are logs of constant speed.
     """
 
     record: Record
@@ -62,12 +61,14 @@ class Prepared:
     judgement: Judgement
     hidden_swing: float = 0.0
     manner: Manner = field(default_factory=lambda: Manner("cycles", None, False))
-    views: tuple[tuple[LogData, Array], ...] = ()
+    pieces: tuple[Prepared, ...] = ()
 
     @property
     def typical(self) -> int:
-        """Number of cycles of the view that shows most."""
-        return max((falls.size for _, falls in self.views), default=0)
+        """Number of cycles in the stretch that shows most of them."""
+        if self.manner.name == "cycles":
+            return int(self.falls.size)
+        return max((piece.falls.size for piece in self.pieces), default=0)
 
     @property
     def name(self) -> str:
@@ -77,8 +78,12 @@ class Prepared:
     @property
     def scatter(self) -> float:
         """How much the force drop differs from one settled cycle to the next, as a share of the mean drop, beyond
-        what the noise does; 0 with fewer than four cycles. A slow drift does not count."""
-        drop = self.segmentation.cycles.drop[1:]
+        what the noise and the course of the normal force do; 0 with fewer than four cycles. A slow drift does not
+        count."""
+        cycles, load = self.segmentation.cycles, self.data.normal_force
+        mean = float(np.mean(load.values))
+        drop = cycles.onset_force * mean / load.at(cycles.onset) - cycles.arrest_force * mean / load.at(cycles.arrest)
+        drop = drop[1:]
         if drop.size < 3 or self.manner.name != "cycles":
             return 0.0
         step = np.diff(drop) / np.sqrt(2.0)
@@ -159,7 +164,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
     counted = used & ~spikes
     estimated = rig.noise is None
-    return Prepared(
+    made = Prepared(
         record,
         entry,
         rig,
@@ -175,8 +180,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         judgement,
         hidden,
         manner,
-        _views(data, falls, manner),
     )
+    return replace(made, pieces=_pieces(made, noise, half_period)) if manner.name == "course" else made
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
@@ -277,16 +282,26 @@ def _course(
     return (_line_start(time, force, begin, first, noise) if moving == begin else begin), end
 
 
-def _views(data: LogData, falls: Array, manner: Manner) -> tuple[tuple[LogData, Array], ...]:
-    """Data and falls of each stretch of constant speed in which cycles repeat."""
-    if manner.name == "cycles":
-        return ((data, falls),)
-    out = []
+def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, ...]:
+    """The stretches of constant speed of a course in which cycles repeat, or the mass slides steadily, as logs of their
+    own: what a start is taken from."""
+    data, out = log.data, []
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
-        inside = falls[(falls > start) & (falls < stop)]
-        if inside.size >= FEW:
-            piece = replace(data, begin=start, end=stop, drive_speed=speed, programme=None)
-            out.append((piece, inside))
+        rows = slice(*np.searchsorted(data.time, [start, stop]))
+        time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
+        found = segment(time, force, half_period=half_period or None, noise=noise)
+        drive = Drive.of(speed)
+        manner = manner_of(found, time, force, found.cycles.fall, noise=noise, half_period=half_period, drive=drive)
+        falls = np.empty(0)
+        if manner.name == "cycles" and found.count >= FEW:
+            begin, end = _window(time, force, found, noise, 0)
+            falls = found.cycles.fall
+        elif manner.name != "cycles" and manner.settled is not None:
+            begin, end, manner = manner.settled, float(time[-1]), replace(manner, name="sliding")
+        else:
+            continue
+        piece = replace(data, begin=begin, end=end, drive_speed=speed, programme=None)
+        out.append(replace(log, data=piece, falls=falls, manner=manner, segmentation=found, pieces=()))
     return tuple(out)
 
 
@@ -315,7 +330,7 @@ def settled_part(prepared: Prepared) -> Prepared | None:
     if speed == 0.0 or not since < prepared.data.end:
         return None
     data = replace(prepared.data, begin=since, drive_speed=speed, programme=None)
-    return replace(prepared, data=data, manner=replace(prepared.manner, name="sliding"), views=())
+    return replace(prepared, data=data, manner=replace(prepared.manner, name="sliding"), pieces=())
 
 
 def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:

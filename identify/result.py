@@ -188,7 +188,7 @@ def _fit(found: Findings) -> dict[str, Any] | None:
         squares += float(variance[family.log] @ cost)
     return {
         "samples": count,
-        "cycles": int(sum(guess.cycles for guess in solved.guesses)),
+        "cycles": int(sum(guess.arrests for guess in solved.guesses)),
         "iterations": solved.iterations,
         "passes": solved.passes,
         "unknowns": solved.problem.layout.size,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -102,11 +103,18 @@ def search(
         return None, left_out
     best: Attempt | None = None
     told("finding a start", 0.1)
+    ahead: list[Array] = []
+    if any(prepared[i].pieces for i in first):
+        # What repeats within a course is solved piece by piece first; the course is followed from there.
+        pieces = [piece for i in first for piece in (prepared[i].pieces or (prepared[i],))]
+        known, _ = search(pieces, unknowns, sources=sources, seed=seed, clock=clock, thorough=thorough)
+        ahead = [] if known is None else [known.solved.theta]
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
     unequal = not thorough or max(prepared[i].scatter for i in first) > UNEQUAL
     solved = 0
     worst = np.inf if thorough else HOPELESS
-    for theta in _starts([prepared[i] for i in first], unknowns, sources, seed, unequal, worst, clock):
+    starts = _starts([prepared[i] for i in first], unknowns, sources, seed, unequal, worst, clock)
+    for theta in chain(ahead, starts):
         if solved == (1 if unequal else ATTEMPTS):
             break
         told(f"solving from start {solved + 1}", 0.3 + 0.1 * solved)
@@ -158,12 +166,11 @@ def _starts(
     since = time.perf_counter()
     features: list[Features] = []
     bases: list[Array] = []
-    for log in prepared:
-        for data, falls in log.views:
-            found = extract(len(features), data, falls, log.rig.half_period)
-            if found is not None:
-                features.append(found)
-                bases.append(data.base)
+    for i, log in enumerate(prepared):
+        found = extract(i, log.data, log.falls, log.rig.half_period) if log.manner.name == "cycles" else None
+        if found is not None:
+            features.append(found)
+            bases.append(log.data.base)
     if not features:
         made = [level_starts(prepared, unknowns)] if sources != "user" else []
         tried = np.concatenate([unknowns.start[None, :], *made]) if sources != "data" else made[0]
@@ -252,13 +259,12 @@ def _solve(
     guesses[0] = replace(guesses[0], own=np.empty(0))
     solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(firmness))
     for _ in range(TRIES):
-        again = resequenced(logs, solved.guesses, replace(unknowns, start=solved.theta))
+        at_answer = replace(unknowns, start=solved.theta)
+        again = resequenced([prepared[i] for i in numbers], logs, solved.guesses, at_answer)
         if again is None:
             break
         logs, guesses = again
-        solved = solve_in_passes(
-            [log.data for log in logs], guesses, replace(unknowns, start=solved.theta).softened(firmness)
-        )
+        solved = solve_in_passes([log.data for log in logs], guesses, at_answer.softened(firmness))
     clock.add("solve", since + solved.forming)
     clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
     gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])

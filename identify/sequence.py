@@ -32,14 +32,18 @@ def followed(log: Prepared, unknowns: Unknowns) -> tuple[Prepared, Guess] | None
 
 
 def resequenced(
-    logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
+    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
 ) -> tuple[list[Prepared], list[Guess]] | None:
-    """The logs and guesses with the courses as they are at the answer (unknowns.start); None where nothing is new."""
+    """The logs and guesses with the courses as they are at the answer (unknowns.start); None where nothing is new.
+
+    Args:
+        whole: the logs before they were cut to what could be followed.
+    """
     new_logs, new_guesses, other = list(logs), list(guesses), False
     for i, (log, guess) in enumerate(zip(logs, guesses, strict=True)):
         if log.manner.name != "course":
             continue
-        found = followed(log, replace(unknowns, start=guess.theta(unknowns.start)))
+        found = followed(whole[i], replace(unknowns, start=guess.theta(unknowns.start)))
         if found is not None and modes_of(found[1]) != modes_of(guess):
             new_logs[i], new_guesses[i] = found[0], replace(found[1], own=guess.own)
             other = True

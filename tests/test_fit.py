@@ -196,26 +196,43 @@ def test_friction_that_differs_from_cycle_to_cycle_is_no_success(one_try, scatte
         assert max(drops) > 5 * NOISE, "the classical table shows the scatter"
 
 
-def test_sliding_without_a_cycle_still_gives_the_classical_table():
+def test_a_drive_that_only_loads_still_gives_the_classical_table():
+    """A force that rises and never falls holds no cycle and no level: nothing to fit, and the table all the same."""
+    random = np.random.default_rng(3)
+    times = np.arange(3001) / 1000
+    record = Record(times, np.full(times.size, 2.0), 0.3 * times + NOISE * random.standard_normal(times.size))
+    outcome = fit(_scene((2,)), [record])
+    result = check_document(outcome.result)
+    assert outcome.status is Status.NO_CYCLES
+    assert "log_2.csv" in result["message"]
+    assert result["logs"][0]["classical"]["rows"][0]["cycles"] == 0
+    assert outcome.logs[0].slip is None
+    assert not np.any(np.isfinite(outcome.logs[0].fitted_force))
+
+
+def test_sliding_alone_holds_its_level_and_says_so():
     random = np.random.default_rng(3)
     times = np.arange(3001) / 1000
     record = Record(times, np.full(times.size, 2.0), 0.9 + NOISE * random.standard_normal(times.size))
     outcome = fit(_scene((2,)), [record])
     result = check_document(outcome.result)
-    assert outcome.status is Status.NO_CYCLES
-    assert "log_2.csv" in result["message"]
+    assert outcome.status is Status.CONVERGED
+    assert "the friction coefficient, 0.45" in result["message"] and "add a log that sticks" in result["message"]
+    assert {found["verdict"] for found in result["parameters"].values()} == {"not identifiable"}
     row = result["logs"][0]["classical"]["rows"][0]
     assert row["mean_coefficient"] == pytest.approx(0.45, rel=0.01)
     assert row["cycles"] == 0
     assert row["sliding_percent"] == pytest.approx(100.0)
     assert outcome.logs[0].slip is None
-    assert not np.any(np.isfinite(outcome.logs[0].fitted_force))
+    fitted = outcome.logs[0].fitted_force
+    assert fitted[np.isfinite(fitted)] == pytest.approx(0.9, abs=1e-3)
+    assert np.count_nonzero(np.isfinite(fitted)) > 2900
 
 
-def test_drive_programmes_are_refused_by_name(case):
-    entry = {"path": "steps.csv", "drive_speed": [[0, 1e-3], [2, 2e-3]]}
+def test_a_drive_that_turns_within_a_window_is_refused_by_name(case):
+    entry = {"path": "turns.csv", "drive_speed": [[0, 1e-3], [2, -1e-3]]}
     scene = Scene.from_document({"effects": [*MAIN, "varying_normal_force"], "rig": dict(RIG), "logs": [entry]}, Path())
-    with pytest.raises(FitError, match=r"steps\.csv has a drive programme of 2 speeds"):
+    with pytest.raises(FitError, match=r"turns\.csv has a drive that turns"):
         fit(scene, [case.records[2]])
 
 

@@ -26,8 +26,8 @@ sliding glide_steps glide hold cycle orbit course trace branch prospect sensitiv
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
 guess loads lanes steadiness following blocks features unknowns cutting manner prepare rhythms vibration placing
-layout start collector lay_out hints
-equilibrated shooting reconstruct solve uncertainty influence coloured warm bootstrap passes discretisation
+layout start collector lay_out
+equilibrated shooting reconstruct solve uncertainty hints influence coloured warm bootstrap passes discretisation
 levels sequence consistency gate accuracy combinations asked profile_line profile widened search grouped shares
 certainty nested screening selection_words selection diagnosis preview depth findings log_outlook worth result
 identification
