@@ -28,10 +28,10 @@ from identify.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-INTERVAL = 1 / 8  # of half a period: shooting intervals of a slide
+INTERVAL = 1 / 4  # of half a period: shooting intervals of a slide
 FIRST_INTERVALS = 8  # of the part of a slip in which the contact fades
 CHUNK = 6.0  # half periods that are simulated at a time
-FADED = 0.1  # of the noise: an oscillation that is smaller is not followed
+FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
 LONGEST = 120  # half periods of one slide that are followed
 BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
 REACH = 4.0  # half periods by which an onset is moved at most around what the data or the simulation say
@@ -248,8 +248,9 @@ class _Course:
             inside = np.abs(places - centre) <= reach
             first, last = np.searchsorted(log.time, [centre - reach - self.half, centre + reach + window])
             index = np.arange(first, last, max((last - first) // COMPARED, 1))
-            index = index[(log.weight[index] > 0) & (log.time[index] > since)]
-            if index.size < 4:
+            # The simulated wave knows nothing of another speed of the drive.
+            index = index[(log.weight[index] > 0) & (log.time[index] > since) & (log.time[index] < latest)]
+            if index.size < 2:
                 continue
             t, f, w = log.time[index], log.force[index], log.weight[index]
             for i in np.flatnonzero(inside):

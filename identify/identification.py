@@ -20,6 +20,7 @@ from identify.findings import Findings
 from identify.grouped import search_grouped
 from identify.hints import what_is_held
 from identify.model import RIG_PARAMETERS
+from identify.one_way import strokes_apart
 from identify.outcome import Fit, LogCurves, Status
 from identify.prepare import Prepared, prepare
 from identify.reconstruct import detected_curves, fitted_curves
@@ -77,7 +78,8 @@ def fit(
     result = document(scene, prepared, findings, clock, began, seed, choice)
     if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
         told("effects compared", 0.95)
-        read = [log.record for log in prepared] if records is None else records
+        whole = len(prepared) == len(scene.logs)
+        read = records or ([log.record for log in prepared] if whole else records_of(scene, None))
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
@@ -103,7 +105,7 @@ def find(
             "add inertia to effects and give the mass under [rig]"
         )
     progress("reading the logs", 0.0)
-    read = records_of(scene, records)
+    scene, read = strokes_apart(scene, records_of(scene, records))
     since = clock.add("read", began)
     progress("detecting cycles", 0.05)
     unknowns = from_scene(scene)

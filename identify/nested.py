@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.guess import Guess
 from identify.model import Model
+from identify.one_way import strokes_apart
 from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
@@ -80,6 +81,7 @@ def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
 
 
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
+    scene, records = strokes_apart(scene, records)
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
     return tuned(logs, unknowns)
@@ -180,7 +182,7 @@ def _translated(guess: Guess, large: Model, small: Model, p: Array) -> Guess:
             [x[..., names.index(s.name)] if s.name in names else 0.0 * x[..., 0] + s.start for s in small.states],
             axis=-1,
         )
-        if lags:
+        if lags and x.size:
             flat = x.reshape(-1, x.shape[-1])
             u = np.tile([0.0, 1.0, 1.0, 0.0], (flat.shape[0], 1))
             shown = np.array(large.load(flat.T, np.repeat(p[:, None], flat.shape[0], axis=1), u.T)).reshape(

@@ -15,6 +15,7 @@ from identify.guess import LogData
 from identify.judgement import Judgement, judge
 from identify.loads import level, smooth, swing
 from identify.manner import FEW, Manner, manner_of, moving_pieces
+from identify.one_way import STROKE
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
 from identify.segment import STICK, Segmentation, segment
@@ -73,7 +74,7 @@ class Prepared:
     @property
     def name(self) -> str:
         """Short name of the log in sentences."""
-        return self.entry.path.name
+        return name_of(self.entry)
 
     @property
     def scatter(self) -> float:
@@ -100,7 +101,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         SceneError: an effect outside its measured range.
     """
     rig = scene.rig_for(entry)
-    name = entry.path.name
+    name = name_of(entry)
     drive = _drive(rig, entry, record, name)
     speed = max(drive.speeds)
     corrected = cut_and_correct(entry, record)
@@ -182,6 +183,11 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         manner,
     )
     return replace(made, pieces=_pieces(made, noise, half_period)) if manner.name == "course" else made
+
+
+def name_of(entry: LogEntry) -> str:
+    """Short name of a log in sentences; of one stroke of it with the stroke."""
+    return entry.path.name + (f", stroke {entry.labels[STROKE]}" if STROKE in entry.labels else "")
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:

@@ -17,6 +17,7 @@ from identify.depth import depth_document, noise_note, profile_ends
 from identify.findings import Findings
 from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
+from identify.one_way import part_of
 from identify.outcome import Status
 from identify.prepare import Prepared
 from identify.scene import Scene
@@ -57,7 +58,7 @@ def document(
         "fit": _fit(found),
         "derived": _derived(found) if converged else {},
         "logs": [
-            _log(i, log, found, answer)
+            _log(scene, i, log, found, answer)
             for i, (log, answer) in enumerate(zip(prepared, outlooks_of(prepared, found), strict=True))
         ],
         "notes": _notes(scene, prepared, found),
@@ -218,12 +219,14 @@ def _derived(found: Findings) -> dict[str, Any]:
     return {"v_cr": {"value": math.exp(log_ratio), "unit": "m/s", "interval": ends, "validity": validity}}
 
 
-def _log(index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> dict[str, Any]:
+def _log(scene: Scene, index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> dict[str, Any]:
     record = log.record
     taken = found.attempt is not None and index in found.attempt.logs
     table = classical_table(record, log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness)
     load = float(np.nanmean(record.normal_force))
+    stroke = part_of(scene, log.entry)
     return {
+        **({} if stroke is None else {"part_of": stroke}),
         "path": str(log.entry.path),
         "sha256": str(record.metadata.get("sha256", "")),
         "step": log.entry.step,

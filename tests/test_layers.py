@@ -25,7 +25,7 @@ drawn scatter stated calculable choice price selection_numbers comparison form_s
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess loads lanes steadiness following blocks features unknowns cutting manner prepare rhythms vibration placing
+guess loads lanes steadiness following one_way blocks features unknowns cutting manner prepare rhythms vibration placing
 layout start collector lay_out
 equilibrated shooting reconstruct solve uncertainty hints influence coloured warm bootstrap passes discretisation
 levels sequence consistency gate accuracy combinations asked profile_line profile widened search grouped shares

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identify.axes import Site
 from identify.calculable import check_calculable
 from identify.cli.common import CommandLineError, quantity
-from identify.cli.results import read_result, scene_of
+from identify.cli.results import log_of, read_result, scene_of
 from identify.scatter import pooled_result
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
@@ -172,7 +172,7 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
     declared = scene.model.parameter_names
     points = []
     for number, entry in enumerate(scene.logs or (None,)):
-        said = document["logs"][number] if document and entry else {}
+        said = log_of(document, number) if document and entry else {}
         name = entry.path.name if entry else "the rig of the scene"
         values = scene.values(entry) | {key: value for key, value in estimates.items() if key in declared} | parameters
         load = _normal_force(scene, entry, changes, said)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
-from identify.cli.results import read_result, scene_of
+from identify.cli.results import log_of, read_result, scene_of
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
@@ -42,8 +42,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     check_unedited(path)
     moved = {sha256_of(Path(log)): Path(log) for log in arguments.logs}
     logs = [
-        replace(entry, path=unchanged(entry.path, log["sha256"], moved))
-        for entry, log in zip(scene.logs, stored["logs"], strict=True)
+        replace(entry, path=unchanged(entry.path, log_of(stored, number)["sha256"], moved))
+        for number, entry in enumerate(scene.logs)
     ]
     seed, asked = stored["provenance"].get("seed"), Asked.again(stored["provenance"].get("asked"))
     with Progress(terminal.notes) as progress:
