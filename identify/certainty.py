@@ -18,7 +18,7 @@ from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
 from identify.profile import CRITICAL, Profiles, profile
-from identify.search import Attempt, resolve
+from identify.search import Attempt, resolve, resolve_firmly
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns
@@ -116,7 +116,7 @@ def certainty(
         steps = CURVE_STEPS if asked.profile else 1
         walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along)
         if walked.better is not None:
-            moved = resolve(attempt, replace(unknowns, start=walked.better))
+            moved = resolve_firmly(attempt, unknowns, walked.better.theta, walked.better.guesses)
             if moved.gate.status is not Status.CONVERGED and walked.gain < CRITICAL:
                 continue  # another point of the same ridge, at which the solver finds no end
             attempt, known, walked = moved, information_at(moved, unknowns), None

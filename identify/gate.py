@@ -1,6 +1,6 @@
 """The gate: an answer counts only if the solver succeeded, the misfit is noise, in every cycle, and events rest.
 
-All four tests are needed; each alone lets some wrong answer through.
+Every test is needed; each alone lets some wrong answer through.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.consistency import inconsistency
+from identify.leaning import most_leaning
 from identify.outcome import Status
 from identify.passes import SETTLED, Solved
 
@@ -64,8 +65,24 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     if status is Status.CONVERGED:
         problem = solved.problem
         broken = inconsistency(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, names)
-        status, message = (status, message) if broken is None else (Status.WRONG_EVENT_COUNT, broken)
+        leaning = None if broken is not None else _leaning(solved, names)
+        if broken is not None:
+            status, message = Status.WRONG_EVENT_COUNT, broken
+        elif leaning is not None:
+            status, message = Status.MODEL_MISFIT, leaning
     return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message)
+
+
+def _leaning(solved: Solved, names: Sequence[str]) -> str | None:
+    """A sentence where neighbouring residuals lean to one side farther than noise does; None where they do not."""
+    lean = most_leaning(solved.problem.logs, solved.problem.fitted(solved.solution.z))
+    if lean is None or lean.share <= 1.0:
+        return None
+    return (
+        f"the misfit is noise on the whole, but around {lean.time:.4g} s of {names[lean.log]} the curve misses by "
+        f"{abs(lean.residual):.2g} N for {lean.length:.2g} s ({lean.deviations:.0f} standard deviations): another "
+        "answer may fit there too, or the model lacks something; look there in the report, and give start values"
+    )
 
 
 def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:

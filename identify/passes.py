@@ -25,7 +25,8 @@ STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
 SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
-MOST_PASSES = 6
+PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
+ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 NEAR = 0.5  # largest row from which the exact Hessian is tried
@@ -88,7 +89,8 @@ def solve_in_passes(
         if on_pass is not None:
             on_pass(number)
         fine = grid is not COARSE
-        lost = not solution.success and 2.0 * solution.cost > LOST * problem.samples
+        misfit = 2.0 * solution.cost / max(problem.samples, 1)
+        lost = misfit > LOST if not solution.success else number >= PASSES and misfit > ALL_BUT
         if solution.cost > hopeless or lost:
             return solved
         if not np.all(np.isfinite(solution.x)) or (not solution.success and (fine or solution.infeasibility > NEAR)):

@@ -32,6 +32,7 @@ BEYOND = 1.15  # of a side: where others are asked whether they know a way on
 OTHERS = 2  # how many are asked
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
+PAST, FARTHEST = 1.7, 4.0  # of a side, and standard deviations: where the truth may lie, once in a while
 ALIKE = 0.02  # of a standard interval: a side that has this length by its curvature needs no second opinion
 
 
@@ -55,12 +56,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Profiles:
-    """Interval ends and curves per parameter name, theta of a better optimum where one was met, the
+    """Interval ends and curves per parameter name, the point of a better optimum where one was met, the
     likelihood-ratio statistic by which it is better, the points met that the data hardly object to, from the answer
     (m, f), and the squared distance (m,) at which each should lie."""
 
     ends: dict[str, tuple[Side, Side]]
-    better: Array | None
+    better: ProfilePoint | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
     gain: float = 0.0
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
@@ -112,8 +113,11 @@ def profile(
             length = abs(walk.side.end - line.best.theta[index])
             if abs(length - straight) > ALIKE * straight:
                 walks[index, sign] = _retried(line, index, sign, walk, wait[index])
+    if only is not None:  # they are walked for the ridge, not for their ends
+        for (index, sign), walk in walks.items():
+            _past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
-    better = lowest.theta if 2 * (lowest.cost - line.best.cost) < -BETTER else None
+    better = lowest if 2 * (lowest.cost - line.best.cost) < -BETTER else None
     ends, curves = {}, {}
     for i in free:
         inside = [point.theta[i] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait[i]]
@@ -124,10 +128,18 @@ def profile(
         )
         curves[unknowns.names[i]] = _curve(line, i)
     searched = np.flatnonzero(unknowns.free)
-    likely = [point for point in line.seen if line.loss_root(point) < CLOSE * np.sqrt(CRITICAL)]
+    likely = [point for point in line.seen if line.loss_root(point) < FARTHEST]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2, CRITICAL) for point in likely])
     return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)), away, objection)
+
+
+def _past(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:
+    """One more point of the ridge, past the end of a side."""
+    if walk.side.end is not None and not walk.side.walled:
+        centre = float(line.best.theta[index])
+        far = min(PAST * abs(walk.side.end - centre), _room(line, index, sign)[0])
+        line.point(walk.last, index, centre + sign * far)
 
 
 def _curve(line: ProfileLine, index: int) -> Curve:

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]
 Progress = Callable[[str, float | None], None]
 
-FULL = 3  # cycles a log must show to take part in the start
+LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 ATTEMPTS = 4  # starts that are solved before giving up
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
@@ -93,14 +93,29 @@ def search(
     told: Progress = progress or (lambda _stage, _share: None)
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = [i for i in range(len(prepared)) if i not in left_out]
-    for least in (FULL, 2, 1):
-        first = [i for i in able if prepared[i].typical >= least]
-        if first:
-            break
-    if not first:
-        first = able
-    if not first:
+    if not able:
         return None, left_out
+    choices = [*([i for i in able if prepared[i].typical >= least] for least in LEAST), able]
+    best: Attempt | None = None
+    for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
+        best = _better(best, _from_logs(prepared, first, able, unknowns, sources, seed, thorough, clock, told))
+        if best is not None and best.gate.status is Status.CONVERGED:
+            break
+    return best, left_out | _missing(best, prepared, able)
+
+
+def _from_logs(
+    prepared: list[Prepared],
+    first: list[int],
+    able: list[int],
+    unknowns: Unknowns,
+    sources: Sources,
+    seed: int,
+    thorough: bool,
+    clock: Clock,
+    told: Progress,
+) -> Attempt | None:
+    """The search that starts from the features of these logs; the others that are able join at its answer."""
     best: Attempt | None = None
     told("finding a start", 0.1)
     ahead: list[Array] = []
@@ -129,7 +144,7 @@ def search(
         best = _better(best, attempt)
         if best is not None and best.gate.status is Status.CONVERGED and set(first) <= set(best.logs):
             break
-    return (None if best is None else _disowned(best, prepared, first)), left_out | _missing(best, prepared, able)
+    return None if best is None else _disowned(best, prepared, first)
 
 
 def _disowned(best: Attempt, prepared: list[Prepared], first: list[int]) -> Attempt:
@@ -278,6 +293,19 @@ def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int =
     solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, soft, steps=steps, most=most)
     gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
     return replace(attempt, solved=solved, gate=gate)
+
+
+def resolve_firmly(attempt: Attempt, unknowns: Unknowns, theta: Array, motion: list[Guess]) -> Attempt:
+    """Solve again from theta (n_p,) and the motion there; where the solver finds no end to a ridge, with priors around
+    theta that hold what the data do not tell, as loose as they can be."""
+    attempt = replace(attempt, solved=replace(attempt.solved, guesses=motion))
+    moved = resolve(attempt, replace(unknowns, start=theta))
+    for firmness in FIRM[::-1]:
+        if not _crept(moved):
+            break
+        tried = resolve(attempt, replace(unknowns, start=theta).softened(firmness))
+        moved = tried if tried.gate.status is Status.CONVERGED else moved
+    return moved
 
 
 def _place(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[tuple[int, Prepared, Guess]]:

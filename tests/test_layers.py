@@ -28,7 +28,7 @@ axes outline plane crossings flood chart continuation mapping chart_closed chart
 guess loads lanes steadiness following one_way blocks features unknowns cutting manner prepare rhythms vibration placing
 layout start collector lay_out
 equilibrated shooting reconstruct solve uncertainty hints influence coloured warm bootstrap passes discretisation
-levels sequence consistency gate accuracy combinations asked profile_line profile widened search grouped shares
+levels sequence consistency leaning gate accuracy combinations asked profile_line profile widened search grouped shares
 certainty nested screening selection_words selection diagnosis preview depth findings log_outlook worth result
 identification
 report

@@ -1,0 +1,73 @@
+"""Where the residuals of neighbouring samples lean to one side.
+
+A wrong answer can keep the sum of squares of a long cycle within its noise and still miss a slip altogether, by a few
+standard deviations of many neighbouring samples. Sums over windows of all lengths show that: noise cancels in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from identify.guess import LogData
+
+Array = NDArray[np.float64]
+
+LONGEST = 512  # samples of a window
+CHANCE = 1e-7  # that noise leans so far somewhere in a log
+QUARTILE = float(norm.ppf(0.75))
+
+
+@dataclass(frozen=True)
+class Lean:
+    """The window of a log that leans most: its mean time [s] and length [s], the mean residual [N], by how many
+    standard deviations, and the number of them that noise reaches by chance."""
+
+    log: int
+    time: float
+    length: float
+    residual: float
+    deviations: float
+    limit: float
+
+    @property
+    def share(self) -> float:
+        """Deviations over the limit."""
+        return self.deviations / self.limit
+
+
+def most_leaning(logs: Sequence[LogData], fitted: Sequence[Array]) -> Lean | None:
+    """The window of all logs that stands out most; None where nothing is fitted.
+
+    The spread of the sums themselves counts as noise where it is larger than white noise allows: noise with a memory
+    does not lean.
+
+    Args:
+        fitted: (n,) force at the samples of each log [N], NaN where none is fitted.
+    """
+    found = [lean for i, (log, curve) in enumerate(zip(logs, fitted, strict=True)) for lean in _of_log(i, log, curve)]
+    return max(found, key=lambda lean: lean.share, default=None)
+
+
+def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
+    """The most leaning window of each length."""
+    told = (log.weight > 0) & np.isfinite(fitted)
+    time, residual = log.time[told], log.force[told] - fitted[told]
+    summed = np.concatenate([[0.0], np.cumsum(residual * np.sqrt(log.weight[told]))])
+    lengths = [w for w in 2 ** np.arange(1, int(np.log2(LONGEST)) + 1) if 8 * w <= residual.size]
+    out = []
+    for width in lengths:
+        sums = (summed[width:] - summed[:-width]) / np.sqrt(width)
+        low, high = np.quantile(sums, (0.25, 0.75))
+        spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
+        first = int(np.argmax(np.abs(sums)))
+        limit = float(norm.isf(0.5 * CHANCE / (residual.size * len(lengths))))
+        window = slice(first, first + width)
+        length = float(time[first + width - 1] - time[first])
+        mean = float(np.mean(residual[window]))
+        out.append(Lean(number, float(np.mean(time[window])), length, mean, abs(float(sums[first])) / spread, limit))
+    return out
