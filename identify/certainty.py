@@ -14,6 +14,7 @@ from identify.bootstrap import Bootstrap, bootstrap
 from identify.coloured import Colour, colour, coloured_covariance
 from identify.combinations import Combination, Direction, combinations, directions
 from identify.discretisation import discretisation_error
+from identify.gate import Gate
 from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
@@ -119,6 +120,8 @@ def certainty(
             moved = resolve_firmly(attempt, unknowns, walked.better.theta, walked.better.guesses)
             if moved.gate.status is not Status.CONVERGED and walked.gain < CRITICAL:
                 continue  # another point of the same ridge, at which the solver finds no end
+            if moved.gate.status is not Status.CONVERGED:
+                moved = replace(moved, gate=_another_start(moved, unknowns, walked, base))
             attempt, known, walked = moved, information_at(moved, unknowns), None
             accepted = attempt.gate.status is Status.CONVERGED
     groups = shares(attempt, unknowns)
@@ -139,6 +142,21 @@ def certainty(
         of_groups=of_groups,
     )
     return _deeper(out, unknowns, base, asked, reached, seed, progress) if accepted else out
+
+
+def _another_start(moved: Attempt, unknowns: Unknowns, walked: Profiles, base: Array) -> Gate:
+    """The gate of an answer that a profile found a better place than, at which the solver does not settle."""
+    assert walked.better is not None
+    values = unknowns.values(walked.better.theta, base)
+    told = ", ".join(
+        f"{unknowns.names[i]} = {values[i]:.4g} {unknowns.model.parameters[i].unit}".rstrip()
+        for i in np.flatnonzero(unknowns.free).tolist()
+    )
+    message = (
+        f"another start is better: chi^2 falls by {walked.gain:.3g} below that of the answer found, and the solver "
+        f"does not settle there ({moved.gate.solver}); give these as start values under [parameters]: {told}"
+    )
+    return replace(moved.gate, status=Status.BETTER_START_FOUND, message=message)
 
 
 def _deeper(

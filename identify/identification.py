@@ -20,8 +20,8 @@ from identify.findings import Findings
 from identify.grouped import search_grouped
 from identify.hints import what_is_held
 from identify.model import RIG_PARAMETERS
-from identify.one_way import strokes_apart
 from identify.outcome import Fit, LogCurves, Status
+from identify.parting import parted
 from identify.prepare import Prepared, prepare
 from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import document
@@ -105,7 +105,7 @@ def find(
             "add inertia to effects and give the mass under [rig]"
         )
     progress("reading the logs", 0.0)
-    scene, read = strokes_apart(scene, records_of(scene, records))
+    scene, read = parted(scene, records_of(scene, records))
     since = clock.add("read", began)
     progress("detecting cycles", 0.05)
     unknowns = from_scene(scene)

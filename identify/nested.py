@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.guess import Guess
 from identify.model import Model
-from identify.one_way import strokes_apart
+from identify.parting import parted
 from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
@@ -81,7 +81,7 @@ def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
 
 
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
-    scene, records = strokes_apart(scene, records)
+    scene, records = parted(scene, records)
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
     return tuned(logs, unknowns)

@@ -35,15 +35,6 @@ def strokes_apart(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[
     return replace(scene, logs=tuple(entries)), kept
 
 
-def part_of(scene: Scene, entry: LogEntry) -> int | None:
-    """The number (from 1) of the log of the scene that an entry is a stroke of; None where it is a whole log."""
-    if entry in scene.logs:
-        return None
-    return next(
-        (i for i, whole in enumerate(scene.logs, 1) if (whole.path, whole.step) == (entry.path, entry.step)), None
-    )
-
-
 def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     drive = _drive(scene, entry, record)
     if drive is None or record.time.size == 0:

@@ -15,7 +15,7 @@ from identify.guess import LogData
 from identify.judgement import Judgement, judge
 from identify.loads import level, smooth, swing
 from identify.manner import FEW, Manner, manner_of, moving_pieces
-from identify.one_way import STROKE
+from identify.parting import name_of
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
 from identify.segment import STICK, Segmentation, segment
@@ -183,11 +183,6 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         manner,
     )
     return replace(made, pieces=_pieces(made, noise, half_period)) if manner.name == "course" else made
-
-
-def name_of(entry: LogEntry) -> str:
-    """Short name of a log in sentences; of one stroke of it with the stroke."""
-    return entry.path.name + (f", stroke {entry.labels[STROKE]}" if STROKE in entry.labels else "")
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.features import extract
-from identify.one_way import strokes_apart
+from identify.parting import parted
 from identify.passes import COARSE
 from identify.placing import place
 from identify.prepare import Prepared, prepare
@@ -55,7 +55,7 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
     Raises:
         FitError, SceneError: as the fit itself.
     """
-    scene, records = strokes_apart(scene, records)
+    scene, records = parted(scene, records)
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)

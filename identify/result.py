@@ -17,8 +17,8 @@ from identify.depth import depth_document, noise_note, profile_ends
 from identify.findings import Findings
 from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
-from identify.one_way import part_of
 from identify.outcome import Status
+from identify.parting import part_of
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.search import Clock
@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 DISTRIBUTION = "stick-slip-workbench"
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
+UNFOLLOWED = 0.02  # of a course: an end that is left out and worth a note
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 
 
@@ -308,6 +309,30 @@ def _shifts(found: Findings, move: Array) -> dict[str, Any]:
     return out
 
 
+def _events(prepared: list[Prepared], found: Findings) -> list[str]:
+    """Slips that the search put in or took out, and courses it could not follow to their end."""
+    notes = []
+    for number, log in zip(found.attempt.logs, found.attempt.prepared, strict=True) if found.attempt else ():
+        before, after = prepared[number].falls, log.falls
+        put = [f"{t:.4g} s" for t in after.tolist() if t not in before]
+        out = [f"{t:.4g} s" for t in before.tolist() if t not in after]
+        for word, times in (("that was missed put in", put), ("that is none taken out", out)):
+            if times:
+                notes.append(f"{log.name}: a slip {word} at {', '.join(times)}.")
+        left = prepared[number].data.end - log.data.end
+        if log.manner.name == "course" and left > UNFOLLOWED * (log.data.end - log.data.begin):
+            notes.append(
+                f"{log.name}: fitted up to {log.data.end:.4g} s; from there on the motion of the answer is none that a "
+                "fit follows (a swing that never fades, or a mass that is pulled back)."
+            )
+        if log.manner.name == "sliding" and prepared[number].manner.name == "course":
+            notes.append(
+                f"{log.name}: only what slides steadily is fitted, from {log.data.begin:.4g} s on: the way there is "
+                "not described."
+            )
+    return notes
+
+
 def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]:
     notes = []
     guessed = [log.name for log in prepared if log.noise_estimated]
@@ -321,6 +346,7 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]
         named = ", ".join(name.replace("_", " ") for name in exact)
         notes.append(f"Taken as exact: {named}; the table of rig errors shows what 1 % would do.")
     notes += [f"{log.name}: {_load_varies(log)}." for log in prepared if log.hidden_swing]
+    notes += _events(prepared, found)
     for index, reason in sorted(found.left_out.items()):
         notes.append(f"Log {index + 1} took no part in the fit: {reason}.")
     return notes

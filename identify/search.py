@@ -16,9 +16,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.events import with_events_mended
 from identify.features import Features, extract
 from identify.following import glide
-from identify.gate import Gate, pass_gate
+from identify.gate import PER_CYCLE, Gate, pass_gate
 from identify.guess import Guess
 from identify.levels import level_starts
 from identify.outcome import Status
@@ -101,7 +102,23 @@ def search(
         best = _better(best, _from_logs(prepared, first, able, unknowns, sources, seed, thorough, clock, told))
         if best is not None and best.gate.status is Status.CONVERGED:
             break
+    if best is None or best.gate.status is not Status.CONVERGED:
+        best = _levels_only(prepared, able, unknowns, clock) or best
     return best, left_out | _missing(best, prepared, able)
+
+
+def _levels_only(prepared: list[Prepared], able: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """What logs hold that slide in the end, where the way there is not described: their level; None where that does not
+    fit either, or some log is more than one course to sliding."""
+    parts = [settled_part(prepared[i]) for i in able]
+    if any(part is None or len(prepared[i].pieces) > 1 for part, i in zip(parts, able, strict=True)):
+        return None
+    having = list(prepared)
+    for i, part in zip(able, parts, strict=True):
+        having[i] = part or prepared[i]
+    theta = level_starts([having[i] for i in able], unknowns)[0]
+    found = _solve(having, able, replace(unknowns, start=theta), clock)
+    return found if found is not None and found.gate.status is Status.CONVERGED else None
 
 
 def _from_logs(
@@ -135,6 +152,13 @@ def _from_logs(
         told(f"solving from start {solved + 1}", 0.3 + 0.1 * solved)
         attempt = _solve(prepared, first, replace(unknowns, start=theta), clock)
         solved += attempt is not None
+        if attempt is not None and attempt.gate.status is not Status.CONVERGED and not unequal:
+            mended = _mended(prepared, attempt, replace(unknowns, start=theta))
+            if mended is not None:
+                told("solving with other slips", 0.6)
+                again = _solve(mended, first, replace(unknowns, start=theta), clock)
+                if _better(attempt, again) is again and again is not None:
+                    prepared, attempt = mended, again
         if attempt is not None and _crept(attempt):
             told("holding what the logs do not tell", 0.7)
             attempt = _held(prepared, first, replace(unknowns, start=theta), clock) or attempt
@@ -236,6 +260,17 @@ def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
         if all(np.max(np.abs(start.theta[free] - s[free]) / unknowns.spread[free], initial=0.0) > SAME for s in seen):
             seen.append(start.theta)
             yield start.theta
+
+
+def _mended(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[Prepared] | None:
+    """The logs with slips that were missed put in and invented ones taken out; None where there are none."""
+    gate = attempt.gate
+    wrong = {int(log) - 1 for log, z in zip(gate.log.tolist(), gate.z.tolist(), strict=True) if not z < PER_CYCLE}
+    out = list(prepared)
+    for place_ in wrong:
+        number = attempt.logs[place_]
+        out[number] = with_events_mended(prepared[number], unknowns)
+    return out if any(new is not old for new, old in zip(out, prepared, strict=True)) else None
 
 
 def _crept(attempt: Attempt) -> bool:

@@ -16,7 +16,7 @@ from data_io import Record
 from identify.choice import Choice
 from identify.effects import ALL
 from identify.nested import Fitted, fit_larger, fit_model, fit_smaller, fits, held_out_error, promise, scene_with
-from identify.one_way import strokes_apart
+from identify.parting import parted
 from identify.prepare import prepare
 from identify.quantities import Effect
 from identify.scene import Scene
@@ -66,7 +66,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     told: Progress = progress or (lambda _stage, _share: None)
     told("looking at the logs", 0.0)
     first, whole = scene_with(scene, LOOKED_AT, {}), records
-    first, records = strokes_apart(first, records)
+    first, records = parted(first, records)
     unknowns = from_scene(first)
     looks = screen([prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)])
     asked = tuple(look.effect for look in looks if look.asked)

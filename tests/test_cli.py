@@ -424,12 +424,23 @@ def test_calculators_carry_the_uncertainty_of_a_fit(fitted, folder, capsys):
 
 
 def test_a_log_without_cycles_is_reported_with_exit_code_3(folder, capsys):
-    fast = ["--set", "rig.drive_speed=50 mm/s"]
-    simulated(capsys, "slide.csv", *fast)
-    code, out, _ = stickslip(capsys, "fit", "slide.csv", "--scene", examples.SCENE, *fast, "--out", "slide", "--json")
+    slow = ["--set", "rig.drive_speed=0.1 mm/s"]  # two seconds of it only load the spring
+    simulated(capsys, "load.csv", *slow, "--noise", "5 mN")
+    code, out, _ = stickslip(capsys, "fit", "load.csv", "--scene", examples.SCENE, *slow, "--out", "load", "--json")
     result = json.loads(out)
-    assert code == 3 and result["status"] == "no_cycles" and "slide.csv" in result["message"]
-    assert len(Path("slide/classical.csv").read_text().splitlines()) == 2 and Path("slide/report.html").exists()
+    assert code == 3 and result["status"] == "no_cycles" and "load.csv" in result["message"]
+    assert len(Path("load/classical.csv").read_text().splitlines()) == 2 and Path("load/report.html").exists()
+
+
+def test_a_log_that_slides_says_what_it_holds_and_leaves_a_report(folder, capsys):
+    fast = ["--set", "rig.drive_speed=50 mm/s"]
+    simulated(capsys, "slide.csv", *fast, "--noise", "5 mN")
+    entry = ["fit", "slide.csv", "--scene", examples.SCENE, *fast, "--out", "slide", "--json"]
+    code, out, _ = stickslip(capsys, *entry)
+    result = json.loads(out)
+    assert code == 0 and result["status"] == "converged"
+    assert {found["verdict"] for found in result["parameters"].values()} <= {"not identifiable", "weak"}
+    assert Path("slide/report.html").exists() and Path("slide/figures").exists()
 
 
 # ---- calculators
