@@ -26,6 +26,7 @@ _SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _MOST_ITEMS: Final = 100_000
 _SMALL: Final = 1 << 20
 _LONGEST_CHAIN: Final = 16
+_sound: set[tuple[str, int, int, int]] = set()  # files that have been walked through, as they were then
 _OURS: Final = (OSError, RuntimeError, KeyError, ValueError, TypeError, EOFError, AttributeError, OverflowError)
 
 
@@ -112,6 +113,9 @@ def _look_first(source: Source, target: Any) -> None:
     """Have another process walk through the structure; a `LogError` where it hangs or dies of it."""
     if not hasattr(os, "fork") or not hasattr(signal, "SIGXCPU"):
         return  # Windows: no way to limit the computing of a process
+    known = _identity(target)
+    if known in _sound:
+        return
     patience = PATIENCE + int(source.size / _BYTES_PER_SECOND)
     alone = sys.platform == "linux" and threading.active_count() == 1
     # a copy of this process would inherit the locks of its other threads
@@ -120,6 +124,16 @@ def _look_first(source: Source, target: Any) -> None:
         raise _damaged(source, "the library hangs on it")
     if status < 0:
         raise _damaged(source, "the library crashes on it")
+    if known is not None:
+        _sound.add(known)
+
+
+def _identity(target: Any) -> tuple[str, int, int, int] | None:
+    """What tells whether a file is still the one it was; None for one in memory."""
+    if not isinstance(target, str):
+        return None
+    found = Path(target).stat()
+    return os.path.realpath(target), found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _forked(target: Any, patience: int) -> int | None:

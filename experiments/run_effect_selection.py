@@ -175,7 +175,7 @@ def _at_truth(
     lost = [e for e in asked if e not in chosen]
     names = {q.name for q in assemble(tuple(effects)).parameters}
     starts = {name: value for name, value in truth.items() if name in names}
-    full = fit_model(scene_with(_scene(), effects, starts), records)
+    full = fit_model(scene_with(_scene(), effects, starts), records, sources="both")
     out = {e: np.inf for e in asked if e not in lost}
     for effect in lost:
         smaller = fit_smaller(full, scene_with(_scene(), [e for e in effects if e != effect], starts), records)

@@ -80,9 +80,8 @@ class Model:
     clocked: bool  # whether anything depends on time as such
     series_state: str  # the deformation of an element in series with the rig; "" without one
     jumps: bool  # whether a state jumps where a stick begins
-    quiet: tuple[
-        tuple[str, float], ...
-    ]  # parameters of harmonics that are as good as absent at a value, and that value
+    quiet: tuple[tuple[str, float], ...]  # parameters of what is explicit in time, absent at a value, and that value;
+    # NaN: it then says nothing
     follows_load: bool  # whether the course of the normal force counts, or only its mean
     balance: ca.Function | None = None  # (x, p, u, v) -> load minus friction along the slip [N]; None with inertia
 
@@ -119,12 +118,18 @@ def _choose(names: Sequence[str]) -> tuple[Effect, ...]:
 
 
 def _quiet(effects: Sequence[Effect], m: Composition) -> tuple[tuple[str, float], ...]:
-    """Null values of the effects that bring harmonics, where these are values of a linear scale."""
+    """Null values of the effects that are explicit in time, where these are values of a linear scale."""
     out: dict[str, float] = {}
+    situation = m.situation(m.x, at_rest=False)
     for effect in effects:
-        if effect.terms(m.situation(m.x, at_rest=False)).waves:
-            linear = {p.name for p in effect.parameters if p.scale == "linear"}
-            out |= {name: value for name, value in effect.null.items() if name in linear}
+        terms = effect.terms(situation)
+        linear = {
+            p.name: effect.null[p.name] for p in effect.parameters if p.scale == "linear" and p.name in effect.null
+        }
+        if terms.waves:
+            out |= linear
+        elif linear and ca.depends_on(ca.vertcat(ca.SX(terms.level), ca.SX(terms.clock)), situation.time):
+            out |= {p.name: linear.get(p.name, float("nan")) for p in effect.parameters}
     return tuple(out.items())
 
 

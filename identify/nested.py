@@ -18,7 +18,7 @@ from identify.parting import parted
 from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
-from identify.search import Attempt, search
+from identify.search import Attempt, Sources, search
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.unknowns import Unknowns, from_scene
@@ -59,16 +59,17 @@ class Fitted:
         return int(np.count_nonzero(self.unknowns.free)) + (logs - 1) * int(np.count_nonzero(self.unknowns.own))
 
 
-def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True) -> Fitted:
-    """Fit one scene to its records from the data alone.
+def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True, sources: Sources = "data") -> Fitted:
+    """Fit one scene to its records.
 
     Args:
-        thorough: where the data's own start fails, try many.
+        thorough: where the first start fails, try many.
+        sources: starts from the data, from the values of the scene, or both.
     """
     prepared, unknowns = _prepared(scene, records)
-    attempt, _ = search(prepared, unknowns, thorough=False)
+    attempt, _ = search(prepared, unknowns, thorough=False, sources=sources)
     if thorough and (attempt is None or not attempt.solved.solution.success):
-        attempt, _ = search(prepared, unknowns)
+        attempt, _ = search(prepared, unknowns, sources=sources)
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
 

@@ -29,7 +29,7 @@ def quieted(unknowns: Unknowns) -> Unknowns:
     start, free, quiet = unknowns.start.copy(), unknowns.free.copy(), dict(unknowns.model.quiet)
     for i, name in enumerate(unknowns.names):
         if name in quiet:
-            start[i], free[i] = quiet[name], False
+            start[i], free[i] = start[i] if np.isnan(quiet[name]) else quiet[name], False
     for wave in _waves(unknowns):
         free[[wave.frequency, wave.phase]] = False
     return replace(unknowns, start=start, free=free)
@@ -52,7 +52,7 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
     start, free = unknowns.start.copy(), unknowns.free.copy()
     names, waves, quiet = unknowns.names, _waves(unknowns), dict(unknowns.model.quiet)
     for i, name in enumerate(names):
-        if name in quiet and not unknowns.told[i] and free[i]:
+        if not np.isnan(quiet.get(name, np.nan)) and not unknowns.told[i] and free[i]:
             start[i] = quiet[name]
     searched = [w for w in waves if free[w.amplitude] and not unknowns.told[w.amplitude]]
     if searched:

@@ -198,3 +198,16 @@ def test_odd_names_are_names(tmp_path, name):
     deep.mkdir(parents=True)
     write_hdf5(record, deep / "log.h5")
     assert len(read_log(deep / "log.h5")) == 9
+
+
+def test_a_file_is_walked_through_once_and_again_when_it_has_changed(tmp_path, monkeypatch):
+    path, walks = good(tmp_path / "log.h5"), []
+    seen = hdf5_open._forked
+    monkeypatch.setattr(hdf5_open, "_forked", lambda *a: walks.append(a) or seen(*a))
+    monkeypatch.setattr(hdf5_open, "_spawned", lambda *a: walks.append(a) or 0)
+    assert read_log(path).time.size == read_log(path).time.size
+    assert len(walks) == 1
+    with h5py.File(path, "a") as file:
+        file["more"] = np.arange(1000.0)
+    read_log(path)
+    assert len(walks) == 2

@@ -28,8 +28,8 @@ axes outline plane crossings flood chart continuation mapping chart_closed chart
 guess loads lanes steadiness following one_way gaps parting blocks features unknowns cutting manner prepare rhythms
 vibration placing layout start collector lay_out
 equilibrated shooting reconstruct solve uncertainty hints influence coloured warm bootstrap passes discretisation
-levels sequence events consistency leaning gate accuracy combinations asked profile_line profile widened search grouped shares
-certainty nested screening selection_words selection diagnosis preview depth findings log_outlook worth result
+levels sequence events consistency leaning gate accuracy combinations asked profile_line profile widened search grouped
+shares certainty nested screening selection_words selection diagnosis preview depth findings log_outlook worth result
 identification
 report
 comparing
