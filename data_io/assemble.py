@@ -1,7 +1,7 @@
 """Steps to a `Record`: one clock, one sign of the normal force, and the account of where everything came from."""
 
 from collections.abc import Sequence
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
 from data_io.part import Contents, Part, check_request, chosen, of_run
 from data_io.record import Record
 from data_io.source import Request, Source
+from data_io.units import rescaled
 
 _ENOUGH: Final = 200_000
 """Rows by which the sign of the normal force is told."""
@@ -31,6 +32,7 @@ def assemble(
     check_request(source, request, run[0].header)
     picked = chosen(source, request, run)
     notes = list(contents.findings)
+    pulls = not settled and request.normal_force is None and _pressed_negative(run)
     steps: list[SiStep] = []
     for part in picked:
         step, remarks = convert(source, request, part, several=len(run) > 1, settled=settled)
@@ -41,14 +43,13 @@ def assemble(
     notes += remarks
     start = float(steps[0].time[0])
     shifts = [offset - start if offset else -start for offset in offsets]
-    normal = _one([step.roles["normal_force"] for step in steps])
-    if not settled and request.normal_force is None and _pressed_negative(run):
-        normal = _one([-normal])
+    normal = _one([rescaled(step.roles["normal_force"], -1.0 if pulls else 1.0) for step in steps])
+    if pulls:
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
     channels, units = _channels(steps)
     return Record(
-        time=_one([step.time + shift if shift else step.time for step, shift in zip(steps, shifts, strict=True)]),
+        time=_one([_shifted(step.time, shift) for step, shift in zip(steps, shifts, strict=True)]),
         normal_force=normal,
         friction_force=_one([step.roles["friction_force"] for step in steps]),
         drive_speed=contents.drive_speed if (along := _joined_drive(steps)) is None else along,
@@ -61,11 +62,20 @@ def assemble(
 
 
 def _one(pieces: Sequence[FloatArray]) -> FloatArray:
-    """Join columns; a single one that is our own is frozen, so that the record need not copy it."""
+    """Join columns that nobody else holds, and freeze them, so that the record need not copy them."""
     joined = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
-    if joined.base is None:
-        joined.flags.writeable = False
+    base: Any = joined
+    while isinstance(base, np.ndarray):
+        base.flags.writeable = False
+        base = base.base
     return joined
+
+
+def _shifted(time: FloatArray, shift: float) -> FloatArray:
+    """Return a time that nobody else holds, moved."""
+    if shift == 0:
+        return time
+    return np.add(time, shift, out=time if time.flags.writeable else None)
 
 
 def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
@@ -79,11 +89,12 @@ def _account(source: Source, request: Request, part: Part, contents: Contents, s
 
 def _pressed_negative(run: Sequence[Part]) -> bool:
     """Tell whether the loaded rows of a run press with a negative sign; a small offset before loading says nothing."""
-    raw = _one([part.columns[part.header.roles["normal_force"]] for part in run
-                if part.rows and "normal_force" in part.header.roles])  # fmt: skip
-    if np.min(raw, initial=0.0) >= 0:
+    pieces = [part.columns[part.header.roles["normal_force"]] for part in run
+              if part.rows and "normal_force" in part.header.roles]  # fmt: skip
+    if all(np.min(piece, initial=0.0) >= 0 for piece in pieces):
         return False
-    raw = raw[:: max(raw.size // _ENOUGH, 1)]
+    every = max(sum(piece.size for piece in pieces) // _ENOUGH, 1)
+    raw = np.concatenate([piece[::every] for piece in pieces])
     raw = raw[np.isfinite(raw)]
     if raw.size == 0:
         return False

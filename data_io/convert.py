@@ -6,13 +6,14 @@ from typing import Final
 
 import numpy as np
 
+from data_io.checks import BLOCK
 from data_io.clock import Rows, StepClock, usable_rows
 from data_io.columns import EXAMPLES, KIND, Name, find_column, shown, words
 from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
 from data_io.part import Part
 from data_io.source import Request, Source
-from data_io.units import SI_UNIT, column_factor, is_mass, kind_of, scaled, to_si
+from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
 
 _VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
 _CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
@@ -34,9 +35,10 @@ def convert(
     """Return one step in SI and what was noticed; `settled` keeps empty columns as well. Raises `LogError`."""
     label = f"step {part.number}" if several else ""
     _check_roles(source, request, part, label)
+    choices = _choices(part)  # before any column is turned into SI where it stands
     raw_time = _role(source, request, part, "time")
     time, rows, notes = usable_rows(source, StepClock(label, raw_time))
-    notes += _choices(part)
+    notes += choices
     timeless = np.zeros(0, bool) if isinstance(rows, slice) else ~np.isfinite(raw_time[rows])
     roles = {}
     for role in COLUMN_ROLES[1:] if "drive_speed" in part.header.roles else COLUMN_ROLES[1:3]:
@@ -81,7 +83,11 @@ def _weights(request: Request, part: Part) -> list[Finding]:
 
 
 def _same(one: FloatArray | None, other: FloatArray) -> bool:
-    return one is not None and np.array_equal(one, other, equal_nan=True)
+    """Tell equal columns; block by block, because those that differ mostly do so soon."""
+    if one is None or one.size != other.size:
+        return False
+    blocks = (slice(begin, begin + BLOCK) for begin in range(0, one.size, BLOCK))
+    return all(np.array_equal(one[rows], other[rows], equal_nan=True) for rows in blocks)
 
 
 def _check_roles(source: Source, request: Request, part: Part, label: str) -> None:
@@ -138,23 +144,25 @@ def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray
     if role == "normal_force" and request.normal_force is not None:
         return np.full(part.rows, request.normal_force)
     name = part.header.names[part.header.roles[role]]
-    values = _filled(part, part.header.roles[role])
-    if values is None:
+    index = _filled(part, part.header.roles[role])
+    if index is None:
         raise source.error(
             f"column {shown([name.raw])} ({words(role)}) holds no numbers; a column of numbers was expected; "
             f"name another one with --columns {role}=<name>"
         )
-    return scaled(values, column_factor(_unit(request, part, role) or "", SI_UNIT[KIND[role]], name.unit))
+    scale = column_factor(_unit(request, part, role) or "", SI_UNIT[KIND[role]], name.unit)
+    return rescaled(part.columns[index], scale)
 
 
-def _filled(part: Part, index: int) -> FloatArray | None:
-    """Return a column; where it is empty and another of the same name and unit is not, that one."""
+def _filled(part: Part, index: int) -> int | None:
+    """Return the index of a column; where it is empty and another of the same name and unit is not, of that one."""
     name = part.header.names[index]
-    for other in (index, *(i for i, column in enumerate(part.header.names) if column == name)):
-        column = part.columns.get(other)
-        if column is not None and (np.isfinite(column[:1]).any() or np.isfinite(column).any()):
-            return part.columns[other]
-    return None
+    twins = (index, *(i for i, column in enumerate(part.header.names) if column == name))
+    return next((other for other in twins if _any_finite(part.columns.get(other))), None)
+
+
+def _any_finite(column: FloatArray | None) -> bool:
+    return column is not None and bool(np.isfinite(column[:1]).any() or np.isfinite(column).any())
 
 
 def origin(request: Request, part: Part, role: str) -> str:
@@ -178,11 +186,10 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
     own = {find_column(part.header.names, column): name for name, column in request.columns.items()}
     found: list[tuple[str, FloatArray, str]] = []
     taken: set[str] = set(COLUMN_ROLES)
-    used = set(part.header.roles.values())
-    if request.normal_force is not None:
-        used -= {part.header.roles.get("normal_force", -1)}
+    roles = {r: i for r, i in part.header.roles.items() if request.normal_force is None or r != "normal_force"}
+    used = {*roles.values(), *(_filled(part, index) for index in roles.values())}
     for index, values in part.columns.items():
-        if index in used or not (settled or np.isfinite(values).any()):
+        if index in used or not (settled or _any_finite(values)):
             continue
         column = part.header.names[index]
         name = _free_name(own.get(index, _clean(column, index)), taken)
@@ -190,7 +197,7 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
         unit = request.units.get(name) or request.units.get(column.name) or column.unit or ""
         kind = kind_of(unit) if unit else None
         if kind in _CHANNEL_KINDS:
-            values, unit = to_si(values, unit, kind), SI_UNIT[kind]
+            values, unit = rescaled(values, factor(unit, SI_UNIT[kind])), SI_UNIT[kind]
         found.append((name, values, unit))
     return found
 

@@ -227,18 +227,12 @@ def _values(dataset: Any, rows: slice, request: Request, done: float, share: flo
     if rows == slice(0, dataset.size) and count <= _BLOCK:
         whole = np.asarray(dataset[()], dtype=np.float64)  # without a selection the library is a third faster
         request.progress(done + share)
-        return _frozen(whole)
+        return whole
     values = np.empty(count)
     for begin in range(0, count, _BLOCK):
         end = min(begin + _BLOCK, count)
         dataset.read_direct(values, np.s_[rows.start + begin : rows.start + end], np.s_[begin:end])
         request.progress(done + share * end / count)
-    return _frozen(values)
-
-
-def _frozen(values: FloatArray) -> FloatArray:
-    """Nobody else has it: a record need not copy it."""
-    values.flags.writeable = False
     return values
 
 

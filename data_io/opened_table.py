@@ -60,10 +60,7 @@ class OpenTable:
         for index in sorted(set().union(*self._pieces)):
             pieces = [piece.pop(index, None) for piece in self._pieces]
             filled = [np.full(n, np.nan) if p is None else p for p, n in zip(pieces, self._rows, strict=True)]
-            columns[index] = filled[0]
-            if len(filled) > 1:
-                columns[index] = np.concatenate(filled)
-                columns[index].flags.writeable = False  # ours alone: a record need not copy it
+            columns[index] = filled[0] if len(filled) == 1 else np.concatenate(filled)
         if not self._pieces:
             columns = {index: np.empty(0) for index in range(len(header.names))}
         end = sum(self._rows)

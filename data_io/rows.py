@@ -6,7 +6,7 @@ import re
 import warnings
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 import pandas as pd
@@ -42,7 +42,8 @@ class Numbers:
 def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
     """Read a run of pure numbers at the speed of pandas; None where a row is short, long or holds something else.
 
-    decimal: the mark as far as the rows above tell; wanted: columns to read (None: all).
+    decimal: the mark as far as the rows above tell; wanted: columns to read (None: all). Blanks in front of numbers
+    need no option of pandas, which would cost a quarter of the time.
     """
     names = len(head.header.names)
     use = None
@@ -51,7 +52,7 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
         use = sorted({*(index for index in wanted if index < names), names - 1})
     try:
         frame = pd.read_csv(
-            run,
+            cast(Any, run),
             sep=head.delimiter,
             header=None,
             names=list(range(head.width)) if use is None else None,
@@ -61,7 +62,6 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
             dtype=np.float64,
             na_filter=False,
             quoting=csv.QUOTE_NONE,
-            skipinitialspace=True,
             engine="c",
             **_EXACT,
         )
@@ -71,20 +71,18 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
         return None
     if decimal is None and head.delimiter != "," and run.commas:
         return None
-    columns = {
-        int(index): frame[index].to_numpy() for index in frame if int(index) < names and (not use or index in use)
-    }
-    if use is None:
-        for values in columns.values():
-            _freeze(values)
+    columns = {index: _own(frame, index) for index in map(int, frame.columns) if index < names}
     return Numbers(columns, len(frame), decimal=decimal)
 
 
-def _freeze(values: Any) -> None:
-    """Freeze a column and the frame it is a view of, which nobody else has; so a record need not copy it."""
-    while isinstance(values, np.ndarray):
-        values.flags.writeable = False
-        values = values.base
+def _own(frame: pd.DataFrame, index: int) -> FloatArray:
+    """Return a column of a frame that nobody else has, to be written to; pandas hands out what is read-only."""
+    values: FloatArray = frame[index].to_numpy()
+    try:
+        values.flags.writeable = True
+    except ValueError:
+        return values.copy()
+    return values
 
 
 def read_numbers(

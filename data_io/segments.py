@@ -1,7 +1,8 @@
 """A text log as a stream of whole lines: in segments to be walked, or in runs of pure numbers handed to pandas."""
 
 import codecs
-import io
+import itertools
+import re
 import sys
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,8 +14,12 @@ from data_io.layout import is_row
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, decode, split, utf16_of
 
+TOP: Final = 1 << 15
+"""Bytes of the first segment: enough for most preambles and some rows, which are walked line by line."""
 FIRST: Final = 1 << 18
-"""Bytes of a segment: enough for any preamble, and soon walked."""
+"""Bytes of another segment."""
+AT_ONCE: Final = 1 << 17
+"""Bytes handed to pandas at once: they stay in the cache."""
 BLOCK: Final = 1 << 23
 """Bytes of a segment where words stand in every row, so that pandas is not called too often."""
 RUN: Final = 1 << 26
@@ -30,6 +35,7 @@ _TAIL: Final = 1 << 16
 _HIGHEST_DIGIT: Final = ord("9")
 _UNSEEN: Final = (b"\0", b'"', b"#")
 """What pandas would take for the end of a number, a quotation, or part of a column that nobody reads."""
+_LINE_END: Final = re.compile(rb"\r\n|\n|\r")
 _NUMBERS: Final = b"0123456789+-.eE,;\t \r\n"
 
 
@@ -40,6 +46,13 @@ class Segment:
     raw: bytes
     first_line: int
     at_end: bool
+
+    def numbers_below(self, lines: int) -> bytes:
+        """Return what follows so many lines if it holds numbers and delimiters only, else nothing."""
+        ends = itertools.islice(_LINE_END.finditer(self.raw), lines)
+        start = max((match.end() for match in ends), default=0)
+        rest = self.raw[start:]
+        return rest if _is_clean(rest) else b""
 
     @cached_property
     def text(self) -> str:
@@ -61,7 +74,7 @@ class Lines:
         self._reached = 0.0
         self._careful_until = 0
         self.line = 1
-        self.size = FIRST
+        self.size = TOP
 
     @property
     def may_run(self) -> bool:
@@ -97,7 +110,7 @@ class Lines:
 
         Raises the source's `LogError` where a line does not end within a MiB.
         """
-        want = max(self.size - len(self._pending), FIRST // 2)
+        want = max(self.size - len(self._pending), min(FIRST // 2, self.size))
         while not self._ended:
             self._pending += self._fresh(want)
             cut = _line_end(self._pending)
@@ -144,6 +157,11 @@ class Lines:
         """Take lines back that were handed out last; their numbers were not yet counted."""
         self._pending = raw + self._pending
 
+    def hand_back(self, raw: bytes) -> None:
+        """Take lines back from the end of the segment that was handed out last, to be read as a run."""
+        self._pending = raw + self._pending
+        self.line -= _count_lines(raw)
+
     def _fresh(self, size: int) -> bytes:
         """Return about `size` bytes more, as UTF-8 or what is near it; zero bytes at the end of the log stay away."""
         raw = self._handle.read(size)
@@ -165,22 +183,27 @@ class Lines:
         return body
 
 
-class Run(io.RawIOBase):
-    """Consecutive lines of numbers as a file that pandas reads."""
+class Run:
+    """Consecutive lines of numbers as a file that pandas reads.
+
+    It is no binary file by type: pandas would decode its bytes, and encode them again for the parser.
+    """
 
     def __init__(self, lines: Lines, delimiter: str, count: bool) -> None:
         self._lines, self._delimiter = lines, delimiter.encode()[0] if count else None
         self.start = lines._here()
         self._size = 0
         self._most = RUN if lines._source.packing is not None else sys.maxsize
-        self._next = [piece for piece in lines.take_clean(FIRST) if piece]
+        self._next = [piece for piece in lines.take_clean(AT_ONCE) if piece]
         self.empty = not self._next
         self.delimiters = 0
         self.commas = False
 
-    def readable(self) -> bool:
-        """Tell pandas that this can be read."""
-        return True
+    def __iter__(self) -> "Run":
+        return self
+
+    def __next__(self) -> bytes:
+        raise StopIteration
 
     def read(self, size: int = -1) -> bytes:
         """Return the next lines; `size` is not heeded, because lines stay whole."""
@@ -192,7 +215,7 @@ class Run(io.RawIOBase):
             self.delimiters += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == self._delimiter))
         self.commas = self.commas or b"," in block
         if not self._next and self._size <= self._most:
-            self._next = [piece for piece in self._lines.take_clean(FIRST) if piece]
+            self._next = [piece for piece in self._lines.take_clean(AT_ONCE) if piece]
         return block
 
     def finish(self, rows: int) -> None:

@@ -42,7 +42,7 @@ def read_below(source: Source, request: Request, lines: Lines, rest: Segment, he
 def _read_all(walk: Walk, lines: Lines) -> tuple[list[Table], tuple[str, ...]]:
     while not lines.at_end:
         if not _read_fast(walk, lines):
-            walk.take(lines.segment())
+            lines.hand_back(walk.take(lines.segment()))
     return walk.finish()
 
 

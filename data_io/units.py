@@ -130,11 +130,27 @@ def _fits(unit: str, si_unit: str) -> bool:
 
 def scaled(values: Any, scale: float) -> Any:
     """Return values times a factor, rounded once: 40 um is 40 / 1e6 m."""
-    # 40 um is 40 / 1e6 m: the division rounds once, 40 * 1e-6 twice
     if scale == 1.0:
         return values
-    inverse = round(1 / scale) if scale < 1 else 0
-    return values / inverse if inverse and 1 / inverse == scale else values * scale
+    inverse = _inverse(scale)
+    return values / inverse if inverse else values * scale
+
+
+def rescaled(values: FloatArray, scale: float) -> FloatArray:
+    """Return the same of a column that nobody else holds: written over unless it is read-only."""
+    if scale == 1.0 or not values.flags.writeable:
+        return np.asarray(scaled(values, scale))
+    if inverse := _inverse(scale):
+        values /= inverse
+    else:
+        values *= scale
+    return values
+
+
+def _inverse(scale: float) -> int:
+    """Return the whole number whose inverse a scale is, else 0: 40 / 10**6 rounds once, 40 * 1e-6 twice."""
+    inverse = round(1 / scale) if 0 < abs(scale) < 1 else 0
+    return inverse if inverse and 1 / inverse == scale else 0
 
 
 def _split_quantity(text: str, unit: str) -> tuple[float, str]:

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from typing import Final
 
 from data_io.columns import EXAMPLES, parse_name, shown, words
+from data_io.decimal_mark import decimal_mark
 from data_io.frozen import Finding
 from data_io.layout import COMMENT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.opened_table import OpenTable, Table, wanted_columns
 from data_io.rows import read_numbers
 from data_io.segments import MOST_WORDS, Segment
 from data_io.source import Request, Source
-from data_io.text import DELIMITERS, TEXT_LINE, is_number_like, split
+from data_io.text import DELIMITERS, TEXT_LINE, is_number_like, split, utf16_of
 
 MOST_TABLES: Final = 5000
 """Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
@@ -35,11 +36,16 @@ class Walk:
         self._text, self._first_line, self._at_end = "", 1, False
         self._marks: list[int] = []
         self._above, self._looked_at = 0, 0
+        self._segment, self._rest = Segment(b"", 1, False), b""
         self.table: OpenTable | None = None
         self.carry = ""
 
-    def take(self, segment: Segment) -> None:
-        """Walk the next segment. Raises the source's `LogError`."""
+    def take(self, segment: Segment) -> bytes:
+        """Walk the next segment; return the rows at its end that can be read faster, as a run of numbers.
+
+        Raises the source's `LogError`.
+        """
+        self._segment, self._rest = segment, b""
         self._first_line = segment.first_line - self.carry.count("\n")
         self._text, self._at_end = self.carry + segment.text, segment.at_end
         self._marks = [match.start() for match in TEXT_LINE.finditer("\n" + self._text)]
@@ -52,6 +58,7 @@ class Walk:
             self._begin(head, -1)
         if self.table is None:
             self._carry_on()
+        return self._rest
 
     def finish(self) -> tuple[list[Table], tuple[str, ...]]:
         """Return the tables and the lines below the last one. Raises the source's `LogError` where there is none."""
@@ -92,9 +99,20 @@ class Walk:
             self._above = head.start
             self._close()
             return i
+        if rest := self._run_below(head):
+            self._rest = rest
+            return len(self._marks)
         while i < len(self._marks) and self._marks[i] < head.start:
             i += 1
         return self._rows(head.start, i)
+
+    def _run_below(self, head: Head) -> bytes:
+        """Return the rows of a table that has just begun where they fill the segment and go on, in sound numbers."""
+        above = self._line(head.start) - self._segment.first_line
+        if self._at_end or above < 0 or self.table is None or utf16_of(self._source.head):
+            return b""
+        self.table.decimal = decimal_mark(self._source, self._text[head.start :], head)
+        return self._segment.numbers_below(above) if self.table.decimal or head.delimiter == "," else b""
 
     def _rows(self, begin: int, i: int) -> int:
         """Read rows of the open table from `begin` on; close it where it ends; return the mark at which to go on."""

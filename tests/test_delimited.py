@@ -199,7 +199,7 @@ def test_measured_records_are_read_as_they_are():
 def test_words_below_every_row_do_not_end_the_table_where_a_piece_ends(tmp_path, monkeypatch, size):
     from data_io import segments, table
 
-    for constant in ("FIRST", "BLOCK", "LARGEST"):
+    for constant in ("TOP", "FIRST", "AT_ONCE", "BLOCK", "LARGEST"):
         monkeypatch.setattr(segments, constant, size)
     monkeypatch.setattr(table, "FIRST", size)
     monkeypatch.setattr(table, "BLOCK", size)

@@ -83,8 +83,8 @@ def test_reading_in_small_pieces_changes_nothing(tmp_path, monkeypatch, name, si
     kind = ALL[name]
     path = put(tmp_path, kind, kind.make(rows(300)).data)
     whole = read_log(path, **kind.options)
-    for module in (segments, table):
-        for constant in ("FIRST", "BLOCK"):
+    for module, constants in ((segments, ("TOP", "FIRST", "AT_ONCE", "BLOCK")), (table, ("FIRST", "BLOCK"))):
+        for constant in constants:
             monkeypatch.setattr(module, constant, size)
     monkeypatch.setattr(segments, "RUN", 5 * size)
     pieces = read_log(path, **kind.options)
