@@ -55,7 +55,7 @@ class _Bordered:
         self._factors = splu(inside[:, self._inner].tocsc())
         self._reached = self._factors.solve(self._border)
         schur = outside[:, self._outer].toarray() - self._border.T @ self._reached
-        self._schur = lu_factor(schur)
+        self._schur = lu_factor(schur, check_finite=False)
 
     @classmethod
     def of(cls, matrix: sp.csc_matrix) -> _Bordered | None:
@@ -74,7 +74,7 @@ class _Bordered:
         """x (n,) or (n, k) of a right side."""
         out = np.empty_like(right)
         alone = self._factors.solve(right[self._inner])
-        out[self._outer] = lu_solve(self._schur, right[self._outer] - self._border.T @ alone)
+        out[self._outer] = lu_solve(self._schur, right[self._outer] - self._border.T @ alone, check_finite=False)
         out[self._inner] = alone - self._reached @ out[self._outer]
         return out
 

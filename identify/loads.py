@@ -1,13 +1,18 @@
-"""The measured normal force as the model takes it: its slow course, as many knots as it needs, or its mean."""
+"""The measured normal force as the model takes it: its course, as many knots as it needs, or its mean."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct, idct
 from scipy.interpolate import make_lsq_spline
+from scipy.ndimage import uniform_filter1d
 
 from identify.drive import NormalForce
 from identify.errors import FitError
+from identify.guess import LogData
 
 Array = NDArray[np.float64]
 
@@ -15,13 +20,22 @@ SEGMENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 BINS = 2048  # means of samples a spline is fitted to: enough for the finest one
 WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaike's 2, so that noise stays out
 DRAWN = 8  # straight pieces per spline segment
+NEIGHBOURS = 9  # frequencies over which a spectrum is averaged
+STANDS_OUT = 6.0  # times the noise: white noise reaches it in one of ten million means over so many neighbours
+FEWEST_FOR_SPECTRUM = 256
+EVEN = 0.05  # of a sampling interval that intervals may differ, where a spectrum is taken
+PER_PERIOD = 20  # straight pieces per period of the fastest rhythm
+MOST_DRAWN = 60_000
+CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course
+TREMBLES = 1e-3  # of the load: less is left in
 
 
 def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> tuple[NormalForce, float]:
-    """The slow course of a measured normal force: level, or a cubic spline fitted by least squares.
+    """The course of a measured normal force: level, or a cubic spline fitted by least squares; and its rhythms.
 
     The number of spline segments is the one with the best information criterion: noise is averaged away, drift
-    and ripple are kept (a ripple of a few thousandths that is smoothed away biases a fit of many cycles). It is
+    and ripple are kept (a ripple of a few thousandths that is smoothed away biases a fit of many cycles). What is too
+    fast for it but stands out of the noise, as pulse and tremor of a live finger do, is added. It is
     handed on as a broken line, DRAWN pieces per segment.
 
     Args:
@@ -53,7 +67,37 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
         if score < best_score:
             drawn = np.linspace(centres[0], centres[-1], DRAWN * segments + 1)
             best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
-    return _checked(best, name), noise * float(np.sqrt(max(count, cycles) / t.size))
+    best, more = _with_rhythms(best, t, f)
+    return _checked(best, name), noise * float(np.sqrt(max(count + more, cycles) / t.size))
+
+
+def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, int]:
+    """The course with what stands out of the noise in the spectrum of the rest, and how many numbers that took.
+
+    Every frequency keeps the share of its amplitude that is not noise (Wiener's filter); none where the clock is
+    uneven.
+    """
+    intervals = np.diff(t)
+    step = float(np.median(intervals))
+    if t.size < FEWEST_FOR_SPECTRUM or float(np.max(np.abs(intervals - step))) > EVEN * step:
+        return slow, 0
+    lines = dct(f - slow.at(t), norm="ortho")
+    power = uniform_filter1d(lines**2, NEIGHBOURS, mode="nearest")
+    noise = float(np.median(power))
+    kept = np.where(power > STANDS_OUT * noise, 1.0 - noise / np.maximum(power, 1e-300), 0.0)
+    if not np.any(kept):
+        return slow, 0
+    fastest = int(np.flatnonzero(kept)[-1]) + 1  # half periods in the record
+    finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
+    padded = np.concatenate([kept * lines, np.zeros((finer - 1) * t.size)])
+    wave = idct(padded, norm="ortho") * np.sqrt(finer)
+    at = t[0] - 0.5 * step + step / finer * (np.arange(wave.size) + 0.5)
+    coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
+    at, wave = at[::coarser], wave[::coarser]
+    inside = (at >= t[0]) & (at <= t[-1])
+    places = np.unique(np.concatenate([at[inside], [t[0], t[-1]]]))
+    course = slow.at(places) + np.interp(places, at, wave)
+    return NormalForce.of((places, np.maximum(course, 1e-9))), int(np.count_nonzero(kept))
 
 
 def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> tuple[NormalForce, float]:
@@ -66,6 +110,25 @@ def level(time: Array, normal_force: Array, name: str = "the log", cycles: int =
     if np.ptp(f) == 0.0 or t.size < 16:
         return mean, 0.0
     return mean, _binned(t, f)[3] * float(np.sqrt(max(cycles, 1) / t.size))
+
+
+def calmed(log: LogData) -> LogData:
+    """The log with the tremor taken out of its normal force and counted to its error; itself where it does not tremble.
+
+    An onset is where the pull reaches the grip. Where the grip trembles, that row bends within a few milliseconds, and
+    no solver finds its way from events that are still off by more; from the events of a calm load it does.
+    """
+    times = np.asarray(log.normal_force.times)
+    if times.size < FEWEST_FOR_SPECTRUM:
+        return log
+    fine = np.linspace(times[0], times[-1], int(np.ceil((times[-1] - times[0]) / CALM * PER_PERIOD)) + 2)
+    force = log.normal_force.at(fine)
+    calm = uniform_filter1d(uniform_filter1d(force, PER_PERIOD, mode="nearest"), PER_PERIOD // 2, mode="nearest")
+    taken = float(np.std(force - calm))
+    if not taken > TREMBLES * float(np.mean(force)):
+        return log
+    sd = float(np.hypot(log.normal_force_sd, taken))
+    return replace(log, normal_force=NormalForce.of((fine, calm)), normal_force_sd=sd)
 
 
 def swing(course: NormalForce, begin: float, end: float) -> float:

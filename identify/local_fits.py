@@ -8,13 +8,17 @@ from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
 STRAIGHT = (0.3, 0.7)  # share of a rise, in time, whose slope is the stick slope
-LINE_BLOCK = 24
-LINE_DEGREE = 3  # a rise between fast slips is bent
-UNUSUAL = 2.4  # times the median square sum: white noise exceeds it once in 5000 blocks
+# Samples of a block, and degree of its line: a rise between fast slips is bent. Shorter ones where sticks are short.
+LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))
+FEWEST_BLOCKS = 5
+DOUBLINGS = 4  # of the longest block, as long as
+LONGER = 1.015  # times the noise is seen in it: noise with a memory shows all of itself only in long blocks
+MOST_LONGER = 4.0  # what grows by more than that is no noise
 MOST_POINTS = 400
 MOST_BLOCKS = 4000
 LONGEST_SPAN = 40
@@ -94,20 +98,51 @@ def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]]) -> float | N
         force: shape (n,) [N].
         sticks: first sample and end of each stick; an eighth is left out at either end.
 
-    Returns: None where there are fewer than five blocks of 24 samples.
+    Returns: None where there are fewer than five blocks of eight samples.
     """
-    starts = [
-        np.arange(first + (last - first) // 8, last - (last - first) // 8 - LINE_BLOCK + 1, LINE_BLOCK)
-        for first, last in sticks
-    ]
-    index = np.concatenate(starts) if starts else np.empty(0, dtype=np.int64)
-    if index.size < 5:
-        return None
+    kept = [(first + (last - first) // 8, last - (last - first) // 8) for first, last in sticks]
+    for length, degree in LINE_BLOCKS:
+        starts = [np.arange(first, last - length + 1, length) for first, last in kept]
+        index = np.concatenate(starts) if starts else np.empty(0, dtype=np.int64)
+        if index.size >= FEWEST_BLOCKS:
+            found = _about_lines(force, index, length, degree)
+            return found if found is None or length < LINE_BLOCKS[0][0] else _remembered(force, kept, found)
+    return None
+
+
+def _remembered(force: Array, sticks: list[tuple[int, int]], found: float) -> float:
+    """The noise found in the longest blocks, seen in longer ones as far as that makes it larger."""
+    length, degree = LINE_BLOCKS[0]
+    first, rest = found, 0.0
+    for _ in range(DOUBLINGS):
+        length *= 2
+        starts = [np.arange(a, b - length + 1, length) for a, b in sticks]
+        index = np.concatenate(starts)
+        if index.size < 2 * FEWEST_BLOCKS:
+            return found + rest
+        longer = _about_lines(force, index, length, degree)
+        if longer is None or longer < LONGER * found:
+            return found + rest
+        if longer > MOST_LONGER * first:
+            return first
+        # What a block does not show of a memory halves as its length doubles.
+        rest, found = longer - found, longer
+    return found + rest
+
+
+def _about_lines(force: Array, index: NDArray[np.int64], length: int, degree: int) -> float | None:
+    """Sd of the force about curves of a degree through blocks of a length that begin at `index` (b,) [N]."""
     index = index[:: max(1, index.size // MOST_BLOCKS)]
-    blocks = force[index[:, None] + np.arange(LINE_BLOCK)]
-    basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, LINE_BLOCK), LINE_DEGREE + 1))[0]
+    blocks = force[index[:, None] + np.arange(length)]
+    basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), degree + 1))[0]
     squares = ((blocks - (blocks @ basis) @ basis.T) ** 2).sum(axis=1)
-    free = LINE_BLOCK - LINE_DEGREE - 1
+    free = length - degree - 1
     usual = float(np.median(squares)) / (1.0 - 2.0 / (9.0 * free)) ** 3
-    sound = squares <= UNUSUAL * usual
+    # White noise exceeds the limit once in 5000 blocks, whatever their length.
+    sound = squares <= usual * _unusual(free)
     return sqrt(float(np.mean(squares[sound])) / free) if sound.any() else None
+
+
+@lru_cache(maxsize=8)
+def _unusual(free: int) -> float:
+    return float(chi2.ppf(1.0 - 1.0 / 5000.0, free) / free)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.guess import Grid, Guess, LogData
+from identify.loads import calmed
 from identify.shooting import Problem, transcribe
 from identify.solve import Solution, solve
 from identify.unknowns import Unknowns
@@ -29,6 +30,8 @@ PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
+OVERTIME = 80  # iterations more where a load trembles and
+ALMOST = 1.5  # times the noise variance is what is left
 NEAR = 0.5  # largest row from which the exact Hessian is tried
 
 
@@ -66,29 +69,64 @@ def solve_in_passes(
         hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
             least and at most.
     """
+    plain = _in_passes(logs, logs, guesses, unknowns, on_pass, hopeless, steps, most)
+    near = plain.grid is not COARSE and 2.0 * plain.solution.cost < ALMOST * plain.problem.samples
+    if plain.solution.success or near:
+        return plain
+    calm = [calmed(log) for log in logs]
+    if all(quiet is log for quiet, log in zip(calm, logs, strict=True)):
+        return plain
+    # Where the normal force trembles, the events of a calm load are a start from which the solver may find its way.
+    other = _in_passes(logs, calm, guesses, unknowns, on_pass, hopeless, steps, most)
+    return other if other.solution.success or other.solution.cost < plain.solution.cost else plain
+
+
+def _in_passes(
+    logs: list[LogData],
+    calm: list[LogData],
+    guesses: list[Guess],
+    unknowns: Unknowns,
+    on_pass: Callable[[int], None] | None,
+    hopeless: float,
+    steps: int,
+    most: int,
+) -> Solved:
+    """As `solve_in_passes`; the first pass with the loads of `calm`."""
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
     iterations, forming = 0, 0.0
+    trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     for number in range(1, MOST_PASSES + 1):
         since = time.perf_counter()
-        problem = transcribe(logs, guesses, unknowns, grid)
+        coarse = grid is COARSE
+        problem = transcribe(calm if coarse else logs, guesses, unknowns, grid)
         forming += time.perf_counter() - since
         solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE)
         iterations += solution.iterations
         if not solution.success and solution.infeasibility < NEAR:
             # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
-            solution = solve(problem, tolerance=tolerance, iterations=PATIENCE, exact=True, start=solution.z)
+            crept = solution
+            solution = solve(problem, tolerance=tolerance, iterations=PATIENCE, exact=True, start=crept.z)
             iterations += solution.iterations
+            if trembling and not solution.success and 2.0 * crept.cost < ALMOST * problem.samples:
+                # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.
+                solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=crept.z)
+                iterations += solution.iterations
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
         formed_from = guesses
         guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
+        if coarse:  # what stood in for the tremor of the load is no error of its measurement
+            guesses = [
+                g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation))
+                for g, quiet, log in zip(guesses, calm, logs, strict=True)
+            ]
         shift = _shift_in_samples(problem, solution, logs)
         solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
         unknowns = replace(unknowns, start=theta)
         if on_pass is not None:
             on_pass(number)
-        fine = grid is not COARSE
+        fine = not coarse
         misfit = 2.0 * solution.cost / max(problem.samples, 1)
         lost = misfit > LOST if not solution.success else number >= PASSES and misfit > ALL_BUT
         if solution.cost > hopeless or lost:

@@ -25,11 +25,13 @@ Array = NDArray[np.float64]
 
 CRITICAL = float(chi2.ppf(LEVEL, 1))  # of 2 (cost - smallest cost), one degree of freedom
 REACH = 1.15 * float(np.log(WEAK))  # of a logarithm: beyond a factor of three nothing more is asked
-REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients
+REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients, and for those that are judged by themselves
+REACH_SHARE = 1.05 * (1.0 - 1.0 / WEAK)  # of their value, where that is more
 POINTS = 14  # of one side
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
 BEYOND = 1.15  # of a side: where others are asked whether they know a way on
 OTHERS = 2  # how many are asked
+FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
 PAST, FARTHEST = 1.7, 4.0  # of a side, and standard deviations: where the truth may lie, once in a while
@@ -106,6 +108,8 @@ def profile(
         progress(f"profile of {unknowns.names[index]}", None)
         for sign in (-1.0, 1.0):
             walks[index, sign] = _walk(line, index, sign, float(sizes[place[index]]), line.best, wait[index], steps)
+    for (index, sign), walk in walks.items():
+        _follow(line, index, sign, walk)
     progress("profiles from other points", None)
     for (index, sign), walk in walks.items():
         straight = np.sqrt(CRITICAL * wait[index]) * sizes[place[index]]
@@ -166,7 +170,14 @@ def _step(unknowns: Unknowns, theta: Array) -> float:
 
 
 def _reach(line: ProfileLine, index: int) -> float:
-    """How far from the answer a profile asks, in theta."""
+    """How far from the answer a profile asks, in theta: as far as the verdict may need."""
+    unknowns, theta = line.unknowns, line.best.theta
+    own = REACH_SHARE * abs(float(theta[index])) if unknowns.names[index] in ("mu_s", "mu_k0") else 0.0
+    return max(_scale(line, index), own)
+
+
+def _scale(line: ProfileLine, index: int) -> float:
+    """What a step is measured by, in theta."""
     return REACH if line.unknowns.logarithmic[index] else REACH_LINEAR * _step(line.unknowns, line.best.theta)
 
 
@@ -188,7 +199,7 @@ def _walk(
     done = float(sign * (begin.theta[index] - centre))
     done_root = line.loss_root(begin)
     limit = float(np.sqrt(CRITICAL * wait))
-    length = float(np.clip(AIM * limit * first, 0.02 * _reach(line, index), 0.3 * _reach(line, index)))
+    length = float(np.clip(AIM * limit * first, 0.02 * _scale(line, index), 0.3 * _scale(line, index)))
     length = min(length, AIM * limit * first / steps) if first > 0 else length
     longest = length if steps > 1 else np.inf
     tight = 0.02 * length
@@ -217,6 +228,23 @@ def _walk(
     return _Walk(Side(None, True), here)
 
 
+def _follow(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:
+    """Go on past an open end of a logarithm as long as the data do not object. Nothing more is said of this parameter,
+    but another one may only be free where this one is far away: a D of which no stick tells needs a t_cr near zero."""
+    unknowns = line.unknowns
+    if not unknowns.logarithmic[index] or walk.side.end is not None or walk.side.failed:
+        return
+    here = walk.last
+    for step in FARTHER:
+        target = float(here.theta[index]) + sign * step
+        if not unknowns.lower[index] < target < unknowns.upper[index]:
+            return
+        point = line.point(here, index, target)
+        if point is None or line.loss_root(point) ** 2 >= CRITICAL:
+            return
+        here = point
+
+
 def _crossing(done: float, done_root: float, target: float, root: float, limit: float) -> float:
     """Where the root of the loss reaches its limit: it is straight where the likelihood is a parabola."""
     if root < CLOSE * limit and done == 0.0:
@@ -230,7 +258,8 @@ def _retried(line: ProfileLine, index: int, sign: float, walk: _Walk, wait: floa
     assert walk.side.end is not None
     centre = float(line.best.theta[index])
     beyond = centre + sign * min(abs(walk.side.end - centre) * BEYOND, _room(line, index, sign)[0])
-    near = [point for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait]
+    # Its own points have been tried.
+    near = [p for p in line.seen if p.held != index and line.loss_root(p) ** 2 < CRITICAL * wait]
     near.sort(key=lambda point: abs(point.theta[index] - beyond))
     for known in near[:OTHERS]:
         point = line.point(known, index, beyond)

@@ -17,6 +17,9 @@ CONFIRMED_SD = 5.0
 LONG_INTERVAL = 1.6  # times the median: look again there
 REDUCED = 32
 WIDTH_SHARE = 0.2  # of the half period: impulses too weak to be masked vanish
+QUIET, QUIET_OF_WHITE = 0.1, 0.01579  # share of second differences that are quiet, and their limit for unit variance
+COLOURED = 1.5  # times what white noise leaves after smoothing: from there on noise is taken to have a memory
+MOST_COLOURED = 3.0  # times the white part
 WIDEST_SHARE = 0.45  # of the time from peak to valley: smoothing wider than this bends the slip
 
 
@@ -112,6 +115,21 @@ def _strict(samples: int, width: int) -> float:
     return 2.0 * sqrt(2.0 * log(max(samples / width, 8.0))) + 1.0
 
 
+def left_by_smoothing(force: Array, noise: float, width: int) -> float:
+    """Standard deviation that noise leaves in a force smoothed over so many samples [N].
+
+    Of white noise noise/sqrt(width); noise with a memory leaves more, which second differences of the means of
+    neighbouring stretches show. Most of them may hold a slip: the quietest tenth is asked.
+    """
+    white = noise / sqrt(width)
+    count = force.size // width
+    if width < 3 or count < 30:
+        return white
+    means = force[: count * width].reshape(count, width).mean(axis=1)
+    seen = sqrt(float(np.quantile(np.diff(means, 2) ** 2, QUIET)) / QUIET_OF_WHITE / 6.0)
+    return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
+
+
 def typical(drops: Array) -> float:
     """The drop that small ones are compared with [N]: the median of the larger half."""
     return float(np.median(drops[drops >= np.median(drops)])) if drops.size else 0.0
@@ -119,13 +137,14 @@ def typical(drops: Array) -> float:
 
 def _look(force: Array, noise: float, width: int) -> Turns:
     values = smooth(force, width)
-    hysteresis = max(_strict(force.size, width) * noise / sqrt(width), 1e-9 * float(np.ptp(force)))
-    peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * noise / sqrt(width))
+    left = left_by_smoothing(force, noise, width)
+    hysteresis = max(_strict(force.size, width) * left, 1e-9 * float(np.ptp(force)))
+    peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * left)
     return Turns(peaks, valleys, width, hysteresis, first < 0)
 
 
 def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
-    """Slips of a force (n,) with white noise of the given sd [N]; half_period in samples where it is known.
+    """Slips of a force (n,) whose noise has a white part of the given sd [N]; half_period in samples where it is known.
 
     The smoothing grows until the hysteresis is a fifth of the typical drop, or a slip would be bent.
     """
@@ -158,7 +177,8 @@ def _without_small(force: Array, noise: float, turns: Turns) -> Turns:
     hysteresis = SMALLEST_SHARE * typical(drops)
     if hysteresis <= turns.hysteresis:
         return turns
-    peaks, valleys, first = _falls(values, hysteresis, min(hysteresis, CONFIRMED_SD * noise / sqrt(turns.width)))
+    left = left_by_smoothing(force, noise, turns.width)
+    peaks, valleys, first = _falls(values, hysteresis, min(hysteresis, CONFIRMED_SD * left))
     return Turns(peaks, valleys, turns.width, hysteresis, first < 0)
 
 
@@ -170,7 +190,7 @@ def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
     drops = values[turns.peaks] - values[turns.valleys]
     usual = float(np.median(np.diff(turns.peaks)))
     sds = max(SECOND_LOOK_SD, _strict(int(LONG_INTERVAL * usual), turns.width) - 1.0)
-    lenient = max(sds * noise / sqrt(turns.width), 2 * SMALLEST_SHARE * typical(drops))
+    lenient = max(sds * left_by_smoothing(force, noise, turns.width), 2 * SMALLEST_SHARE * typical(drops))
     if lenient >= turns.hysteresis:
         return turns
     starts = np.concatenate(([0], turns.peaks))
