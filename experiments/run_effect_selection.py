@@ -9,7 +9,6 @@ number, so the study can be run in parts: `run_effect_selection.py FIRST LAST FI
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 import traceback
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
+from experiments import in_parts
 from experiments.machine import describe
 from identify.effects import ALL, NAMES
 from identify.errors import SimulationError
@@ -230,15 +230,13 @@ def study(first: int, last: int, file: Path | None) -> list[Trial]:
             f"{ {e: round(done.statistics.get(e, np.nan), 1) for e in missed} }; invented {wrong} {done.complaint}",
             flush=True,
         )
-        if file is not None:
-            with file.open("a", encoding="utf-8") as out:
-                out.write(json.dumps(asdict(done)) + "\n")
+        in_parts.append(file, asdict(done))
     return trials
 
 
 def read(file: Path) -> list[Trial]:
     """The trials of a file."""
-    lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    lines = in_parts.read([file])
     return [Trial(**(line | {"true": tuple(line["true"]), "chosen": tuple(line["chosen"])})) for line in lines]
 
 

@@ -15,8 +15,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +32,7 @@ from data_io import Record, write_hdf5  # noqa: E402
 from experiments.event_driven import Series, fit_by_least_squares  # noqa: E402
 from experiments.machine import describe  # noqa: E402
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS  # noqa: E402
+from experiments.workprec import one_core  # noqa: E402
 from identify import Scene, fit  # noqa: E402
 from identify.effects import MAIN as NAMES  # noqa: E402
 from identify.identification import find  # noqa: E402
@@ -89,20 +89,6 @@ class Figures:
     def rate_ratio(self) -> float:
         """Time after reading at RATE times the sampling rate over that at the plain rate."""
         return self.after_reading[1].median / self.after_reading[0].median
-
-
-@contextmanager
-def one_core() -> Iterator[None]:
-    """Run on one core where the system allows to say so."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(before)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, before)
 
 
 def timed(function: Callable[[], Any], repeats: int) -> tuple[Timing, list[Any]]:

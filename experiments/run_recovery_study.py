@@ -11,7 +11,6 @@ one line of JSON per case goes to FILE, and the table is made of the file.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections import Counter
@@ -24,6 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from experiments.in_parts import append, read
 from experiments.machine import describe
 from experiments.study_problem import NOISE, USUAL, WIDE, Case, random_case, scene_of, wrong_start
 from identify.identification import find
@@ -122,9 +122,7 @@ class Study:
             "seconds": outcome.seconds,
             "verdicts": outcome.verdicts,
         }
-        if file is not None:
-            with file.open("a", encoding="utf-8") as out:
-                out.write(json.dumps(line) + "\n")
+        append(file, line)
         return line
 
 
@@ -167,7 +165,7 @@ if __name__ == "__main__":
     if not said:
         main()
     elif said[0] == "table":
-        table([json.loads(line) for path in said[1:] for line in Path(path).read_text(encoding="utf-8").splitlines()])
+        table(read(said[1:]))
     else:
         sources: Literal["data", "user"] = "user" if said[1] == "user" else "data"
         Study(said[0], sources, float(said[2]), float(said[3])).run(int(said[4]), int(said[5]), Path(said[6]))

@@ -11,7 +11,6 @@ converges, and the quantity is within 5 %. Every case follows from its number, s
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 import time
@@ -25,6 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
+from experiments.in_parts import append, read
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, SPEEDS, USUAL, Case, random_case, scene_of
 from identify import Scene
@@ -125,9 +125,7 @@ def study(kind: str, first: int, last: int, file: Path | None = None) -> list[di
             f"{line['recovered']!s:5} {line['seconds']:5.1f} s  {line['message'][:150] if not line['named'] else ''}",
             flush=True,
         )
-        if file is not None:
-            with file.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(line) + "\n")
+        append(file, line)
     return out
 
 
@@ -155,6 +153,6 @@ if __name__ == "__main__":
     if not said:
         main()
     elif said[0] == "table":
-        table([json.loads(line) for path in said[1:] for line in Path(path).read_text(encoding="utf-8").splitlines()])
+        table(read(said[1:]))
     else:
         study(said[0], int(said[1]), int(said[2]), Path(said[3]))
