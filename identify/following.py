@@ -39,6 +39,8 @@ PER_HALF_PERIOD = 12  # places per half period that are tried
 PEAK = 0.5  # of a rest: how far from its simulated end the peak is looked for
 COMPARED = 400  # samples that vote on a place
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
+BRIEF_LOADING = 4.0  # half periods: a first stick that is shorter has no peak of its own
+FIRST_SWINGS = 8.0  # half periods
 TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
@@ -169,9 +171,27 @@ class _Course:
             x[model.clamped] = value
             onsets[i] = self.onset(log.begin, x)[0]
         x[model.clamped] = 0.5
-        if np.any(np.isfinite(onsets)) and np.ptp(onsets[np.isfinite(onsets)]) > 1e-3 * (peak - log.begin):
+        if np.nanmin(onsets, initial=np.inf) - log.begin < BRIEF_LOADING * self.half:
+            # Its peak is one swing among others: the first slide as a whole tells how aged the contact was.
+            x[model.clamped] = candidates[int(np.argmin([self.misfit_of_first(x, g) for g in candidates[::2]])) * 2]
+        elif np.any(np.isfinite(onsets)) and np.ptp(onsets[np.isfinite(onsets)]) > 1e-3 * (peak - log.begin):
             x[model.clamped] = candidates[int(np.nanargmin(np.abs(onsets - peak)))]
         return x
+
+    def misfit_of_first(self, x: Array, gamma: float) -> float:
+        """Mean square of the residuals in noise variances over the first swings, from a contact this aged."""
+        log, model = self.log, self.model
+        x = x.copy()
+        x[model.clamped] = gamma
+        until = min(log.begin + FIRST_SWINGS * self.half, self.change_after(log.begin))
+        mine = np.flatnonzero((log.time >= log.begin) & (log.time < until) & (log.weight > 0))
+        if mine.size == 0:
+            return np.inf
+        try:
+            shown = self.motion(log.begin, x, until - log.begin).sample(log.time[mine] - log.begin)["force"]
+        except SimulationError:
+            return np.inf
+        return float(np.mean(log.weight[mine] * (log.force[mine] - shown) ** 2))
 
     def drive_motion(self, t: float) -> float:
         """How far the drive has gone since the begin of the window [m]."""

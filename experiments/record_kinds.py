@@ -1,0 +1,131 @@
+"""Every kind of record a lab makes, simulated: sliding, a peak and sliding, holds, speed steps, strokes, gaps.
+
+The truth is known, and each kind has a wrong twin: the same records under a scene that says something false of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG
+from identify import Scene
+from identify.effects import MAIN
+from identify.model import assemble
+from identify.simulate import run
+
+Array = NDArray[np.float64]
+Programme = float | tuple[tuple[float, float], ...]
+
+STIFF = {"mass": 0.05, "stiffness": 20000.0, "damping": 4000.0}  # slides at 1 mm/s where RIG sticks and slips
+MILD = DEMO | {"delta_mu_k": -0.05, "a": 100.0}
+
+
+@dataclass(frozen=True)
+class Log:
+    """One record: drive speed [m/s] or programme, duration [s], rate [Hz], where it begins [s], gamma at the start; and
+    what the scene says of it: drive (None: as it is), further entries."""
+
+    drive: Programme
+    duration: float
+    rate: float
+    begins: float = 0.0
+    gamma: float = 0.0
+    said: Programme | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    def record(self, truth: Mapping[str, float], random: np.random.Generator) -> Record:
+        """The record with its noise."""
+        values = dict(truth)
+        motion = run(assemble(MAIN), values, self.drive, NORMAL_FORCE, self.duration, start={"gamma": self.gamma})
+        times = np.arange(round(self.duration * self.rate) + 1) / self.rate
+        force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
+        kept = times >= self.begins
+        time = times[kept] - self.begins
+        return Record(time, np.full(time.size, NORMAL_FORCE), force[kept])
+
+    def entry(self, number: int) -> dict[str, Any]:
+        """What the scene says of it."""
+        drive = self.drive if self.said is None else self.said
+        said = [list(pair) for pair in drive] if isinstance(drive, tuple) else drive
+        return {"path": f"log_{number}.csv", "drive_speed": said, **self.more}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of record: its name in the table, its logs, the pair and rig, and the logs as the wrong twin has them."""
+
+    name: str
+    logs: tuple[Log, ...]
+    wrong: tuple[Log, ...]
+    pair: Mapping[str, float]
+    rig: Mapping[str, float]
+
+    def made(self, seed: int, *, wrong: bool = False) -> tuple[Scene, list[Record]]:
+        """The scene and its records."""
+        random = np.random.default_rng(seed)
+        logs = self.wrong if wrong else self.logs
+        records = [log.record({**self.pair, **self.rig}, random) for log in logs]
+        document = {
+            "effects": [*MAIN, "varying_normal_force"],
+            "rig": dict(self.rig),
+            "logs": [log.entry(i) for i, log in enumerate(logs, 1)],
+        }
+        return Scene.from_document(document, Path()), records
+
+
+def _kind(
+    name: str, *logs: Log, wrong: tuple[Log, ...], pair: Mapping[str, float] = DEMO, rig: Mapping[str, float] = RIG
+) -> Kind:
+    return Kind(name, logs, wrong, pair, rig)
+
+
+SLOW, FAST = Log(1e-3, 4.0, 1000.0), Log(5e-3, 1.5, 2000.0)
+SLIDING = Log(5e-2, 4.0, 2000.0, begins=2.5)
+PEAK = Log(5e-2, 3.0, 2000.0)
+FEW = Log(3e-2, 3.0, 2000.0, gamma=1.0)
+STEPS = Log(((0.0, 1e-3), (2.0, 5e-3), (3.0, 2e-3)), 5.0, 1000.0)
+UP = Log(((0.0, 5e-3), (1.0, 5e-2), (4.0, 5e-3)), 5.0, 2000.0)
+HOLDS = Log(((0.0, 1e-3), (2.03, 0.0), (3.0, 1e-3), (4.01, 0.0), (4.3, 1e-3)), 6.0, 1000.0)
+SLIDE_HOLD_SLIDE = Log(
+    (
+        *((0.0, 1e-3), (1.0, 0.0), (1.1, 1e-3), (2.0, 0.0), (2.3, 1e-3), (3.0, 0.0), (4.0, 1e-3), (5.0, 0.0)),
+        *((8.0, 1e-3), (9.0, 1e-2), (9.5, 1e-3)),
+    ),
+    10.0,
+    1000.0,
+)
+STROKES = Log(((0.0, 1e-3), (2.0, 0.0), (2.5, -5e-3), (3.5, 0.0), (4.0, 1e-3), (6.0, -5e-3)), 7.0, 1000.0)
+MISSED = replace(SLOW, more={"exclude": [[1.56, 1.66]]})
+
+KINDS = (
+    _kind("two speeds, and sliding", SLOW, FAST, SLIDING, wrong=(SLOW, FAST, replace(SLIDING, said=5e-3))),
+    _kind("two speeds, and a peak before sliding", SLOW, FAST, PEAK, wrong=(SLOW, FAST, replace(PEAK, said=4e-2))),
+    _kind("two speeds, and few slips before sliding", SLOW, FAST, FEW, wrong=(SLOW, FAST, replace(FEW, said=2.4e-2))),
+    _kind("speed steps", STEPS, wrong=(replace(STEPS, said=((0.0, 1e-3), (2.0, 5e-3), (3.0, 2.2e-3))),)),
+    _kind("steps up to sliding and down", UP, wrong=(replace(UP, said=((0.0, 5e-3), (1.0, 4e-2), (4.0, 5e-3))),)),
+    _kind(
+        "holds between sticks and slips",
+        HOLDS,
+        wrong=(replace(HOLDS, said=((0.0, 1e-3), (2.03, 0.0), (2.7, 1e-3), (4.01, 0.0), (4.3, 1e-3))),),
+    ),
+    _kind(
+        "slide, hold, slide",
+        SLIDE_HOLD_SLIDE,
+        wrong=(replace(SLIDE_HOLD_SLIDE, said=tuple((t, 1.1 * v) for t, v in SLIDE_HOLD_SLIDE.drive)),),  # type: ignore[union-attr]
+        pair=MILD,
+        rig=STIFF,
+    ),
+    _kind(
+        "strokes with rests",
+        STROKES,
+        wrong=(replace(STROKES, said=tuple((t, 1.1 * v) for t, v in STROKES.drive)),),  # type: ignore[union-attr]
+    ),
+    _kind("a slip excluded", MISSED, FAST, wrong=(replace(MISSED, said=1.1e-3), FAST)),
+)
