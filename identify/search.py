@@ -97,9 +97,10 @@ def search(
     if not able:
         return None, left_out
     choices = [*([i for i in able if prepared[i].typical >= least] for least in LEAST), able]
+    way = _Way(sources, seed, thorough, clock, told)
     best: Attempt | None = None
     for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
-        best = _better(best, _from_logs(prepared, first, able, unknowns, sources, seed, thorough, clock, told))
+        best = _better(best, _from_logs(prepared, first, able, unknowns, way))
         if best is not None and best.gate.status is Status.CONVERGED:
             break
     if best is None or best.gate.status is not Status.CONVERGED:
@@ -121,31 +122,35 @@ def _levels_only(prepared: list[Prepared], able: list[int], unknowns: Unknowns, 
     return found if found is not None and found.gate.status is Status.CONVERGED else None
 
 
+@dataclass(frozen=True)
+class _Way:
+    """How to search, as `search` was asked."""
+
+    sources: Sources
+    seed: int
+    thorough: bool
+    clock: Clock
+    told: Progress
+
+
 def _from_logs(
-    prepared: list[Prepared],
-    first: list[int],
-    able: list[int],
-    unknowns: Unknowns,
-    sources: Sources,
-    seed: int,
-    thorough: bool,
-    clock: Clock,
-    told: Progress,
+    prepared: list[Prepared], first: list[int], able: list[int], unknowns: Unknowns, way: _Way
 ) -> Attempt | None:
     """The search that starts from the features of these logs; the others that are able join at its answer."""
+    clock, told = way.clock, way.told
     best: Attempt | None = None
     told("finding a start", 0.1)
     ahead: list[Array] = []
     if any(prepared[i].pieces for i in first):
         # What repeats within a course is solved piece by piece first; the course is followed from there.
         pieces = [piece for i in first for piece in (prepared[i].pieces or (prepared[i],))]
-        known, _ = search(pieces, unknowns, sources=sources, seed=seed, clock=clock, thorough=thorough)
+        known, _ = search(pieces, unknowns, sources=way.sources, seed=way.seed, clock=clock, thorough=way.thorough)
         ahead = [] if known is None else [known.solved.theta]
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
-    unequal = not thorough or max(prepared[i].scatter for i in first) > UNEQUAL
+    unequal = not way.thorough or max(prepared[i].scatter for i in first) > UNEQUAL
     solved = 0
-    worst = np.inf if thorough else HOPELESS
-    starts = _starts([prepared[i] for i in first], unknowns, sources, seed, unequal, worst, clock)
+    worst = np.inf if way.thorough else HOPELESS
+    starts = _starts([prepared[i] for i in first], unknowns, way.sources, way.seed, unequal, worst, clock)
     for theta in chain(ahead, starts):
         if solved == (1 if unequal else ATTEMPTS):
             break
