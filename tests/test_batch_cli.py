@@ -29,7 +29,7 @@ def batched(tmp_path_factory):
         noisy = force + 5e-3 * np.random.default_rng(seed).standard_normal(time.size)
         write_csv(Record(time, np.ones(time.size), noisy), home / name)
     (home / "bad.csv").write_bytes(bytes(range(256)) * 9)
-    flat = "".join(f"{i / 100},1,{0.4 + 0.001 * (i % 7)}\n" for i in range(300))
+    flat = "".join(f"{i / 100},1,{0.1 + 0.001 * i}\n" for i in range(300))
     (home / "flat.csv").write_text("T,Fz,Fx\ns,N,N\n" + flat)
     (home / "scene.toml").write_text(SCENE)
     (home / "m.csv").write_text(

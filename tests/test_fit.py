@@ -229,13 +229,6 @@ def test_sliding_alone_holds_its_level_and_says_so():
     assert np.count_nonzero(np.isfinite(fitted)) > 2900
 
 
-def test_a_drive_that_turns_within_a_window_is_refused_by_name(case):
-    entry = {"path": "turns.csv", "drive_speed": [[0, 1e-3], [2, -1e-3]]}
-    scene = Scene.from_document({"effects": [*MAIN, "varying_normal_force"], "rig": dict(RIG), "logs": [entry]}, Path())
-    with pytest.raises(FitError, match=r"turns\.csv has a drive that turns"):
-        fit(scene, [case.records[2]])
-
-
 def test_records_and_logs_must_match(case):
     with pytest.raises(FitError, match="2 records were given for 1 logs"):
         fit(_scene((2,)), _records(case, (2, 3)))
