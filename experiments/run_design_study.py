@@ -255,9 +255,8 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
     print(f"remedy right in {sum(line['remedied'] for line in flawed)} of {len(flawed)}; ", end="")
     print(f"{sum(line['rejected'] for line in lines)} draws rejected")
     print("status: " + ", ".join(f"{k} {v}" for k, v in Counter(line["status"] for line in lines).most_common()))
-    pairs = Counter(
-        (line["truth"][n]["verdict"], line["told"].get(n, ("none",))[0]) for line in lines for n in line["truth"]
-    )
+    clear = [(line, name, t) for line in lines for name, t in line["truth"].items() if not t["unclear"]]
+    pairs = Counter((t["verdict"], line["told"].get(name, ("none",))[0]) for line, name, t in clear)
     print("\n| truth | called identified | weak | not identifiable | other |")
     print("| --- | --- | --- | --- | --- |")
     words = ("identified", "weak", "not identifiable")
@@ -281,7 +280,7 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
 
 def main(fast: bool = False) -> list[dict[str, Any]]:
     """The whole study; fast: one design."""
-    lines = study(2, 2) if fast else study(0, DESIGNS - 1)
+    lines = study(7, 7) if fast else study(0, DESIGNS - 1)
     table(lines)
     return lines
 

@@ -70,6 +70,9 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             status, message = Status.WRONG_EVENT_COUNT, broken
         elif leaning is not None:
             status, message = Status.MODEL_MISFIT, leaning
+    if status is Status.CONVERGED:
+        strained = _strained_load(solved, names)
+        status, message = (status, message) if strained is None else (Status.MODEL_MISFIT, strained)
     return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message)
 
 
@@ -83,6 +86,26 @@ def _leaning(solved: Solved, names: Sequence[str]) -> str | None:
         f"{abs(lean.residual):.2g} N for {lean.length:.2g} s ({lean.deviations:.0f} standard deviations): another "
         "answer may fit there too, or the model lacks something; look there in the report, and give start values"
     )
+
+
+def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
+    """Whether the cycles fit only because their normal force was moved further than its measurement allows.
+
+    The misfit of the samples does not see it: what a wrong answer gets wrong from cycle to cycle, the load takes up.
+    """
+    for data, guess, name in zip(solved.problem.logs, solved.guesses, names, strict=True):
+        if not data.normal_force_sd > 0.0 or not guess.deviation.size:
+            continue
+        off = guess.deviation / data.normal_force_sd
+        excess = (float(off @ off) - off.size) / np.sqrt(2.0 * off.size)
+        worst = int(np.argmax(np.abs(off)))
+        if max(excess, abs(float(off[worst]))) > PER_CYCLE:
+            return (
+                f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
+                f"errors of its measured course (cycle {worst + 1}): another start may fit, or friction drifts or "
+                "differs from cycle to cycle; give start values, or add occlusion to effects"
+            )
+    return None
 
 
 def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:

@@ -83,6 +83,17 @@ def test_a_curve_that_fits_is_not_enough(right, change, status, word):
     assert word in gate.message
 
 
+def test_a_normal_force_moved_further_than_its_measurement_allows_is_refused():
+    """The samples fit, and the load takes up what a wrong answer gets wrong from cycle to cycle."""
+    solved = _fit(lambda data: [replace(d, normal_force_sd=1e-3) for d in data])
+    assert pass_gate(solved, NAMES, EXACT).status is Status.CONVERGED
+    for off in ([7.0, 0.0, 0.0, 0.0, 0.0, 0.0], [-4.0, -4.0, -3.0, 3.0, 4.0, 4.0]):
+        strained = replace(solved.guesses[0], deviation=1e-3 * np.array(off))
+        gate = pass_gate(replace(solved, guesses=[strained, solved.guesses[1]]), NAMES, EXACT)
+        assert gate.status is Status.MODEL_MISFIT
+        assert "standard errors of its measured course" in gate.message
+
+
 def test_a_state_that_cannot_be_computed_is_a_failure(right):
     lost = replace(right.solution, z=right.solution.z * np.nan, success=False, words="Invalid_Number_Detected")
     gate = pass_gate(replace(right, solution=lost), NAMES, EXACT)
