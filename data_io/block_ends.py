@@ -1,14 +1,21 @@
 """The last row of a log that does not end its last line: whole, or cut off in the middle of a number?"""
 
 from collections.abc import Sequence
+from typing import Final
 
 from data_io.frozen import Finding
 from data_io.layout import Head
 from data_io.text import split
 
+LOOKED_AT: Final = 5000
+"""Characters above the last row in which others to compare it with are looked for."""
 
-def without_cut_row(block: str, head: Head) -> tuple[str, list[Finding]]:
-    """Take the last row away if it may be cut off: too few fields, or a last number unlike those above."""
+
+def without_cut_row(block: str, before: str, head: Head) -> tuple[str, list[Finding]]:
+    """Take the last row away if it may be cut off: too few fields, or a last number unlike those above.
+
+    before: rows that stand above the block, whose own may be few.
+    """
     start = block.rfind("\n") + 1
     last = block[start:]
     fields = split(last, head.delimiter)
@@ -17,7 +24,8 @@ def without_cut_row(block: str, head: Head) -> tuple[str, list[Finding]]:
     if len(fields) < len(head.header.names):
         text = f"the last row ({last!r:.60}) is cut off and was left out"
         return block[:start], [Finding("last_row_cut", "warning", text)]
-    above = [split(line, head.delimiter) for line in block[max(start - 5000, 0) : start].split("\n")[-6:-1]]
+    lines = (before + block[:start])[-LOOKED_AT:].split("\n")[-6:-1]
+    above = [split(line, head.delimiter) for line in lines]
     if len(fields) < head.width or any(_shape(row) != _shape(fields) for row in above if len(row) == len(fields)):
         text = f"the last row ({last!r:.60}) has no line end and may be cut off; it was left out"
         return block[:start], [Finding("last_row_cut", "warning", text)]

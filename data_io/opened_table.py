@@ -9,7 +9,7 @@ import numpy as np
 from data_io.columns import Header, find_column
 from data_io.frozen import Finding, FloatArray
 from data_io.layout import Head
-from data_io.rows import Numbers
+from data_io.rows import Above, Numbers
 from data_io.source import Request
 
 _MOST_REMARKS: Final = 20
@@ -33,7 +33,8 @@ class Table:
 
 @dataclass
 class OpenTable:
-    """A table whose rows are still being read; wanted: the columns that are kept (None: all)."""
+    """A table whose rows are still being read; wanted: the columns that are kept (None: all); decimal: the mark, as far
+    as its rows tell."""
 
     head: Head
     preamble: tuple[str, ...]
@@ -43,15 +44,21 @@ class OpenTable:
     remarks: list[Finding] = field(default_factory=list)
     _pieces: list[dict[int, FloatArray]] = field(default_factory=list)
     _rows: list[int] = field(default_factory=list)
+    _fields: int | None = None
 
     def add(self, numbers: Numbers) -> None:
         """Put rows below those that are there."""
         self.remarks += numbers.remarks
         self.decimal = self.decimal or numbers.decimal
+        self._fields = self._fields or numbers.fields
         if numbers.rows:
             kept = numbers.columns.items()
             self._pieces.append({i: v for i, v in kept if self.wanted is None or i in self.wanted})
             self._rows.append(numbers.rows)
+
+    def above(self, ending: str | None) -> Above:
+        """Return what the rows so far tell of those below; `ending`: their text where the log ends soon."""
+        return Above(self.decimal, self._fields, frozenset().union(*self._pieces), ending)
 
     def close(self) -> Table:
         """Return the whole table; rows at its end that hold nothing, as spreadsheets leave them, are taken away."""

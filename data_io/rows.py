@@ -28,7 +28,8 @@ _MISSING: Final = ["-", "--", "---", "1.#INF", "-1.#INF"]
 
 @dataclass(frozen=True)
 class Numbers:
-    """Columns by index, each (rows,), remarks on what was not a number, decimal mark (None: these rows do not tell).
+    """Columns by index, each (rows,), remarks on what was not a number, decimal mark and usual number of fields (None:
+    these rows do not tell).
 
     Columns without numbers are absent.
     """
@@ -37,6 +38,18 @@ class Numbers:
     rows: int
     remarks: tuple[Finding, ...] = ()
     decimal: str | None = None
+    fields: int | None = None
+
+
+@dataclass(frozen=True)
+class Above:
+    """What the rows above tell: decimal mark, usual number of fields (None: not told), columns that held numbers, and
+    of a log that ends with the rows to read those right above them as text (None: the log goes on)."""
+
+    decimal: str | None = None
+    fields: int | None = None
+    numeric: Set[int] = frozenset()
+    ending: str | None = None
 
 
 def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
@@ -55,7 +68,6 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
             cast(Any, run),
             sep=head.delimiter,
             header=None,
-            names=list(range(head.width)) if use is None else None,
             usecols=use,
             index_col=False,
             decimal=decimal or ".",
@@ -67,12 +79,13 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
         )
     except (ValueError, OverflowError):  # an empty or foreign field, a long row
         return None
-    if use is not None and run.delimiters != (head.width - 1) * len(frame):
+    whole = run.delimiters == (head.width - 1) * len(frame) if use else frame.shape[1] == head.width
+    if not whole:  # by its own first row pandas tells how many fields there are
         return None
     if decimal is None and head.delimiter != "," and run.commas:
         return None
     columns = {index: _own(frame, index) for index in map(int, frame.columns) if index < names}
-    return Numbers(columns, len(frame), decimal=decimal)
+    return Numbers(columns, len(frame), decimal=decimal, fields=head.width if len(frame) else None)
 
 
 def _own(frame: pd.DataFrame, index: int) -> FloatArray:
@@ -85,23 +98,21 @@ def _own(frame: pd.DataFrame, index: int) -> FloatArray:
     return values
 
 
-def read_numbers(
-    source: Source, block: str, first_line: int, head: Head, at_end: bool, decimal: str | None = None
-) -> Numbers:
-    """Read the rows of a block; `at_end` says that the file ends with it, so that its last row may be cut off.
+def read_numbers(source: Source, block: str, first_line: int, head: Head, above: Above) -> Numbers:
+    """Read the rows of a block. Where the log ends with it, its last row may be cut off.
 
     Raises the source's `LogError` where rows do not fit the header or a column with a role holds words.
     """
     remarks: list[Finding] = []
-    if at_end and not block.endswith("\n"):
-        block, remarks = without_cut_row(block, head)
-    decimal = decimal or decimal_mark(source, block, head)
+    if above.ending is not None and not block.endswith("\n"):
+        block, remarks = without_cut_row(block, above.ending, head)
+    decimal = above.decimal or decimal_mark(source, block, head)
     mark = decimal or ("," if head.delimiter != "," and "," in block else ".")
     frame = _parse(source, block, first_line, head, mark)
     names = head.header.names
     if frame.empty:
         return Numbers({}, 0, tuple(remarks), decimal)
-    frame = _without_short_rows(block, first_line, head, frame, remarks)
+    frame, usual = _without_short_rows(block, first_line, head, frame, remarks, above.fields)
     extra = frame.iloc[:, len(names) :].notna().to_numpy().any(axis=1)
     if extra.any():
         raise source.error(
@@ -114,37 +125,42 @@ def read_numbers(
         if column.dtype.kind in "fiu":
             columns[index] = column.to_numpy(dtype=np.float64)
             continue
-        values = _slow_column(source, column, index, head, mark, first_line, remarks)
+        words_only = index not in above.numeric
+        values = _slow_column(source, column, index, head, mark, first_line, remarks, words_only)
         if values is not None:
             columns[index] = values
-    return Numbers(columns, len(frame), tuple(remarks), decimal)
+    return Numbers(columns, len(frame), tuple(remarks), decimal, usual)
 
 
 def _without_short_rows(
-    block: str, first_line: int, head: Head, frame: pd.DataFrame, remarks: list[Finding]
-) -> pd.DataFrame:
-    """Empty the rows that lack fields: nobody knows which ones, so every number in them may stand in a wrong column."""
+    block: str, first_line: int, head: Head, frame: pd.DataFrame, remarks: list[Finding], usual: int | None
+) -> tuple[pd.DataFrame, int | None]:
+    """Empty the rows that lack fields: nobody knows which ones, so every number in them may stand in a wrong column.
+
+    Returns the usual number of fields as well: that of the rows above, else that of most rows here.
+    """
     lines = [(i, line) for i, line in enumerate(block.split("\n")) if line.strip()]
     if len(lines) != len(frame) or '"' in block:
-        return frame
+        return frame, usual
     if head.delimiter == BLANKS:
         fields = np.array([len(line.split()) for _, line in lines])
     else:
         fields = np.array([line.count(head.delimiter) + 1 for _, line in lines])
-    usual = int(np.bincount(fields).argmax()) if fields.size else 0
+    if usual is None:
+        usual = int(np.bincount(fields).argmax()) if fields.size else 0
     lacking = fields < min(usual, head.width)
     if usual > head.width:  # rows end with a delimiter: one that does so a field early lacks one, too
         closed = np.array([line.rstrip("\r\n ").endswith(head.delimiter) for _, line in lines])
         lacking |= (fields < usual) & closed
     short = np.flatnonzero(lacking)
     if not short.size:
-        return frame
+        return frame, usual
     frame = frame.copy()
     frame.iloc[short, :] = np.nan
     offset, line = lines[int(short[0])]
     text = f"line {first_line + offset} holds {fields[short[0]]} fields where the others hold {usual} ({line!r:.60}); "
     remarks.append(Finding("short_rows", "warning", text + f"{short.size} such row(s) were left empty"))
-    return frame
+    return frame, usual
 
 
 def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str) -> pd.DataFrame:
@@ -167,7 +183,8 @@ def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str
 
 def _pandas(block: str, head: Head, decimal: str, width: int, quoted: bool) -> pd.DataFrame:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", pd.errors.ParserWarning)
+        # of a long first row pandas drops the end, and only warns of it
+        warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             frame: pd.DataFrame = pd.read_csv(
                 io.StringIO(block),
@@ -185,6 +202,8 @@ def _pandas(block: str, head: Head, decimal: str, width: int, quoted: bool) -> p
             )
         except pd.errors.EmptyDataError:
             return pd.DataFrame({index: pd.Series(dtype=np.float64) for index in range(width)})
+        except pd.errors.ParserWarning as warning:
+            raise ValueError(str(warning)) from warning
     return frame
 
 
@@ -216,14 +235,18 @@ def _slow_column(
     decimal: str,
     first_line: int,
     remarks: list[Finding],
+    words_only: bool,
 ) -> FloatArray | None:
-    """Read a column that is not all numbers: words become NaN with a remark; words in long blocks are an error."""
+    """Read a column that is not all numbers: words become NaN with a remark; words in long blocks are an error.
+
+    words_only: whether it may be a column of words, which is left out.
+    """
     tokens: list[Any] = column.tolist()
     parsed = [token if isinstance(token, float) else to_number(str(token), decimal) for token in tokens]
     bad = np.array([value is None for value in parsed])
     name = head.header.names[index].raw
     needed = index in head.header.roles.values()
-    if not needed and bad.sum() * 2 > bad.size:
+    if words_only and not needed and bad.sum() * 2 > bad.size:
         text = f"column {name!r} holds no numbers (such as {tokens[int(np.argmax(bad))]!r:.40}); left out"
         remarks.append(Finding("column_of_words", "info", text))
         return None

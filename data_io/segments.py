@@ -10,6 +10,7 @@ from typing import IO, Final
 
 import numpy as np
 
+from data_io.block_ends import LOOKED_AT
 from data_io.layout import is_row
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, decode, split, utf16_of
@@ -41,11 +42,12 @@ _NUMBERS: Final = b"0123456789+-.eE,;\t \r\n"
 
 @dataclass(frozen=True)
 class Segment:
-    """Whole lines of a log, the number of the first one, and whether the log ends with them."""
+    """Whole lines of a log, the number of the first one, whether the log ends with them, and what stands above them."""
 
     raw: bytes
     first_line: int
     at_end: bool
+    before: bytes = b""
 
     def numbers_below(self, lines: int) -> bytes:
         """Return what follows so many lines if it holds numbers and delimiters only, else nothing."""
@@ -70,6 +72,7 @@ class Lines:
         self._decoder = codecs.getincrementaldecoder(self._encoding)("replace") if self._encoding else None
         self._expected = source.size * (1 if source.packing is None else 10)
         self._pending, self._zeros, self._done = b"", 0, 0
+        self._before = b""
         self._ended = False
         self._reached = 0.0
         self._careful_until = 0
@@ -125,10 +128,15 @@ class Lines:
                 break  # words only: they would be looked through line by line, for nothing
             want = BLOCK if len(self._pending) >= self.size and any(rows) else FIRST
         cut = len(self._pending) if self._ended else cut
-        segment = Segment(self._pending[:cut], self.line, self._ended)
+        segment = Segment(self._pending[:cut], self.line, self._ended, self._before)
         self._pending = self._pending[cut:]
         self.line += _count_lines(segment.raw)
+        self.pass_by(segment.raw)
         return segment
+
+    def pass_by(self, raw: bytes) -> None:
+        """Remember the end of what is handed out."""
+        self._before = raw[-LOOKED_AT:] if len(raw) >= LOOKED_AT else (self._before + raw)[-LOOKED_AT:]
 
     def run(self, delimiter: str, count: bool) -> "Run":
         """Return the run of numbers that follows, perhaps an empty one; `count` its delimiters."""
@@ -210,6 +218,7 @@ class Run:
         if not self._next:
             return b""
         block = self._next.pop(0)
+        self._lines.pass_by(block)
         self._size += len(block)
         if self._delimiter is not None:
             self.delimiters += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == self._delimiter))

@@ -12,7 +12,7 @@ from data_io.opened_table import OpenTable, Table, wanted_columns
 from data_io.rows import read_numbers
 from data_io.segments import MOST_WORDS, Segment
 from data_io.source import Request, Source
-from data_io.text import DELIMITERS, TEXT_LINE, is_number_like, split, utf16_of
+from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, split, utf16_of
 
 MOST_TABLES: Final = 5000
 """Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
@@ -129,8 +129,8 @@ class Walk:
             if skipped := _lines(COMMENT.sub("", text[stop:begin])):
                 text_left = f"text between the rows was left out: {skipped[0]!r:.60}"
                 table.remarks.append(Finding("text_in_rows", "warning", text_left))
-        rows, at_end = "".join(pieces), stop >= len(text) and self._at_end
-        table.add(read_numbers(self._source, rows, first_line, table.head, at_end, table.decimal))
+        ending = decode(self._segment.before, start=False) if stop >= len(text) and self._at_end else None
+        table.add(read_numbers(self._source, "".join(pieces), first_line, table.head, table.above(ending)))
         if stop >= len(text):
             self._above = len(text)
         elif resume is not None and not self._at_end and len(text) - stop <= MOST_WORDS:

@@ -239,6 +239,35 @@ def test_a_row_that_ends_a_field_early_is_never_read_into_the_wrong_columns(tmp_
     assert not outcome.startswith("WRONG"), outcome
 
 
+@pytest.mark.parametrize("seed", [74340, 74654, 75174, 75560, 75859, 77320, 78148, 78288, 84871])
+def test_broken_logs_that_were_misread_where_a_piece_ends(tmp_path, seed):
+    _, outcome = run_reader_fuzz.one(seed, tmp_path)
+    assert not outcome.startswith("WRONG"), outcome
+
+
+def test_the_last_row_of_a_long_log_is_compared_with_those_above(tmp_path):
+    rows_ = "".join(f"{i / 100:.2f},{i % 7}.50,3.00\n" for i in range(30_000))
+    path = tmp_path / "log.csv"
+    for end, code in (("300.00,1.50,3.0", "last_row_cut"), ("300.00,1.50,3.00", "last_row_open")):
+        path.write_text("T,Fx,Fz\ns,N,N\n" + rows_ + end)
+        record = read_log(path)
+        assert code in {f.code for f in record.findings} and len(record) == 30_000 + (code == "last_row_open")
+
+
+@pytest.mark.parametrize("row", ["150.00,7.5,1.5,3.0", "150.00,1.5"])
+def test_a_row_of_another_length_in_a_long_log_is_never_taken(tmp_path, row):
+    lines = [f"{i / 100:.2f},{i % 7}.5,3.0\n" for i in range(30_000)]
+    lines[15_000] = row + "\n"
+    path = tmp_path / "log.csv"
+    path.write_text("T,Fx,Fz\ns,N,N\n" + "".join(lines))
+    if row.count(",") > 2:
+        with pytest.raises(LogError, match="line 15003 holds 4 fields"):
+            read_log(path)
+    else:
+        record = read_log(path)
+        assert "short_rows" in codes(record) and np.isnan(record.friction_force[15_000])
+
+
 def test_units_of_mass_are_told_as_weights(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(GOOD.replace("s,N,N", "s,g,N"))
