@@ -13,7 +13,7 @@ from data_io.record import Record
 from data_io.source import Request, Source
 from data_io.units import rescaled
 
-_ENOUGH: Final = 200_000
+_ENOUGH: Final = 20_000
 """Rows by which the sign of the normal force is told."""
 
 
@@ -91,12 +91,10 @@ def _pressed_negative(run: Sequence[Part]) -> bool:
     """Tell whether the loaded rows of a run press with a negative sign; a small offset before loading says nothing."""
     pieces = [part.columns[part.header.roles["normal_force"]] for part in run
               if part.rows and "normal_force" in part.header.roles]  # fmt: skip
-    if all(np.min(piece, initial=0.0) >= 0 for piece in pieces):
-        return False
     every = max(sum(piece.size for piece in pieces) // _ENOUGH, 1)
-    raw = np.concatenate([piece[::every] for piece in pieces])
+    raw = np.concatenate([piece[::every] for piece in pieces] or [np.empty(0)])
     raw = raw[np.isfinite(raw)]
-    if raw.size == 0:
+    if np.min(raw, initial=0.0) >= 0:
         return False
     size = np.abs(raw)
     return bool(np.median(raw[size >= 0.5 * np.quantile(size, 0.99)]) < 0)

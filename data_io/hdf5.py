@@ -9,6 +9,7 @@ is asked for is read, so that a file may be larger than memory.
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -16,21 +17,21 @@ import numpy as np
 
 from data_io.account import Account, read_account
 from data_io.archive import ABOUT, FORMAT, FORMAT_VERSION
-from data_io.columns import Header, Name, match_header, role_indices
+from data_io.columns import KIND, Header, Name, match_header, role_indices
 from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, FloatArray, Scalar
 from data_io.hdf5_open import check_own, children, member, opened, signature_at
+from data_io.hdf5_values import bytes_of, read_values
 from data_io.memory import check_memory
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
-from data_io.units import factor, to_si
+from data_io.units import SI_UNIT, factor, to_si
 
 NAME: Final = "hdf5"
 
+_SI: Final = {role: SI_UNIT[kind] for role, kind in KIND.items()}
 _UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
 _SHOWN: Final = 12
-_BLOCK: Final = 1 << 24
-"""Rows read at a time; progress is told after each."""
 _DEEPEST: Final = 6
 _MOST_GROUPS: Final = 2000
 
@@ -45,25 +46,29 @@ def read(source: Source, request: Request) -> Contents:
     with opened(source) as file:
         if any("/" in path for path in request.columns.values()):
             return _read_named(source, request, file)
-        if _text(file.attrs.get("format")) == FORMAT or _groups(file, "run"):
-            return _read_layout(source, request, file)
+        runs = _groups(file, "run")
+        ours = _text(file.attrs.get("format")) == FORMAT
+        if ours or runs:
+            return _read_layout(source, request, file, runs, ours=ours)
         return _read_groups(source, request, file)
 
 
-def _read_layout(source: Source, request: Request, file: Any) -> Contents:
+def _read_layout(
+    source: Source, request: Request, file: Any, runs: Sequence[tuple[int, Any]], *, ours: bool
+) -> Contents:
     version = file.attrs.get("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         raise source.error(f"layout version {version} was found; {FORMAT_VERSION} was expected; update this tool")
+    wanted = [run for run in runs if run[0] == request.run] or runs  # the other logs of an archive need not be opened
     steps = [
         (run, step, _table(group, request, by_alias=False))
-        for run, run_group in _groups(file, "run")
+        for run, run_group in wanted
         for step, group in _groups(run_group, "step")
     ]
     if not steps:
         raise source.error("no group /run_1/step_1 was found; the layout's groups were expected; convert the log again")
-    ours = _text(file.attrs.get("format")) == FORMAT
     run = _the_run(source, request, steps)
-    of_run = dict(_groups(file, "run")).get(run) if run is not None else None
+    of_run = dict(runs).get(run) if run is not None else None
     place = file if of_run is None or ABOUT not in of_run else of_run
     account = _account(source, place)
     metadata: dict[str, Scalar] = dict(account.metadata)
@@ -173,8 +178,14 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
     rows = _rows(source, request, header, datasets)
     check_memory(source, (rows.stop - rows.start) * len(wanted))
     columns = {}
-    for count, index in enumerate(wanted):
-        columns[index] = _values(datasets[index], rows, request, count / len(wanted), 1 / len(wanted))
+    roles = {i: r for r, i in header.roles.items() if (request.units.get(r) or header.names[i].unit) == _SI[r]}
+    with bytes_of(datasets[wanted[0]].file) if wanted else nullcontext() as handle:
+        for count, index in enumerate(wanted):
+
+            def tell(share: float, count: int = count) -> None:
+                request.progress((count + share) / len(wanted))
+
+            columns[index] = read_values(datasets[index], rows, roles.get(index), tell, handle)
     return columns
 
 
@@ -217,23 +228,6 @@ def _bisected(time: Any, value: float, *, after: bool) -> int:
 def _at(dataset: Any, row: int) -> tuple[int, ...]:
     """The place of a row in a dataset that is a column, whichever way it lies."""
     return tuple(row if size != 1 else 0 for size in dataset.shape) if dataset.size > 1 else (0,) * dataset.ndim
-
-
-def _values(dataset: Any, rows: slice, request: Request, done: float, share: float) -> FloatArray:
-    count = rows.stop - rows.start
-    if dataset.ndim != 1:
-        request.progress(done + share)
-        return np.asarray(dataset[()], dtype=np.float64).reshape(-1)[rows].copy()
-    if rows == slice(0, dataset.size) and count <= _BLOCK:
-        whole = np.asarray(dataset[()], dtype=np.float64)  # without a selection the library is a third faster
-        request.progress(done + share)
-        return whole
-    values = np.empty(count)
-    for begin in range(0, count, _BLOCK):
-        end = min(begin + _BLOCK, count)
-        dataset.read_direct(values, np.s_[rows.start + begin : rows.start + end], np.s_[begin:end])
-        request.progress(done + share * end / count)
-    return values
 
 
 def _groups(parent: Any, word: str) -> list[tuple[int, Any]]:
@@ -297,7 +291,7 @@ def _text(value: Any) -> str:
 
 
 def _account(source: Source, place: Any) -> Account:
-    item: Any = dict(children(place)).get(ABOUT)
+    item: Any = member(source, place, f"{place.name}/{ABOUT}") if ABOUT in place else None
     if not _is_dataset(item):
         keys = ("source_file", "source_sha256")
         return Account({key: _text(place.attrs[key]) for key in keys if key in place.attrs})

@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_io import LogError, read_log
+from data_io import LogError, checks, read_log
 
 COLUMNS = {"time": "/daq/t", "friction_force": "/daq/Fx", "normal_force": "/daq/Fz"}
 
@@ -91,3 +91,52 @@ def test_a_cut_file_is_named_damaged(tmp_path, size):
     path.write_bytes(whole[:size])
     with pytest.raises(LogError, match="damaged"):
         read_log(path, columns=COLUMNS)
+
+
+N = 2 * (1 << 17) + 1000  # numbers that lie in one piece are read past the library from 2**17 on, in blocks of so many
+
+
+def plain(path, time=None, force=None, units=("s", "N", "N"), userblock=0, **kind):
+    """The layout of ours without chunks."""
+    columns = (
+        np.arange(N) / 1000.0 if time is None else time,
+        np.ones(N),
+        np.arange(N) % 7.0 if force is None else force,
+    )
+    with h5py.File(path, "w", userblock_size=userblock) as file:
+        for name, values, unit in zip(("time", "normal_force", "friction_force"), columns, units, strict=True):
+            file.create_dataset(f"run_1/step_1/{name}", data=values, **kind).attrs["units"] = unit
+    return path
+
+
+@pytest.mark.parametrize("userblock", [0, 512])
+@pytest.mark.parametrize("kind", [{}, {"chunks": (5000,), "compression": "gzip"}, {"dtype": ">f8"}])
+def test_numbers_in_one_piece_in_chunks_or_turned_round_are_the_same(tmp_path, userblock, kind):
+    force = np.random.default_rng(1).standard_normal(N)
+    told = []
+    record = read_log(plain(tmp_path / "log.h5", force=force, userblock=userblock, **kind), progress=told.append)
+    assert record.friction_force.tobytes() == force.tobytes() and record.time[-1] == (N - 1) / 1000.0
+    assert told == sorted(told) and told[-1] == 1.0
+    part = read_log(tmp_path / "log.h5", window=(131.0, 131.5))
+    np.testing.assert_array_equal(part.friction_force, force[131_000:131_501])
+
+
+@pytest.mark.parametrize("row", [5, (1 << 17) - 1, 1 << 17, N - 1])
+def test_what_is_wrong_anywhere_in_a_long_plain_dataset_is_seen(tmp_path, row):
+    time, force = np.arange(N) / 1000.0, np.arange(N) % 7.0
+    time[row] = time[row - 1] - 1.0
+    with pytest.raises(LogError, match="falls from"):
+        read_log(plain(tmp_path / "a.h5", time=time))
+    for number in (np.nan, np.inf, -1e300, 2e9):
+        force[row] = number
+        record = read_log(plain(tmp_path / "b.h5", force=force))
+        assert np.isnan(record.friction_force[row]) and "missing_rows" in {f.code for f in record.findings}
+
+
+def test_what_was_seen_of_numbers_is_not_believed_of_others(tmp_path):
+    record = read_log(plain(tmp_path / "a.h5", units=("ms", "mN", "gf")))
+    assert record.time[-1] == pytest.approx((N - 1) / 1e6, rel=1e-15) and record.normal_force[0] == 1e-3
+    np.testing.assert_allclose(record.friction_force[:7], np.arange(7) * 9.80665e-3, rtol=1e-15)
+    late = plain(tmp_path / "b.h5", time=5.0 + np.arange(N) / 1000.0)
+    assert read_log(late).time[0] == 0.0 and len(read_log(tmp_path / "b.h5", window=(6.0, 7.0))) == 1001
+    assert not checks._SEEN, "it is forgotten with the record that was made of it"
