@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, cast
 
 import numpy as np
@@ -63,27 +64,57 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
     if wanted is not None and head.delimiter != BLANKS:
         # pandas would not notice a long row among chosen columns; the last one and the count of delimiters tell
         use = sorted({*(index for index in wanted if index < names), names - 1})
-    try:
-        frame = pd.read_csv(
-            cast(Any, run),
-            sep=head.delimiter,
-            header=None,
-            usecols=use,
-            index_col=False,
-            decimal=decimal or ".",
-            dtype=np.float64,
-            na_filter=False,
-            quoting=csv.QUOTE_NONE,
-            engine="c",
-            **_EXACT,
-        )
-    except (ValueError, OverflowError):  # an empty or foreign field, a long row
+    frame = _frame(cast(Any, run), head, decimal, usecols=use)
+    if frame is None:
         return None
     whole = run.delimiters == (head.width - 1) * len(frame) if use else frame.shape[1] == head.width
     if not whole:  # by its own first row pandas tells how many fields there are
         return None
     if decimal is None and head.delimiter != "," and run.commas:
         return None
+    return _numbers(frame, head, decimal)
+
+
+def read_path(path: Path, above: int, head: Head, decimal: str | None) -> Numbers | None:
+    """Read a file from the line on that has so many above it; None where a row is short or holds something else.
+
+    That no row is longer than the others is for the caller to see: pandas would drop its end.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        frame = _frame(path, head, decimal, skiprows=above)
+    if frame is None or frame.shape[1] != head.width:
+        return None
+    return _numbers(frame, head, decimal)
+
+
+def _frame(
+    readable: Any, head: Head, decimal: str | None, *, usecols: list[int] | None = None, skiprows: int | None = None
+) -> pd.DataFrame | None:
+    """Numbers as pandas reads them at its fastest; None for an empty or foreign field, or a long row."""
+    try:
+        frame: pd.DataFrame = pd.read_csv(
+            readable,
+            sep=head.delimiter,
+            header=None,
+            usecols=usecols,
+            skiprows=skiprows,
+            index_col=False,
+            decimal=decimal or ".",
+            dtype=np.float64,
+            na_filter=False,
+            quoting=csv.QUOTE_NONE,
+            engine="c",
+            compression=None,
+            **_EXACT,
+        )
+    except (ValueError, OverflowError, Warning):
+        return None
+    return frame
+
+
+def _numbers(frame: pd.DataFrame, head: Head, decimal: str | None) -> Numbers:
+    names = len(head.header.names)
     columns = {index: _own(frame, index) for index in map(int, frame.columns) if index < names}
     return Numbers(columns, len(frame), decimal=decimal, fields=head.width if len(frame) else None)
 

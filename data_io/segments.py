@@ -54,7 +54,7 @@ class Segment:
         ends = itertools.islice(_LINE_END.finditer(self.raw), lines)
         start = max((match.end() for match in ends), default=0)
         rest = self.raw[start:]
-        return rest if _is_clean(rest) else b""
+        return rest if is_clean(rest) else b""
 
     @cached_property
     def text(self) -> str:
@@ -82,11 +82,11 @@ class Lines:
     @property
     def may_run(self) -> bool:
         """Whether the next lines may be read as a run of numbers: not where that failed before, nor in UTF-16."""
-        return self._decoder is None and not self._zeros and self._here() >= self._careful_until
+        return self._decoder is None and not self._zeros and self.here >= self._careful_until
 
     def go_back(self, run: "Run") -> None:
         """Return to where a run began, whose rows are not sound; its lines are to be walked."""
-        self._careful_until = self._here()
+        self._careful_until = self.here
         if self._source.packing is None:
             self._handle.seek(run.start)
         else:
@@ -96,11 +96,22 @@ class Lines:
                 self._handle.read(min(BLOCK, run.start - first))
         self._pending, self._zeros, self._done, self._ended = b"", 0, run.start, False
 
+    def skip_rest(self, rows: int) -> None:
+        """Go to the end of a file that is not packed; so many rows were read by others."""
+        size = self._source.size
+        self._handle.seek(max(size - LOOKED_AT, 0))
+        self._before = self._handle.read()
+        self._pending, self._done, self._ended = b"", size, True
+        self.line += rows
+        self._tell()
+
     def close(self) -> None:
         """Close the file."""
         self._handle.close()
 
-    def _here(self) -> int:
+    @property
+    def here(self) -> int:
+        """Bytes handed out so far, of the file where it is not packed."""
         return self._done - len(self._pending)
 
     @property
@@ -150,10 +161,10 @@ class Lines:
         start, raw = self._pending, b""
         if len(start) < size and not self._ended:
             raw = self._fresh(size)
-        if not raw or not _is_clean(start):
+        if not raw or not is_clean(start):
             start, raw = b"", start + raw
         cut = _line_end(raw)
-        if not _is_clean(raw) and (dirt := raw[:cut].translate(None, _NUMBERS)):
+        if not is_clean(raw) and (dirt := raw[:cut].translate(None, _NUMBERS)):
             cut = _line_end(raw, raw.find(dirt[:1]))
         if cut == 0:
             self._pending = start + raw
@@ -174,8 +185,7 @@ class Lines:
         """Return about `size` bytes more, as UTF-8 or what is near it; zero bytes at the end of the log stay away."""
         raw = self._handle.read(size)
         self._done += len(raw)
-        self._reached = max(self._reached, min(self._done / max(self._expected, 1), 1.0))
-        self._request.progress(self._reached)
+        self._tell()
         self._ended = len(raw) < size
         if self._decoder is not None:
             return self._decoder.decode(raw, self._ended).encode("utf-8", "replace")
@@ -190,6 +200,10 @@ class Lines:
             )
         return body
 
+    def _tell(self) -> None:
+        self._reached = max(self._reached, min(self._done / max(self._expected, 1), 1.0))
+        self._request.progress(self._reached)
+
 
 class Run:
     """Consecutive lines of numbers as a file that pandas reads.
@@ -199,7 +213,7 @@ class Run:
 
     def __init__(self, lines: Lines, delimiter: str, count: bool) -> None:
         self._lines, self._delimiter = lines, delimiter.encode()[0] if count else None
-        self.start = lines._here()
+        self.start = lines.here
         self._size = 0
         self._most = RUN if lines._source.packing is not None else sys.maxsize
         self._next = [piece for piece in lines.take_clean(AT_ONCE) if piece]
@@ -234,7 +248,7 @@ class Run:
         self._lines.line += rows
 
 
-def _is_clean(raw: bytes) -> bool:
+def is_clean(raw: bytes) -> bool:
     """Tell lines without words, faster than by looking at every character: letters stand above the digits.
 
     What else is no number (brackets, percent signs) pandas will refuse.

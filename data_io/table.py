@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 
+from data_io.by_path import read_rest
 from data_io.layout import Head
 from data_io.opened_table import OpenTable, Table, wanted_columns
 from data_io.rows import read_run
@@ -51,6 +52,9 @@ def _read_fast(walk: Walk, lines: Lines) -> bool:
     table = walk.table
     if table is None or walk.carry or not lines.may_run:
         return False
+    if table.wanted is None and (rest := read_rest(walk.source, lines, table.head, table.decimal)) is not None:
+        table.add(rest)
+        return True
     run = lines.run(table.head.delimiter, table.wanted is not None and table.head.delimiter != BLANKS)
     if run.empty:
         run.finish(0)

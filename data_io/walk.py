@@ -31,7 +31,7 @@ class Walk:
         keep: Sequence[str] = (),
         never: re.Pattern[str] | None = None,
     ) -> None:
-        self._source, self._request, self._breaks, self._keep, self._never = source, request, breaks, keep, never
+        self.source, self._request, self._breaks, self._keep, self._never = source, request, breaks, keep, never
         self._tables: list[Table] = []
         self._text, self._first_line, self._at_end = "", 1, False
         self._marks: list[int] = []
@@ -64,7 +64,7 @@ class Walk:
         """Return the tables and the lines below the last one. Raises the source's `LogError` where there is none."""
         self._close()
         if not self._tables:
-            raise self._source.error(_why_no_table(self.carry, self._request))
+            raise self.source.error(_why_no_table(self.carry, self._request))
         footer = _lines(self.carry)
         if rows := [line for line in footer if _is_lost_row(line)]:
             text = f"{len(rows)} line(s) of numbers below the last table were left out: {rows[0]!r:.60}"
@@ -74,7 +74,7 @@ class Walk:
     def _passed_over(self, i: int) -> int:
         self._looked_at += 1
         if self._looked_at > MOST_LOOKED_AT:
-            raise self._source.error(
+            raise self.source.error(
                 f"more than {MOST_LOOKED_AT} lines of words in a row were found where a header or rows of numbers were "
                 "expected; a log was expected; check the file"
             )
@@ -91,7 +91,7 @@ class Walk:
             text = f"{len(rows)} line(s) of numbers above line {first_line} fit no header and were left out"
             self.table.remarks.append(Finding("rows_left_out", "warning", text))
         if len(self._tables) >= MOST_TABLES:
-            raise self._source.error(
+            raise self.source.error(
                 f"more than {MOST_TABLES} header rows were found; one per step was expected; drop repeated ones"
             )
         i += 1
@@ -109,9 +109,9 @@ class Walk:
     def _run_below(self, head: Head) -> bytes:
         """Return the rows of a table that has just begun where they fill the segment and go on, in sound numbers."""
         above = self._line(head.start) - self._segment.first_line
-        if self._at_end or above < 0 or self.table is None or utf16_of(self._source.head):
+        if self._at_end or above < 0 or self.table is None or utf16_of(self.source.head):
             return b""
-        self.table.decimal = decimal_mark(self._source, self._text[head.start :], head)
+        self.table.decimal = decimal_mark(self.source, self._text[head.start :], head)
         return self._segment.numbers_below(above) if self.table.decimal or head.delimiter == "," else b""
 
     def _rows(self, begin: int, i: int) -> int:
@@ -130,7 +130,7 @@ class Walk:
                 text_left = f"text between the rows was left out: {skipped[0]!r:.60}"
                 table.remarks.append(Finding("text_in_rows", "warning", text_left))
         ending = decode(self._segment.before, start=False) if stop >= len(text) and self._at_end else None
-        table.add(read_numbers(self._source, "".join(pieces), first_line, table.head, table.above(ending)))
+        table.add(read_numbers(self.source, "".join(pieces), first_line, table.head, table.above(ending)))
         if stop >= len(text):
             self._above = len(text)
         elif resume is not None and not self._at_end and len(text) - stop <= MOST_WORDS:
@@ -151,7 +151,7 @@ class Walk:
         if len(self.carry) <= MOST_WORDS or self._at_end:
             return
         if not self._tables:
-            raise self._source.error(_why_no_table(self.carry, self._request))
+            raise self.source.error(_why_no_table(self.carry, self._request))
         self.carry = self.carry[self.carry.rfind("\n", 0, len(self.carry) - MOST_WORDS // 4) + 1 :]
 
     def _next_interruption(self, head: Head, i: int) -> tuple[int, int]:
@@ -187,7 +187,7 @@ class Walk:
         position = self._marks[i]
         if self._never is not None and self._never.match(line_at(self._text, position)[0]):
             return None
-        return head_at(self._source, self._text, position, self._request)
+        return head_at(self.source, self._text, position, self._request)
 
     def _line(self, position: int) -> int:
         return self._first_line + self._text.count("\n", 0, position)

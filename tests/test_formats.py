@@ -77,17 +77,12 @@ def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):
 
 @pytest.mark.parametrize("name", TEXTS)
 @pytest.mark.parametrize("size", [64, 700])
-def test_reading_in_small_pieces_changes_nothing(tmp_path, monkeypatch, name, size):
-    from data_io import segments, table
-
+def test_reading_in_small_pieces_changes_nothing(tmp_path, name, size):
     kind = ALL[name]
     path = put(tmp_path, kind, kind.make(rows(300)).data)
     whole = read_log(path, **kind.options)
-    for module, constants in ((segments, ("TOP", "FIRST", "AT_ONCE", "BLOCK")), (table, ("FIRST", "BLOCK"))):
-        for constant in constants:
-            monkeypatch.setattr(module, constant, size)
-    monkeypatch.setattr(segments, "RUN", 5 * size)
-    pieces = read_log(path, **kind.options)
+    with run_reader_fuzz.pieces(size):
+        pieces = read_log(path, **kind.options)
     assert pieces.columns().keys() == whole.columns().keys() and codes(pieces) == codes(whole)
     for column, values in whole.columns().items():
         np.testing.assert_array_equal(pieces.columns()[column], values)
