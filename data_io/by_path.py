@@ -1,10 +1,7 @@
 """The rest of a long file handed to pandas by its path: from version 3.1 on pandas reads it in several threads."""
 
 import mmap
-from dataclasses import dataclass
 from typing import Final
-
-import numpy as np
 
 from data_io.layout import Head
 from data_io.rows import Numbers, read_path
@@ -16,24 +13,16 @@ LEAST: Final = 1 << 23
 """Bytes of the shortest rest that is worth it; pandas begins to use threads at 5 MiB."""
 MOST: Final = 1 << 30
 """Bytes of the longest: pandas holds all columns twice, and nobody hears how far it is."""
-_AT_ONCE: Final = 1 << 18
-"""Bytes looked at in one go: they stay in the cache."""
+_LOOK: Final = 1 << 18
+"""Bytes looked at first: where words stand in every row, nothing is tried."""
 _NEWLINE: Final = ord("\n")
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """What a look at every byte tells where all belong to numbers, delimiters and line ends."""
-
-    delimiters: int
-    commas: bool
 
 
 def read_rest(source: Source, lines: Lines, head: Head, decimal: str | None) -> Numbers | None:
     """Read all rows that follow, with all columns; None, and nothing is taken from `lines`, where that cannot be done.
 
-    It is done in a file that is not packed and ends with a line end, if nothing but numbers, delimiters and line ends
-    follows and every row has the fields of the header. decimal: the mark as far as the rows above tell.
+    It is done in a file that is not packed and ends with a line end, if only rows of numbers follow, each with the
+    fields of the header: pandas refuses anything else. decimal: the mark as far as the rows above tell.
     """
     start, size = lines.here, source.size
     by_itself = source.packing is None and source.held is None and lines.may_run
@@ -42,11 +31,10 @@ def read_rest(source: Source, lines: Lines, head: Head, decimal: str | None) -> 
     with source.open() as handle, mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as file:
         if len(file) != size or file[-1] != _NEWLINE or not _same_lines(file[:start], lines.line - 1):
             return None
-        seen = _look(file, start, head.delimiter.encode()[0])
-    if seen is None or (decimal is None and head.delimiter != "," and seen.commas):
-        return None
+        if not is_clean(file[start : start + _LOOK]):
+            return None
     numbers = read_path(source.path, lines.line - 1, head, decimal)
-    if numbers is None or seen.delimiters != (head.width - 1) * numbers.rows:
+    if numbers is None:
         return None
     lines.skip_rest(numbers.rows)
     return numbers
@@ -55,14 +43,3 @@ def read_rest(source: Source, lines: Lines, head: Head, decimal: str | None) -> 
 def _same_lines(top: bytes, lines: int) -> bool:
     """Tell whether pandas, which counts lines by their newlines, skips what lies above and nothing else."""
     return top.count(b"\n") == lines and top.count(b"\r") == top.count(b"\r\n")
-
-
-def _look(file: mmap.mmap, start: int, delimiter: int) -> _Seen | None:
-    delimiters, commas = 0, False
-    for first in range(start, len(file), _AT_ONCE):
-        block = file[first : first + _AT_ONCE]
-        if not is_clean(block):
-            return None
-        delimiters += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == delimiter))
-        commas = commas or b"," in block
-    return _Seen(delimiters, commas)

@@ -76,10 +76,7 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
 
 
 def read_path(path: Path, above: int, head: Head, decimal: str | None) -> Numbers | None:
-    """Read a file from the line on that has so many above it; None where a row is short or holds something else.
-
-    That no row is longer than the others is for the caller to see: pandas would drop its end.
-    """
+    """Read a file below so many lines; None where a row is short, long or holds something else."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)
         frame = _frame(path, head, decimal, skiprows=above)

@@ -27,6 +27,20 @@ def changed(lines: list[bytes], what: str) -> bytes:
         rows[middle] = rows[middle].rsplit(b",", 1)[0] + b"\n"
     elif what == "word":
         rows[middle] = b"165.0000,overload,0.8\n"
+    elif what == "zero byte":
+        rows[middle] = b"165.0000,2.\0000,0.8\n"
+    elif what == "zero bytes":
+        rows.insert(middle, bytes(500) + b"\n")
+    elif what == "remark":
+        rows.insert(middle, b"# 165,2.0,0.8\n")
+    elif what == "truth":
+        rows[middle] = b"165.0000,True,0.8\n"
+    elif what == "decimal comma":
+        rows[middle:] = [row.replace(b".", b"#").replace(b",", b";").replace(b"#", b",") for row in rows[middle:]]
+    elif what == "blanks":
+        rows[middle] = b"165.0000, 2.0 ,0.8\n"
+    elif what == "two numbers":
+        rows[middle] = b"165.0000,2.0 2.1,0.8\n"
     elif what == "nan":
         rows[middle] = b"165.0000,nan,0.8\n"
     elif what == "empty field":
@@ -58,9 +72,25 @@ def told(path):
     return columns, sorted((finding.code, finding.message) for finding in record.findings)
 
 
-SOUND = ("as it is", "CRLF", "blank lines", "blank line above")
+SOUND = ("as it is", "CRLF", "blank lines", "blank line above", "blanks")
 BROKEN = (
-    *("long row", "long rows below", "short row", "word", "nan", "empty field", "quoted", "second header", "cut row"),
+    *(
+        "long row",
+        "long rows below",
+        "short row",
+        "word",
+        "nan",
+        "zero byte",
+        "zero bytes",
+        "remark",
+        "truth",
+        "decimal comma",
+        "two numbers",
+        "empty field",
+        "quoted",
+        "second header",
+        "cut row",
+    ),
     *("no last line end", "zeros at the end"),
 )
 
@@ -78,9 +108,9 @@ def test_the_path_changes_nothing(tmp_path, monkeypatch, lines, what):
     assert told(path) == by_its_path
 
 
-def test_without_the_look_at_every_byte_a_missing_number_would_pass_in_silence(tmp_path, monkeypatch, lines):
+def test_a_field_too_many_is_not_dropped_in_silence(tmp_path, monkeypatch, lines):
     path = tmp_path / "log.csv"
-    path.write_bytes(changed(lines, "nan"))
-    sound = told(path)
-    monkeypatch.setattr(by_path, "is_clean", lambda _block: True)
-    assert told(path) != sound
+    path.write_bytes(changed(lines, "long rows below"))
+    assert "holds 4 fields" in told(path)[0]
+    monkeypatch.setattr(table, "read_rest", lambda source, lines, head, decimal: None)
+    assert "holds 4 fields" in told(path)[0]
