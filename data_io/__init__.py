@@ -1,6 +1,6 @@
 """Tribometer logs as records in SI: readers, writers, units, quality. Knows files, never physics."""
 
-from data_io.errors import LogError
+from data_io.errors import LogError, LogTooLargeError
 from data_io.frozen import Finding, Step
 from data_io.listing import StepSummary
 from data_io.open import list_steps, read_log
@@ -10,6 +10,7 @@ from data_io.write import write_archive, write_csv, write_hdf5
 __all__ = [
     "Finding",
     "LogError",
+    "LogTooLargeError",
     "Record",
     "Step",
     "StepSummary",

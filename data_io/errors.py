@@ -5,5 +5,13 @@ class LogError(Exception):
     """A log cannot be read, written or accepted as a record; the text is the whole sentence, path included."""
 
 
+class LogTooLargeError(LogError):
+    """The columns of a log do not fit into memory; begin [s]: where the clock of its file begins."""
+
+    def __init__(self, sentence: str, begin: float) -> None:
+        super().__init__(sentence)
+        self.begin = begin
+
+
 class UnitError(ValueError):
     """A quantity or unit cannot be understood; the text is the whole sentence."""

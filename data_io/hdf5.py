@@ -9,7 +9,7 @@ is asked for is read, so that a file may be larger than memory.
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -176,7 +176,7 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
         _check_column(source, datasets[index])
     _check_lengths(source, [header.names[index] for index in wanted], [datasets[index].size for index in wanted])
     rows = _rows(source, request, header, datasets)
-    check_memory(source, (rows.stop - rows.start) * len(wanted))
+    check_memory(source, (rows.stop - rows.start) * len(wanted), _clock_begins(request, header, datasets))
     columns = {}
     roles = {i: r for r, i in header.roles.items() if (request.units.get(r) or header.names[i].unit) == _SI[r]}
     with bytes_of(datasets[wanted[0]].file) if wanted else nullcontext() as handle:
@@ -211,6 +211,17 @@ def _rows(source: Source, request: Request, header: Header, datasets: Mapping[in
             f"runs from {first:.6g} to {last:.6g} s; move the window inside"
         )
     return slice(start, stop)
+
+
+def _clock_begins(request: Request, header: Header, datasets: Mapping[int, Any]) -> float:
+    """Where the clock of the file begins [s], 0 where nothing tells."""
+    index = header.roles.get("time")
+    if index is None or not datasets[index].size:
+        return 0.0
+    with suppress(UnitError):
+        scale = factor(request.units.get("time") or header.names[index].unit or "s", "s")
+        return float(np.ravel(datasets[index][_at(datasets[index], 0)])[0]) * scale
+    return 0.0
 
 
 def _bisected(time: Any, value: float, *, after: bool) -> int:

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from data_io.errors import LogTooLargeError
 from data_io.source import Source
 
 _SHARE: Final = 0.5
@@ -13,15 +14,20 @@ _SMALL: Final = 1 << 26
 """Bytes that are never refused."""
 
 
-def check_memory(source: Source, numbers: int) -> None:
-    """Refuse so many float64 numbers where they do not fit into memory. Raises the source's `LogError`."""
+def check_memory(source: Source, numbers: int, begin: float) -> None:
+    """Refuse so many float64 numbers where they do not fit into memory; begin [s]: of the clock of the file.
+
+    Raises `LogTooLargeError`.
+    """
     wanted, free = 8 * numbers, free_memory()
     if wanted <= _SMALL or free is None or wanted <= _SHARE * free:
         return
-    raise source.error(
+    refused = source.error(
         f"the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are free; read a part "
-        'of the log with --window "0 s,100 s", one step with --step, or fewer columns with --channels'
+        'of the log with --window "0 s,100 s" (in a scene: window = ["0 s", "100 s"] in its [[logs]]), one step with '
+        "--step, or fewer columns with --channels"
     )
+    raise LogTooLargeError(str(refused), begin)
 
 
 def free_memory() -> int | None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io import LogError, Record, read_log
+from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.motion import check_drive
 from identify.asked import NOTHING_MORE, Asked
 from identify.certainty import certainty
@@ -22,10 +22,12 @@ from identify.hints import what_is_held
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Fit, LogCurves, Status
 from identify.parting import parted
+from identify.partly_read import read_partly
 from identify.prepare import Prepared, prepare
 from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import document
 from identify.scene import Scene
+from identify.scene.values import LogEntry
 from identify.search import UNEQUAL, Attempt, Clock, Sources
 from identify.selection import choose_from_data
 from identify.unknowns import Unknowns, from_scene, user_start
@@ -67,7 +69,7 @@ def fit(
     told: Progress = progress or (lambda _stage, _share: None)
     choice: Choice | None = None
     if scene.effects == "auto":
-        records = records_of(scene, records)
+        scene, records = with_records(scene, records)
         since = time.perf_counter()
         choice = choose_from_data(scene, records, told)
         scene = scene.with_effects(choice.effects)
@@ -79,7 +81,7 @@ def fit(
     if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
         told("effects compared", 0.95)
         whole = len(prepared) == len(scene.logs)
-        read = records or ([log.record for log in prepared] if whole else records_of(scene, None))
+        read = records or ([log.record for log in prepared] if whole else with_records(scene, None)[1])
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
@@ -105,7 +107,7 @@ def find(
             "add inertia to effects and give the mass under [rig]"
         )
     progress("reading the logs", 0.0)
-    scene, read = parted(scene, records_of(scene, records))
+    scene, read = parted(*with_records(scene, records))
     since = clock.add("read", began)
     progress("detecting cycles", 0.05)
     unknowns = from_scene(scene)
@@ -126,14 +128,17 @@ def find(
     return prepared, findings
 
 
-def records_of(scene: Scene, records: Sequence[Record] | None) -> list[Record]:
-    """The records of a scene's logs: those given, else read."""
+def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:
+    """A scene and the records of its logs: those given, else read, of a log larger than memory only what is used."""
     if not scene.logs:
         raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
-    read = [_read(scene, i) for i in range(len(scene.logs))] if records is None else list(records)
-    if len(read) != len(scene.logs):
-        raise FitError(f"{len(read)} records were given for {len(scene.logs)} logs of the scene; give one each")
-    return read
+    if records is None:
+        read = [_read(scene, i) for i in range(len(scene.logs))]
+        logs = tuple(entry for entry, _ in read)
+        return (scene if logs == scene.logs else replace(scene, logs=logs)), [record for _, record in read]
+    if len(records) != len(scene.logs):
+        raise FitError(f"{len(records)} records were given for {len(scene.logs)} logs of the scene; give one each")
+    return scene, list(records)
 
 
 def _caused(cause: str, attempt: Attempt | None) -> str:
@@ -142,23 +147,40 @@ def _caused(cause: str, attempt: Attempt | None) -> str:
     return f"with the rig and the effects as stated the model does not describe these data{by}; {cause}"
 
 
-def _read(scene: Scene, index: int) -> Record:
+def _read(scene: Scene, index: int) -> tuple[LogEntry, Record]:
     """Read one log; the normal force of [rig] only where the log has none of its own."""
     entry = scene.logs[index]
     units, columns = (dict(said) if said else None for said in (entry.units, entry.columns))
 
-    def read(load: float | None) -> Record:
-        return read_log(entry.path, step=entry.step, units=units, columns=columns, normal_force=load, run=entry.run)
+    def read(load: float | None, window: tuple[float, float] | None = None) -> Record:
+        return read_log(
+            entry.path,
+            step=entry.step,
+            units=units,
+            columns=columns,
+            normal_force=load,
+            run=entry.run,
+            window=window,
+            channels=None if window is None else (),
+        )
+
+    def read_what_fits(load: float | None) -> tuple[LogEntry, Record]:
+        try:
+            return entry, read(load)
+        except LogTooLargeError as refused:
+            return read_partly(entry, refused, lambda window: read(load, window))
 
     try:
-        record = read(entry.normal_force)
+        entry, record = read_what_fits(entry.normal_force)
+    except LogTooLargeError:
+        raise
     except LogError:
         if entry.normal_force is not None or scene.rig.normal_force is None:
             raise
-        record = read(scene.rig.normal_force)
+        entry, record = read_what_fits(scene.rig.normal_force)
     stated = scene.rig.drive_speed if entry.drive_speed is None else entry.drive_speed
     doubts = [] if stated is None else check_drive(record, stated)
-    return replace(record, findings=(*record.findings, *doubts)) if doubts else record
+    return entry, replace(record, findings=(*record.findings, *doubts)) if doubts else record
 
 
 def _findings(

@@ -29,7 +29,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from data_io.atomic import atomic_path
     from identify.cli.progress import Progress
     from identify.cli.summary import columns, wrapped
-    from identify.identification import records_of
+    from identify.identification import with_records
     from identify.nested import scene_with
     from identify.preview import preview
     from identify.report.draw_preview import draw_preview
@@ -40,7 +40,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     file = preview_file(out)
     with Progress(terminal.notes) as progress:
         progress("reading the logs", 0.0)
-        records = records_of(scene, None)
+        scene, records = with_records(scene, None)
         if scene.effects == "auto":
             scene = scene_with(scene, LOOKED_AT, {})
         progress("finding a start", 0.3)
