@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from data_io.whereabouts import log_is_at
 from identify.cli.common import (
     DONE,
     NOT_SUCCEEDED,
@@ -134,7 +135,7 @@ def check_named(logs: Sequence[str], scene: str) -> None:
     for path in paths if not logs else ():
         check_there(Path(scene).parent / Path(path).expanduser())
     for log in logs:
-        if not Path(log).exists() and Path(log).name not in names:
+        if not log_is_at(Path(log)) and Path(log).name not in names:
             raise CommandLineError(
                 f"{log}: there is no such log, as a file or among the logs of the scene; check its path"
             )
@@ -156,7 +157,7 @@ def check_there(path: Path) -> None:
     Raises:
         CommandLineError: no such file.
     """
-    if not path.exists():
+    if not log_is_at(path):
         raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from data_io.whereabouts import digest_of, log_is_at
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
 from identify.cli.results import log_of, read_result, scene_of
 
@@ -40,7 +41,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
 
     scene = scene_of(stored, path)
     check_unedited(path)
-    moved = {sha256_of(Path(log)): Path(log) for log in arguments.logs}
+    moved = {digest_of(there(Path(log))): Path(log) for log in arguments.logs}
     logs = [
         replace(entry, path=unchanged(entry.path, log_of(stored, number)["sha256"], moved))
         for number, entry in enumerate(scene.logs)
@@ -91,10 +92,21 @@ def unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
     """
     if sha256 in moved:
         return moved[sha256]
-    if not path.is_file():
+    if not log_is_at(path):
         raise CommandLineError(f"{path}: the log of this result is no longer there; put it back, or name it as LOG")
-    if sha256_of(path) != sha256:
+    if digest_of(path) != sha256:
         raise CommandLineError(f"{path}: the log has changed since that fit (other SHA-256); put the old one back")
+    return path
+
+
+def there(path: Path) -> Path:
+    """The path of a log that is there.
+
+    Raises:
+        CommandLineError: it is not.
+    """
+    if not log_is_at(path):
+        raise CommandLineError(f"{path}: there is no log; give a file, a folder of them, or a pattern in quotes")
     return path
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 from data_io.thresholds import DEFAULTS, Thresholds
+from data_io.whereabouts import log_is_at
 from identify.effects import ALL
 from identify.errors import SceneError
 from identify.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
@@ -206,7 +207,7 @@ class Scene:
     def _entries(self, path: Path, template: LogEntry) -> list[LogEntry]:
         """The scene's entries for a file (one per step, if it lists steps), or a new one."""
         same = [entry for entry in self.logs if entry.path.resolve() == path.resolve()]
-        if same or path.exists():
+        if same or log_is_at(path):
             return same or [replace(template, path=path)]
         same = [entry for entry in self.logs if entry.path.name == path.name]
         files = {entry.path.resolve() for entry in same}

@@ -1,0 +1,81 @@
+"""Logs that are folders, patterns or files in an archive: fitted from a scene, and found again by `verify`."""
+
+import json
+import shutil
+import zipfile
+
+import pytest
+
+from data_io import read_log
+from data_io.whereabouts import digest_of, log_is_at
+from identify.cli.main import main
+from identify.examples import FOLDER
+
+SCENE = """
+name = "series"
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"]
+[rig]
+mass = "0.2 kg"
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = "1 mm/s"
+[[logs]]
+path = "{path}"
+window = ["0.8 s", "4 s"]
+"""
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """One log of the example pair in three files in a folder and in an archive."""
+    record = read_log(FOLDER / "1_mm_per_s.txt.gz")
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    part = len(record) // 3 + 1
+    for i in range(3):
+        rows = slice(i * part, (i + 1) * part)
+        columns = (record.time[rows], record.normal_force[rows], record.friction_force[rows])
+        lines = [f"{t:.6f},{n:.6f},{f:.6f}\n" for t, n, f in zip(*columns, strict=True)]
+        (folder / f"stroke_{i + 1}.csv").write_text("T (s),Fz (N),Fx (N)\n" + "".join(lines), encoding="ascii")
+    whole = tmp_path / "whole.csv"
+    parts = sorted(folder.iterdir())
+    whole.write_text(
+        "T (s),Fz (N),Fx (N)\n" + "".join(p.read_text().partition("\n")[2] for p in parts), encoding="ascii"
+    )
+    with zipfile.ZipFile(tmp_path / "packed.zip", "w") as archive:
+        archive.write(whole, "whole.csv")
+        archive.write(parts[0], "other.csv")
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", ["logs", "logs/stroke_*.csv", "packed.zip/whole.csv"])
+def test_a_fit_of_it_verifies_where_it_lay_and_where_it_lies_now(bench, path, capsys):
+    (bench / "scene.toml").write_text(SCENE.format(path=path), encoding="utf-8")
+    assert main(["fit", "--scene", str(bench / "scene.toml"), "--out", str(bench / "out")]) == 0
+    result = bench / "out" / "result.json"
+    (log,) = json.loads(result.read_text(encoding="utf-8"))["logs"]
+    assert log["sha256"] == digest_of(bench / path) == read_log(bench / path).metadata["sha256"]
+    assert main(["verify", str(result)]) == 0
+    moved = bench / "elsewhere"
+    moved.mkdir()
+    for name in ("logs", "packed.zip"):
+        shutil.move(str(bench / name), str(moved / name))
+    capsys.readouterr()
+    assert main(["verify", str(result)]) == 2
+    assert "no longer there" in capsys.readouterr().err
+    assert main(["verify", str(result), str(moved / path)]) == 0
+    first = moved / "logs" / "stroke_1.csv"
+    if path != "packed.zip/whole.csv":
+        first.write_text(first.read_text(encoding="ascii").replace("T (s)", "t (s)"), encoding="ascii")
+        shutil.move(str(moved / "logs"), str(bench / "logs"))
+        assert main(["verify", str(result)]) == 2
+        assert "has changed" in capsys.readouterr().err
+
+
+def test_nothing_is_nothing(bench, capsys):
+    (bench / "empty").mkdir()
+    for path in ("none.csv", "empty", "logs/none_*.csv", "packed.zip/none.csv", "none.zip/a.csv"):
+        assert not log_is_at(bench / path)
+        (bench / "scene.toml").write_text(SCENE.format(path=path), encoding="utf-8")
+        assert main(["fit", "--scene", str(bench / "scene.toml"), "--out", str(bench / "out")]) == 2
+        assert "there is no such log" in capsys.readouterr().err
