@@ -9,6 +9,7 @@ from tests import finding_cases, verdict_cases
 
 BY_THRESHOLD = {code for *_, code in verdict_cases.CASES.values()}
 ELSEWHERE = {
+    "read_in_part": "tests/test_partly_read.py",
     "load_varies": "tests/test_prepare.py",  # a warning of the fit: the scene's effects decide it
     "unreadable": "tests/test_inspect.py",  # the reader's sentence as a verdict, see tests/refusal_cases.py
 }
@@ -40,6 +41,12 @@ def test_every_code_in_the_sources_has_its_pair(request):
     assert [pattern for pattern in patterns if not any(re.fullmatch(pattern, code) for code in listed)] == []
     assert [code for code in listed if not any(re.fullmatch(pattern, code) for pattern in patterns)] == []
     assert all((root / place).is_file() for place in ELSEWHERE.values())
+
+
+def test_every_code_stands_in_the_page(request):
+    page = (request.config.rootpath / "docs" / "quality.md").read_text(encoding="utf-8")
+    listed = {*finding_cases.CASES, *BY_THRESHOLD, *ELSEWHERE}
+    assert sorted(code for code in listed if f"`{code}`" not in page) == []
 
 
 def test_a_new_code_would_be_noticed():
