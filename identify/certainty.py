@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from identify.accuracy import AccuracyRow, accuracy_table
 from identify.asked import Asked
@@ -18,7 +19,7 @@ from identify.gate import Gate
 from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
-from identify.profile import CRITICAL, Profiles, profile
+from identify.profile import LEVEL, Profiles, profile
 from identify.search import Attempt, resolve, resolve_firmly
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
@@ -118,8 +119,8 @@ def certainty(
         walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along)
         if walked.better is not None:
             moved = resolve_firmly(attempt, unknowns, walked.better.theta, walked.better.guesses)
-            if moved.gate.status is not Status.CONVERGED and walked.gain < CRITICAL:
-                continue  # another point of the same ridge, at which the solver finds no end
+            if moved.gate.status is not Status.CONVERGED and walked.gain < chi2.ppf(LEVEL, np.sum(unknowns.free)):
+                continue  # inside the joint region: another point of the same ridge, at which the solver finds no end
             if moved.gate.status is not Status.CONVERGED:
                 moved = replace(moved, gate=_another_start(moved, unknowns, walked, base))
             attempt, known, walked = moved, information_at(moved, unknowns), None

@@ -51,7 +51,7 @@ class Composition:
         self.x = ca.SX.sym("x", len(self.states))
         self.p = ca.SX.sym("p", len(self.parameters))
         self.u = ca.SX.sym("u", len(INPUTS))
-        self.t, self.deceleration, self.force = ca.SX.sym("t"), ca.SX.sym("deceleration"), ca.SX.sym("force")
+        self.t, self.force = ca.SX.sym("t"), ca.SX.sym("force")
         self.drive_speed, self.normal_force, self.direction, self.time = ca.vertsplit(self.u)
         self.values = SimpleNamespace(**{q.name: self.p[i] for i, q in enumerate(self.parameters)})
         self.clamped = next((i for i, s in enumerate(self.states) if s.lower is not None), None)

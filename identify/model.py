@@ -69,7 +69,6 @@ class Model:
     grip: ca.Function  # (x, p, u) -> force a mass at rest withstands [N]
     load: ca.Function  # (x, p, u) -> force the rig puts on the mass [N]
     load_cell: ca.Function  # (x, p, u) -> force the load cell shows [N]
-    at_arrest: ca.Function  # (x, p, u, deceleration) -> x at rest after a saturated slip
     at_stick: ca.Function  # (x, p, u) -> x at the start of a stick that follows a slip
     at_force: ca.Function  # (force, p, u) -> x at rest in which the load cell settles at this force [N]
     decays: ca.Function  # p -> rates [1/s] of what decays while the mass rests (series element, lags)
@@ -150,7 +149,6 @@ def assemble(names: tuple[str, ...]) -> Model:
     moved = m.rig(m.x, m.speed(m.x))[0]
     slip = m.motion(held=False)
     jumped = m.jumped(lambda effect, s: effect.at_stick(s))
-    arrested = m.jumped(lambda effect, s: effect.at_arrest(s, m.deceleration))
     grip = m.friction(resting, 1.0)
     rested, shares = chain.rested(m), ca.SX.sym("shares", len(m.waves))
     moving = [] if m.inertial else [m.speed_along]
@@ -172,7 +170,6 @@ def assemble(names: tuple[str, ...]) -> Model:
         grip=function("grip", [], grip),
         load=function("load", moving, moved),
         load_cell=function("load_cell", moving, m.shown(m.x, moved)),
-        at_arrest=function("at_arrest", [m.deceleration], arrested),
         at_stick=function("at_stick", [], jumped),
         at_force=ca.Function("at_force", [m.force, m.p, m.u], [ca.densify(chain.settled(m))]),
         decays=ca.Function("decays", [m.p], [ca.densify(ca.vertcat(*chain.decays(m)))]),

@@ -166,10 +166,6 @@ class Effect(ABC):
         closed form. The states of a series element and of a lag are the model's business."""
         return NOTHING
 
-    def at_arrest(self, s: Situation, deceleration: Expression) -> Mapping[str, Expression]:
-        """Those of its states that were clamped, when the slip comes to rest: deceleration [m/s^2] > 0."""
-        return NOTHING
-
     def at_stick(self, s: Situation) -> Mapping[str, Expression]:
         """Those of its states that jump where a slip has come to rest and a stick begins."""
         return NOTHING

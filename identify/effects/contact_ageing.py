@@ -33,11 +33,6 @@ class ContactAgeing(Effect):
         """Eq. (3a) from any start: 1 - (1 - gamma) exp(-t/t_cr)."""
         return {"gamma": s.x.gamma - (1 - s.x.gamma) * ca.expm1(-aged / s.p.t_cr)}
 
-    def at_arrest(self, s: Situation, deceleration: Expression) -> Mapping[str, Expression]:
-        """Ageing in the last moment of a saturated slip, once v < v_cr = D/t_cr and v falls linearly:
-        the integral of 1/t_cr - v/D from there to rest is D/(2 t_cr^2 deceleration)."""
-        return {"gamma": s.pace**2 * s.p.D / (2 * deceleration * s.p.t_cr**2)}
-
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """Relaxation length against the travel of the spring in a slip, and creep time against the stick."""
         travel = fall(p, normal_force) / p["stiffness"]
