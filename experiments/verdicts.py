@@ -104,11 +104,16 @@ def _motion(draw: Draw, drive: tuple[tuple[float, float], ...], accuracy: float,
     return Trajectory(model, tuple(kept), kept[-1].start + kept[-1].duration)
 
 
-def difference(one: Trajectory, other: Trajectory) -> float:
+def difference(one: Trajectory, other: Trajectory, unseen: float = 0.0) -> float:
     """Largest difference of switch times over the mean time between onsets, and of forces over the largest, in the time
-    that both cover; infinite where the switches are not the same."""
+    that both cover; infinite where the switches are not the same.
+
+    unseen: share of that time; a contact that ages for less than that where the sliding turns round, and is worn off
+    again, is no switch.
+    """
     common = min(one.duration, other.duration)
-    switches = [[getattr(t, kind) for t in (one, other)] for kind in ("onsets", "arrests", "saturations")]
+    switches = [[getattr(t, kind) for t in (one, other)] for kind in ("onsets", "arrests")]
+    switches.append([_worn(t, unseen * common) for t in (one, other)])
     switches = [[times[times < ALMOST * common] for times in pair] for pair in switches]
     if any(a.size != b.size for a, b in switches):
         return float("inf")
@@ -118,6 +123,13 @@ def difference(one: Trajectory, other: Trajectory) -> float:
     # than the switches have said.
     forces = _at_times(one, other, common, apart)
     return max(late, min(forces, _phase_by_phase(one, other)) if _alike(one, other) else forces)
+
+
+def _worn(motion: Trajectory, least: float) -> Array:
+    """Times at which the contact is worn off, but those that come sooner than `least` [s] after an arrest."""
+    since = np.searchsorted(motion.arrests, motion.saturations, side="right") - 1
+    before = np.where(since >= 0, motion.arrests[np.maximum(since, 0)], -np.inf) if motion.arrests.size else -np.inf
+    return np.asarray(motion.saturations[motion.saturations - before >= least])
 
 
 def _alike(one: Trajectory, other: Trajectory) -> bool:
@@ -184,11 +196,11 @@ def judge(draw: Draw) -> Verdict:
 def _against_tighter(draw: Draw, ours: Trajectory, verdict: Verdict) -> Verdict:
     try:
         truth = motion(draw, draw.accuracy / TIGHTER)
-        error = difference(ours, truth)
+        error = difference(ours, truth, draw.accuracy)
         verdict = replace(verdict, error=error / draw.accuracy)
         if error <= draw.accuracy:
             return _against_integrator(draw, ours, verdict)
-        own = max(difference(disturbed(draw, truth, change), truth) for change in (1, 2, 3))
+        own = max(difference(disturbed(draw, truth, change), truth, draw.accuracy) for change in (1, 2, 3))
     except (SimulationError, SceneError) as refusal:
         return replace(verdict, outcome=f"met, reference refused: {sentence(refusal)}")
     if error <= SHARE * own:

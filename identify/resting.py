@@ -21,7 +21,7 @@ from identify.situated import Situated
 
 Array = NDArray[np.float64]
 
-LANES = 64  # times of one call
+LANES = (64, 8, 1)  # times of one call: of many, of some, of the last ones
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
 NEWTON_STEPS = 60
 SPARE, SLOPE, PULL, RESTED = 0, 1, 2, 3  # places in a row
@@ -30,10 +30,10 @@ MARGIN = 1e-12  # of the force of what is left out of a bound
 
 
 @lru_cache(maxsize=32)
-def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
-    """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), of LANES
-    times the spare grip, its largest second derivative, and of LANES times the spare grip under shares (n_w,) of what
-    oscillates."""
+def _functions(model: Model) -> tuple[ca.Function, ca.Function, list[ca.Function], list[ca.Function]]:
+    """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), and the
+    largest second derivative of the spare grip; for each number of LANES, of so many times the spare grip, and that
+    under shares (n_w,) of what oscillates."""
     x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
     p, drive = c[:-5], c[-5:]
     u = ca.vertcat(drive[0], drive[2] + drive[3] * t, 1, drive[4] + t)
@@ -43,9 +43,9 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function, ca.
     slope = ca.jacobian(spare, t)
     row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(spare, slope, pull, rested)))])
 
-    def many(name: str, value: ca.SX, *more: ca.SX) -> ca.Function:
+    def many(name: str, value: ca.SX, *more: ca.SX) -> list[ca.Function]:
         one = ca.Function(name, [x, c, t, *more], [ca.cse(ca.densify(value))])
-        return one.map(LANES, [True, True, False, *(True for _ in more)], [False])
+        return [one.map(lanes, [True, True, False, *(True for _ in more)], [False]) for lanes in LANES]
 
     shares = ca.SX.sym("shares", model.waves.numel_out(0))
     partly = model.grip(rested, p, u) - ca.fabs(model.pulled(x, p, u, t, shares))
@@ -53,7 +53,7 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function, ca.
     times = ca.SX.sym("times", _BENDS.size)
     largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
     bends = ca.Function("bends", [x, c, times], [ca.cse(largest)])
-    return row, many("spare", spare), bends, many("partly", partly, shares)
+    return row, bends, many("spare", spare), many("partly", partly, shares)
 
 
 class Resting:
@@ -62,13 +62,16 @@ class Resting:
     def __init__(self, model: Model) -> None:
         self.model = model
         self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
-        self._t, self._times, self._bends = np.zeros(1), np.zeros(LANES), np.zeros(_BENDS.size)
-        self._shares = np.zeros(model.waves.numel_out(0))
-        self._row, self._spare, self._bend, self._partly = (compiled(f) for f in _functions(model))
+        self._t, self._bends = np.zeros(1), np.zeros(_BENDS.size)
+        self._times, self._shares = [np.zeros(lanes) for lanes in LANES], np.zeros(model.waves.numel_out(0))
+        row, bend, spare, partly = _functions(model)
+        self._row, self._bend = compiled(row), compiled(bend)
+        self._spare, self._partly = [compiled(f) for f in spare], [compiled(f) for f in partly]
         self._row.bind([self._x, self._c, self._t])
-        self._spare.bind([self._x, self._c, self._times])
         self._bend.bind([self._x, self._c, self._bends])
-        self._partly.bind([self._x, self._c, self._times, self._shares])
+        for whole, part, times in zip(self._spare, self._partly, self._times, strict=True):
+            whole.bind([self._x, self._c, times])
+            part.bind([self._x, self._c, times, self._shares])
         self._oscillates = model.waves.numel_out(0) > 0
 
     def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
@@ -123,13 +126,14 @@ class Resting:
 
     def _spares(self, times: Array, shares: Array | None) -> Array:
         """Spare grip [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
-        call, out = self._spare if shares is None else self._partly, np.empty(times.size)
+        calls, out, first = self._spare if shares is None else self._partly, np.empty(times.size), 0
         if shares is not None:
             self._shares[:] = shares
-        for first in range(0, times.size, LANES):
-            part = times[first : first + LANES]
-            self._times[: part.size] = part
-            out[first : first + part.size] = call()[: part.size]
+        for lanes, call, buffer in zip(LANES, calls, self._times, strict=True):
+            while times.size - first >= lanes:
+                buffer[:] = times[first : first + lanes]
+                out[first : first + lanes] = call()
+                first += lanes
         return out
 
 

@@ -36,7 +36,7 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
     local = np.clip(local, 0.0, np.array([phase.duration for phase in phases])[which])
     numbers = np.array([phase.situated.numbers for phase in phases])[which]
     n = len(model.states)
-    xth = np.zeros((local.size, n + 3))
+    xth = np.zeros((local.size, 2 * n + 3))
     kinds: dict[tuple[Method | None, ModeName], list[Array]] = {}
     edges = np.searchsorted(which, np.arange(len(phases) + 1))
     for i in np.unique(which).tolist():
@@ -51,6 +51,7 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
         beyond = np.minimum(node + 1, phase.t.size - 1)
         xth[rows, :n], xth[rows, n] = phase.x[node], phase.t[node]
         xth[rows, n + 1], xth[rows, n + 2] = phase.t[beyond] - phase.t[node], at - phase.t[node]
+        xth[rows, n + 3 :] = phase.x[beyond]
     shown = np.empty((local.size, n + SHOWN))
     p = phases[0].situated.p
     tolerances = next((phase.tolerances for phase in phases if isinstance(phase, Slide)), np.ones(n + 1))
@@ -67,7 +68,7 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
 def _evaluated(
     model: Model, method: Method | None, mode: ModeName, xth: Array, numbers: Array, p: Array, tolerances: Array
 ) -> Array:
-    """Rows (m, n_x + SHOWN) of m times: xth (m, n_x + 3) as in `within`, numbers (m, 5)."""
+    """Rows (m, n_x + SHOWN) of m times: xth (m, 2 n_x + 3) as in `within`, numbers (m, 5)."""
     out = np.empty((xth.shape[0], len(model.states) + SHOWN))
     first = 0
     for lanes in (LANES, FEW):
@@ -87,7 +88,7 @@ def _evaluated(
 def _row(model: Model, method: Method | None, mode: ModeName, lanes: int) -> ca.Function:
     """(as in `within`, inputs (5,), p, tolerances) -> state, force, coefficient; of so many lanes."""
     kind, n = ca.SX if method is None else method.kind, len(model.states)
-    xth, drive = kind.sym("xth", n + 3), kind.sym("drive", 5)
+    xth, drive = kind.sym("xth", 2 * n + 3), kind.sym("drive", 5)
     p, tolerances = kind.sym("p", len(model.parameters)), kind.sym("tolerances", n + 1)
     t = xth[n] + xth[n + 2]
     force = drive[2] + drive[3] * t

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 N_GUARDS = len(GUARDS)
 ROUNDING = 1e-15  # of the forces: a few last digits
+ABOVE = 1e-3  # of its reach: by so much a bounded state may err beyond its upper bound
 LARGEST = 1e150  # of a state: beyond, squares overflow
 
 
@@ -74,19 +75,27 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     after, norm = method.step(_rate(model, mode, steady=False), x, c, t, h, _scale(model, mode, x, c, t, h, tolerances))
     # A largest value hides what is not a number: such a step is refused.
     norm = ca.if_else(ca.sum1(ca.fabs(after)) < LARGEST, norm, ca.inf)
+    # So is one to where no motion leads: the equations of an implicit step have other solutions, too.
+    for i, state in enumerate(model.states):
+        if state.lower is not None and state.upper is not None:
+            reach = state.upper - state.lower
+            norm = ca.if_else(after[i] < state.upper + ABOVE * reach, norm, ca.inf)
+            norm = ca.if_else(after[i] > state.lower - reach, norm, ca.inf)
     row = ca.vertcat(after, norm, ends(model, mode)(after, c, t + h))
     return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
 
 
 @lru_cache(maxsize=64)
 def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
-    """(x and t and h and part, constants, tolerances) -> x at t + part [s], inside a step of length h [s] from t."""
+    """(x and t and h and part and x after, constants, tolerances) -> x at t + part [s], inside a step of length h [s]
+    from t.
+    """
     kind, n = method.kind, len(model.states)
-    z = kind.sym("z", n + 3)
+    z = kind.sym("z", 2 * n + 3)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
     x, t, h, part = z[:n], z[n], z[n + 1], z[n + 2]
     scale = _scale(model, mode, x, c, t, h, tolerances)
-    inside = method.within(_rate(model, mode, steady=False), x, c, t, h, part, scale)
+    inside = method.within(_rate(model, mode, steady=False), x, c, t, h, part, scale, z[n + 3 :])
     return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
 
 

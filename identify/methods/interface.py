@@ -53,8 +53,10 @@ class Method(ABC):
         h: Expression,
         part: Expression,
         scale: Scale,
+        after: Expression,
     ) -> Expression:
-        """The state (n_x,) at time t + part [s] inside a step of length h [s] that was good: a step of that length."""
+        """The state (n_x,) at time t + part [s] inside a step of length h [s] that was good, to the state `after`: a
+        step of that length."""
         return self.step(rate, x, constants, t, part, scale)[0]
 
 

@@ -79,11 +79,20 @@ class Radau(Method):
         h: Expression,
         part: Expression,
         scale: Scale,
+        after: Expression,
     ) -> Expression:
         """The collocation polynomial of the whole step: a part of an implicit step need not be good, for it may
-        show what the whole one has damped away."""
+        show what the whole one has damped away.
+
+        Newton's steps may find their way in the step itself and, a last digit apart, not find it again: then it is the
+        cubic through both ends, with the rates there.
+        """
         z, share = self._stages(rate, x, constants, t, h)[0], part / h
-        return x + z @ ca.vertcat(*(share * (a + share * (b + share * c)) for a, b, c in LAGRANGE.tolist()))
+        curve = x + z @ ca.vertcat(*(share * (a + share * (b + share * c)) for a, b, c in LAGRANGE.tolist()))
+        first, last = (h * rate(*at) for at in ((x, constants, t), (after, constants, t + h)))
+        bent = (first + last - 2 * (after - x)) * share
+        cubic = x + share * (first + share * (3 * (after - x) - 2 * first - last + bent))
+        return ca.if_else(largest(x + z[:, 2] - after, scale(after)) <= 1, curve, cubic)
 
     @staticmethod
     def _stages(
