@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse.linalg as sla
 import shooting_case as case
 
+from identify import blocks
 from identify.guess import Grid
 from identify.influence import sample_moves
 from identify.layout import KNOWN
@@ -15,6 +16,7 @@ from identify.shooting import transcribe
 
 # Fine enough that the steps of the shooting err by far less than what is claimed.
 GRID = Grid(slip=64, saturated=64, steps=8)
+ON_TIME = 2e-9  # s
 KINDS = ("onsets", "saturations", "arrests")
 EVENTS_MOVE = 1e-5  # s, in a difference: a slip begins within milliseconds
 SLOW, FAST = (1e-4, 9.0, 100.0), (5e-3, 0.35, 500.0)  # drive speed [m/s], duration [s], rate [Hz]
@@ -58,7 +60,7 @@ def _solved(pair, log):
             x[follows] += step * layout.scale[follows]
         assert np.max(np.abs(problem.evaluate(x / layout.scale, derivatives=False).rows)) < 1e-11
         guesses = [place.read(guesses[0], x)]
-    return problem, x, follows
+    return problem, x, follows, guesses[0]
 
 
 def _moved(problem, x, follows):
@@ -86,7 +88,7 @@ def _differences(unknowns, index, log, wanted, h):
 @pytest.mark.parametrize("kind", CASES)
 def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
     pair, log, worn, of_arrests, in_moment = CASES[kind]
-    problem, x, follows = _solved(pair, log)
+    problem, x, follows, _ = _solved(pair, log)
     moved = _moved(problem, x, follows)
     layout, place = problem.layout, problem.layout.places[0]
     data = problem.logs[0]
@@ -117,3 +119,20 @@ def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
         # Forces at a given time depend on when the switches before it were: that part alone is far larger.
         held = slopes[inside, column] * (data.time[inside] < problem.logs[0].time[0] + 1e-9)
         assert np.max(np.abs(held - expected[count:])) > 1e-2 * np.max(np.abs(expected[count:]))
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_the_motion_is_that_of_the_integrator(kind, monkeypatch):
+    pair, log, *_ = CASES[kind]
+    truth = oracle.simulate(pair | case.RIG, log[0], case.LOAD, log[1])
+
+    def late():
+        found = _solved(pair, log)[3].onset
+        return float(np.max(np.abs(found - truth.onsets[: found.size])))
+
+    assert late() < ON_TIME
+    if kind == "fast, ageing fast before arrest":  # without that moment every slip comes too late
+        monkeypatch.setattr(blocks, "FASTEST_RELEASE", 1e-9)
+        blocks.block.cache_clear()
+        assert late() > 1e3 * ON_TIME
+        blocks.block.cache_clear()
