@@ -24,6 +24,7 @@ PER_DECADE = 12
 PER_PERIOD = 16
 FIRST_CHUNK, CHUNK = 64, 1024  # times per call while scanning an oscillation
 MAX_SCAN = 500_000  # times of one search: a bound, so that no scene runs for ever
+CLEAR = 10.0  # times what a parabola sinks between the lowest places: a minimum that is higher is positive
 ZOOM, ZOOMS = 17, 8  # a dip is looked at with so many times, each round in the neighbourhood of the lowest
 DEEP = 0.5  # a dip is looked at where a parabola comes within this share of its rise to zero
 
@@ -149,8 +150,17 @@ def _in_dip(function: Function, low: float, high: float) -> float | None:
         if v[i] <= 0.0:
             below = int(np.flatnonzero(v <= 0.0)[0])
             return _refined(function, t[below - 1] if below else start, t[below])
+        if 0 < i < ZOOM - 1 and v[i] > CLEAR * _sinks(v[i - 1 : i + 2]):
+            return None
         low, high = t[max(i - 1, 0)], t[min(i + 1, ZOOM - 1)]
     return None
+
+
+def _sinks(v: Array) -> float:
+    """By how much a parabola through three values at even distances, the middle one the lowest, sinks below it."""
+    before, here, after = v.tolist()
+    bend = before + after - 2.0 * here
+    return (after - before) ** 2 / (8.0 * bend) if bend > 0.0 else 0.0
 
 
 def _refined(function: Function, low: float, high: float) -> float:
