@@ -15,7 +15,7 @@ import numpy as np
 from data_io import Record
 from identify.errors import FitError, SceneError
 from identify.model import RIG_PARAMETERS
-from identify.nested import Fitted, fit_model, fit_smaller, fits
+from identify.nested import Fitted, fit_from_values, fit_model, fits
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.scene.parameters import ParameterSpec
@@ -26,7 +26,7 @@ REACH = 4.0  # factor up to which a rig value is suspected
 REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
-NEAR = 3.0  # sum of squares per sample (in noise variances) up to which a suspect starts from the motion that misfits
+NEAR = 3.0  # sum of squares per sample (in noise variances) up to which a suspect starts from the parameters of the misfit
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def diagnose(
         if freed is None:
             continue
         try:
-            fitted = fit_smaller(ended, freed, records) if near else fit_model(freed, records, thorough=False)
+            fitted = fit_from_values(ended, freed, records) if near else fit_model(freed, records, thorough=False)
         except (FitError, SceneError):
             continue
         nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess

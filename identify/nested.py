@@ -18,7 +18,7 @@ from identify.parting import parted
 from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
-from identify.search import Attempt, Sources, search
+from identify.search import Attempt, Sources, search, solve_from
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.unknowns import Unknowns, from_scene
@@ -129,16 +129,30 @@ def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless:
     return replace(known, prepared=tuple(logs), solved=solved)
 
 
+def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model from the parameters of another one, its motion placed anew on the data."""
+    prepared, unknowns = _prepared(scene, records)
+    attempt = solve_from(prepared, replace(unknowns, start=_values_of(other, unknowns)))
+    return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
+
+
+def _values_of(other: Fitted, unknowns: Unknowns) -> Array:
+    """The start of a model (n_p,) with what another one searched where that ended."""
+    assert other.attempt is not None
+    names = other.model.parameter_names
+    theta = dict(zip(names, other.attempt.solved.theta.tolist(), strict=True))
+    searched = dict(zip(names, other.unknowns.free.tolist(), strict=True))
+    start = np.array([theta[n] if searched.get(n) else unknowns.start[i] for i, n in enumerate(unknowns.names)])
+    return np.clip(np.where(unknowns.free, start, unknowns.start), unknowns.lower, unknowns.upper)
+
+
 def _taken_over(
     other: Fitted, prepared: Sequence[Prepared], unknowns: Unknowns
 ) -> tuple[list[Prepared], list[Guess], Unknowns]:
     """Logs, motion and start of a model as another one left them."""
     known, small, large = other.attempt, unknowns.model, other.model
     assert known is not None
-    theta = dict(zip(large.parameter_names, known.solved.theta.tolist(), strict=True))
-    searched = dict(zip(large.parameter_names, other.unknowns.free.tolist(), strict=True))
-    start = np.array([theta[n] if searched.get(n) else unknowns.start[i] for i, n in enumerate(unknowns.names)])
-    start = np.clip(np.where(unknowns.free, start, unknowns.start), unknowns.lower, unknowns.upper)
+    start = _values_of(other, unknowns)
     logs = [
         replace(prepared[i], data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
         for i, cut in zip(known.logs, known.prepared, strict=True)

@@ -108,6 +108,12 @@ def search(
     return best, left_out | _missing(best, prepared, able)
 
 
+def solve_from(prepared: list[Prepared], unknowns: Unknowns) -> Attempt | None:
+    """Place the start alone on the logs and solve from there, without a search; None where no log can be placed."""
+    able = [i for i, log in enumerate(prepared) if log.left_out is None]
+    return _solve(prepared, able, unknowns, Clock()) if able else None
+
+
 def _levels_only(prepared: list[Prepared], able: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
     """What logs hold that slide in the end, where the way there is not described: their level; None where that does not
     fit either, or some log is more than one course to sliding."""
