@@ -21,13 +21,16 @@ _NEWLINE: Final = ord("\n")
 def read_rest(source: Source, lines: Lines, head: Head, decimal: str | None) -> Numbers | None:
     """Read all rows that follow, with all columns; None, and nothing is taken from `lines`, where that cannot be done.
 
+    It is tried once in a file: words would be found again by reading up to them, each time from the top.
+
     It is done in a file that is not packed and ends with a line end, if only rows of numbers follow, each with the
     fields of the header: pandas refuses anything else. decimal: the mark as far as the rows above tell.
     """
     start, size = lines.here, source.size
     by_itself = source.packing is None and source.held is None and lines.may_run
-    if not by_itself or head.delimiter == BLANKS or not LEAST <= size - start <= MOST:
+    if lines.tried_by_path or not by_itself or head.delimiter == BLANKS or not LEAST <= size - start <= MOST:
         return None
+    lines.tried_by_path = True
     with source.open() as handle, mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as file:
         if len(file) != size or file[-1] != _NEWLINE or not _same_lines(file[:start], lines.line - 1):
             return None

@@ -9,7 +9,7 @@ is asked for is read, so that a file may be larger than memory.
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -176,7 +176,7 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
         _check_column(source, datasets[index])
     _check_lengths(source, [header.names[index] for index in wanted], [datasets[index].size for index in wanted])
     rows = _rows(source, request, header, datasets)
-    check_memory(source, (rows.stop - rows.start) * len(wanted), _clock_begins(request, header, datasets))
+    check_memory(source, (rows.stop - rows.start) * len(wanted), lambda: _clock_begins(request, header, datasets))
     columns = {}
     roles = {i: r for r, i in header.roles.items() if (request.units.get(r) or header.names[i].unit) == _SI[r]}
     with bytes_of(datasets[wanted[0]].file) if wanted else nullcontext() as handle:
@@ -193,19 +193,13 @@ def _rows(source: Source, request: Request, header: Header, datasets: Mapping[in
     """The rows within the window, found by bisection in the clock of the file."""
     if not header.names:
         return slice(0, 0)
-    index = header.roles.get("time", 0)
-    time = datasets[index]
-    if request.window is None or "time" not in header.roles or time.size == 0:
-        return slice(0, int(time.size))
-    unit = request.units.get("time") or header.names[index].unit or "s"
-    try:
-        scale = factor(unit, "s")
-    except UnitError:
+    time, scale = _clock(request, header, datasets)
+    if request.window is None or scale is None:
         return slice(0, int(time.size))
     start = _bisected(time, request.window[0] / scale, after=False)
     stop = _bisected(time, request.window[1] / scale, after=True)
     if stop - start < 2:
-        first, last = (float(np.ravel(time[_at(time, row)])[0]) * scale for row in (0, time.size - 1))
+        first, last = (_number_at(time, row) * scale for row in (0, time.size - 1))
         raise source.error(
             f"the window {request.window[0]:g} to {request.window[1]:g} s holds {max(stop - start, 0)} row(s); the log "
             f"runs from {first:.6g} to {last:.6g} s; move the window inside"
@@ -213,22 +207,29 @@ def _rows(source: Source, request: Request, header: Header, datasets: Mapping[in
     return slice(start, stop)
 
 
+def _clock(request: Request, header: Header, datasets: Mapping[int, Any]) -> tuple[Any, float | None]:
+    """The clock of the file, or its first column, and the factor to seconds; None where nothing tells seconds."""
+    index = header.roles.get("time", 0)
+    time = datasets[index]
+    if "time" not in header.roles or time.size == 0:
+        return time, None
+    try:
+        return time, factor(request.units.get("time") or header.names[index].unit or "s", "s")
+    except UnitError:
+        return time, None
+
+
 def _clock_begins(request: Request, header: Header, datasets: Mapping[int, Any]) -> float:
     """Where the clock of the file begins [s], 0 where nothing tells."""
-    index = header.roles.get("time")
-    if index is None or not datasets[index].size:
-        return 0.0
-    with suppress(UnitError):
-        scale = factor(request.units.get("time") or header.names[index].unit or "s", "s")
-        return float(np.ravel(datasets[index][_at(datasets[index], 0)])[0]) * scale
-    return 0.0
+    time, scale = _clock(request, header, datasets)
+    return 0.0 if scale is None else _number_at(time, 0) * scale
 
 
 def _bisected(time: Any, value: float, *, after: bool) -> int:
     low, high = 0, int(time.size)
     while low < high:
         middle = (low + high) // 2
-        here = float(np.ravel(time[_at(time, middle)])[0])
+        here = _number_at(time, middle)
         if here < value or (after and here == value):
             low = middle + 1
         else:
@@ -236,9 +237,11 @@ def _bisected(time: Any, value: float, *, after: bool) -> int:
     return low
 
 
-def _at(dataset: Any, row: int) -> tuple[int, ...]:
-    """The place of a row in a dataset that is a column, whichever way it lies."""
-    return tuple(row if size != 1 else 0 for size in dataset.shape) if dataset.size > 1 else (0,) * dataset.ndim
+def _number_at(dataset: Any, row: int) -> float:
+    """The number in a row of a dataset that is a column, whichever way it lies."""
+    lying = dataset.size > 1
+    place = tuple(row if size != 1 else 0 for size in dataset.shape) if lying else (0,) * dataset.ndim
+    return float(np.ravel(dataset[place])[0])
 
 
 def _groups(parent: Any, word: str) -> list[tuple[int, Any]]:

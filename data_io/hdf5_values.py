@@ -112,25 +112,23 @@ def _part(file: int, begin: int, values: FloatArray, span: tuple[int, int], role
             room = raw[first * _SIZE : end * _SIZE]
             if os.preadv(file, [room], begin + first * _SIZE) != len(room):
                 return None
-            sound = sound and (look is None or look(values, first, end, span[0]))
+            sound = sound and (look is None or look(values[span[0] :], first - span[0], end - span[0]))
     return sound
 
 
-def _rises(values: FloatArray, begin: int, end: int, first: int = 0) -> bool:
-    """Tell that numbers rise in these rows, and from the row before, if it is not above the first; infinite ends are
-    for others to see.
-    """
-    before = max(begin - 1, first)
+def _rises(values: FloatArray, begin: int, end: int) -> bool:
+    """Tell that numbers rise in these rows, and from the row before; infinite ends are for others to see."""
+    before = max(begin - 1, 0)
     return bool((values[before + 1 : end] > values[before : end - 1]).all())
 
 
-def _bounded(values: FloatArray, begin: int, end: int, _first: int = 0) -> bool:
+def _bounded(values: FloatArray, begin: int, end: int) -> bool:
     """Tell that numbers are forces; in doubt they are not: the sum of their squares says enough of usual ones."""
     block = values[begin:end]
     return float(block.dot(block)) <= LARGEST_FORCE**2
 
 
-_LOOKS: Final[Mapping[str, Callable[..., bool]]] = {
+_LOOKS: Final[Mapping[str, Callable[[FloatArray, int, int], bool]]] = {
     "time": _rises,
     "normal_force": _bounded,
     "friction_force": _bounded,

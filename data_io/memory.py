@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -14,8 +15,9 @@ _SMALL: Final = 1 << 26
 """Bytes that are never refused."""
 
 
-def check_memory(source: Source, numbers: int, begin: float) -> None:
-    """Refuse so many float64 numbers where they do not fit into memory; begin [s]: of the clock of the file.
+def check_memory(source: Source, numbers: int, begin: Callable[[], float]) -> None:
+    """Refuse so many float64 numbers where they do not fit into memory; begin: tells where the clock of
+    the file begins [s].
 
     Raises `LogTooLargeError`.
     """
@@ -27,7 +29,7 @@ def check_memory(source: Source, numbers: int, begin: float) -> None:
         'of the log with --window "0 s,100 s" (in a scene: window = ["0 s", "100 s"] in its [[logs]]), one step with '
         "--step, or fewer columns with --channels"
     )
-    raise LogTooLargeError(str(refused), begin)
+    raise LogTooLargeError(str(refused), begin())
 
 
 def free_memory() -> int | None:

@@ -1,7 +1,6 @@
 """Open a log of any known format."""
 
 import difflib
-import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from data_io.assemble import assemble
+from data_io.digest import sha256_of_several
 from data_io.errors import LogError, UnitError
 from data_io.frozen import COLUMN_ROLES
 from data_io.listing import StepSummary, summaries
@@ -80,8 +80,7 @@ def _read_series(path: Path, request: Request) -> Record:
     read = [(p, contents_of(load(p), _part_of(request, i, len(paths)))) for i, p in enumerate(paths)]
     joined = joined_contents(path, read)
     record = within(assemble(load(paths[0]), request, joined), request.window)
-    digests = "".join(load(p).sha256 for p in paths)
-    about = {"path": str(path), "sha256": hashlib.sha256(digests.encode()).hexdigest()}
+    about = {"path": str(path), "sha256": sha256_of_several(load(p).sha256 for p in paths)}
     return replace(record, metadata={**record.metadata, **about})
 
 

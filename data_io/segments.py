@@ -76,6 +76,7 @@ class Lines:
         self._ended = False
         self._reached = 0.0
         self._careful_until = 0
+        self.tried_by_path = False
         self.line = 1
         self.size = TOP
 

@@ -1,6 +1,5 @@
 """A log file: opened read-only, hashed once, unpacked as a stream where it is packed."""
 
-import hashlib
 import io
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -10,6 +9,7 @@ from pathlib import Path
 from threading import Thread
 from typing import IO, Final
 
+from data_io.digest import file_sha256
 from data_io.errors import LogError
 from data_io.frozen import Later
 from data_io.packing import Packing, packing_of, split_member, unpacked
@@ -81,8 +81,7 @@ class Source:
 
 def _hash(path: Path, future: "Future[str]") -> None:
     try:
-        with path.open("rb") as handle:
-            future.set_result(hashlib.file_digest(handle, "sha256").hexdigest())
+        future.set_result(file_sha256(path))
     except OSError as error:
         future.set_exception(error)
 
@@ -99,8 +98,7 @@ def _hash_unchanged(path: Path, size: int) -> str:
     try:
         if path.stat().st_size != size:
             raise LogError(f"{path}: the file has changed since it was read; read it again")
-        with path.open("rb") as handle:
-            return hashlib.file_digest(handle, "sha256").hexdigest()
+        return file_sha256(path)
     except OSError as error:
         raise LogError(f"{path}: the file cannot be read again ({error.strerror}); put it back") from error
 

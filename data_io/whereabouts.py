@@ -1,8 +1,8 @@
 """Whether a log lies where a path says (a file, a folder, a pattern, a file in an archive), and its SHA-256."""
 
-import hashlib
 from pathlib import Path
 
+from data_io.digest import file_sha256, sha256_of_several
 from data_io.errors import LogError
 from data_io.packing import members, split_member
 from data_io.series import is_series, logs_at
@@ -25,11 +25,5 @@ def digest_of(path: Path) -> str:
     Raises `LogError` or `OSError` where they cannot be read.
     """
     if is_series(path):
-        digests = "".join(_sha256(each) for each in logs_at(path))
-        return hashlib.sha256(digests.encode()).hexdigest()
-    return _sha256(path)
-
-
-def _sha256(path: Path) -> str:
-    with split_member(path)[0].open("rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
+        return sha256_of_several(file_sha256(split_member(each)[0]) for each in logs_at(path))
+    return file_sha256(split_member(path)[0])

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from identify.mapped import Mapped
 from identify.model import ELONGATION, INPUTS, SPEED, Model
+from identify.reageing import reaged_at_rest
 from identify.tableaus import RK4, step
 
 Array = NDArray[np.float64]
@@ -37,10 +38,6 @@ BlockKind = Literal[
 ]
 
 REST_CELLS = 6  # cubics per block of a rest that is no straight line
-REAGEING_STEPS = 2  # RK4 steps over the speed in which a contact re-ages before it rests
-SLOWEST = 1e-9  # deceleration [m/s^2] of a mass that comes to rest
-LEAST_BRAKED = 0.1  # of that deceleration while it re-ages, and
-FASTEST_RELEASE = 0.5  # of the speed of a free swing that is braked so: what lies beyond is no moment, nor an answer
 CHUNK = 32  # blocks per call: small enough to stay in cache, large enough to hide the call
 
 
@@ -163,49 +160,13 @@ def constants_size(model: Model) -> int:
 
 
 def _resting_start(model: Model, s: _Symbols, p: ca.SX, reaged: bool) -> ca.SX:
-    """State at the start of a stick: at rest, and after a saturated slip re-aged in its last moment.
-
-    A saturated slip is followed to rest as if it stayed saturated. In truth the bounded state leaves its bound at the
-    speed where its rate changes sign, friction grows, and the mass rests a little earlier and elsewhere. Both ways are
-    followed over the speed, of which that moment has a fixed span: back from rest along the one, forth along the
-    other; then the mass rests until the moment at which the slip is said to end.
-    """
+    """State at the start of a stick: at rest, and after a saturated slip re-aged in its last moment."""
     start = ca.SX(s.start)
     start[SPEED] = 0
-    if not reaged or model.clamped is None:
+    if not reaged:
         return start
     since = s.since + s.offset_start
-
-    def inputs(t: ca.SX) -> ca.SX:
-        return ca.vertcat(s.drive_speed, s.force_start, 1, since + t)
-
-    def by_speed(field: ca.Function, state: ca.SX, t: ca.SX, first: ca.SX, last: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """State and time [s] after a change of the speed."""
-
-        both, h = ca.vertcat(state, t), (last - first) / REAGEING_STEPS
-        for j in range(REAGEING_STEPS):
-
-            def motion(at: ca.SX, offset: ca.SX, begin: ca.SX = first + j * h) -> ca.SX:
-                moving = ca.SX(at[:-1])
-                moving[SPEED] = begin + offset
-                rates = field(moving, p, inputs(at[-1]))
-                return ca.vertcat(rates, 1.0) / ca.fmin(rates[SPEED], -LEAST_BRAKED * braked)
-
-            both = step(RK4, motion, both, h)[0]
-        return both[:-1], both[-1]
-
-    creeping = ca.SX(start)
-    v = ca.SX.sym("v")
-    creeping[SPEED] = v
-    pace = model.slip(creeping, p, inputs(ca.SX(0)))[model.clamped]
-    at_rest, slope = (ca.substitute(q, v, 0.0) for q in (pace, ca.gradient(pace, v)))
-    braked = ca.fmax(-model.saturated(start, p, inputs(ca.SX(0)))[SPEED], SLOWEST)
-    k, m = (p[model.parameter_names.index(name)] for name in ("stiffness", "mass"))
-    release = ca.fmin(-at_rest / slope, FASTEST_RELEASE * braked * ca.sqrt(m / k))
-    freed, before = by_speed(model.saturated, start, ca.SX(0), ca.SX(0), release)
-    arrested, after = by_speed(model.slip, freed, before, release, ca.SX(0))
-    arrested[SPEED] = 0
-    return ca.SX(model.rest(arrested, p, inputs(after), -after))
+    return reaged_at_rest(model, start, p, lambda t: ca.vertcat(s.drive_speed, s.force_start, 1, since + t))
 
 
 def _rest(model: Model, reaged: bool, with_end: bool, guarded: bool = True) -> tuple[_Symbols, ca.SX, ca.SX]:

@@ -26,7 +26,7 @@ REACH = 4.0  # factor up to which a rig value is suspected
 REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
-NEAR = 3.0  # sum of squares per sample (in noise variances) up to which a suspect starts from the parameters of the misfit
+NEAR = 3.0  # sum of squares per sample (in noise variances) up to which a suspect starts from the misfit's values
 
 
 @dataclass(frozen=True)

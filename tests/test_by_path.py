@@ -114,3 +114,16 @@ def test_a_field_too_many_is_not_dropped_in_silence(tmp_path, monkeypatch, lines
     assert "holds 4 fields" in told(path)[0]
     monkeypatch.setattr(table, "read_rest", lambda source, lines, head, decimal: None)
     assert "holds 4 fields" in told(path)[0]
+
+
+def test_a_file_with_words_here_and_there_is_handed_over_once(tmp_path, monkeypatch, lines):
+    rows = list(lines)
+    for at in range(40_000, ROWS, 40_000):
+        rows[at] = b"%.4f,overload,0.8\n" % (0.001 * at)
+    path = tmp_path / "log.csv"
+    path.write_bytes(HEADER + b"".join(rows))
+    monkeypatch.setattr(by_path, "LEAST", 1 << 16)
+    read_path, asked = by_path.read_path, []
+    monkeypatch.setattr(by_path, "read_path", lambda *a: asked.append(a[1]) or read_path(*a))
+    assert told(path)[0]
+    assert len(asked) == 1

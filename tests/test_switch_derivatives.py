@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse.linalg as sla
 import shooting_case as case
 
-from identify import blocks
+from identify import blocks, reageing
 from identify.guess import Grid
 from identify.influence import sample_moves
 from identify.layout import KNOWN
@@ -132,7 +132,7 @@ def test_the_motion_is_that_of_the_integrator(kind, monkeypatch):
 
     assert late() < ON_TIME
     if kind == "fast, ageing fast before arrest":  # without that moment every slip comes too late
-        monkeypatch.setattr(blocks, "FASTEST_RELEASE", 1e-9)
+        monkeypatch.setattr(reageing, "FASTEST", 1e-9)
         blocks.block.cache_clear()
         assert late() > 1e3 * ON_TIME
         blocks.block.cache_clear()

@@ -19,7 +19,6 @@ OUTSIDE = (
     "batch",
     "examples",
 )  # folders of identify that make no number of a fit
-BLOCK = 1 << 20  # bytes
 
 
 @lru_cache(maxsize=1)
@@ -55,12 +54,3 @@ def content_key(scene: Mapping[str, Any], sha256: Sequence[str], version: str) -
     content = {key: value for key, value in scene.items() if key != "name"} | {"logs": logs}
     text = json.dumps([content, version], sort_keys=True, ensure_ascii=True, separators=(",", ":"))
     return hashlib.sha256(text.encode("ascii")).hexdigest()
-
-
-def file_sha256(path: Path) -> str:
-    """SHA-256 of a file, read in blocks; OSError where it cannot be read."""
-    digest = hashlib.sha256()
-    with path.open("rb") as handle:
-        while block := handle.read(BLOCK):
-            digest.update(block)
-    return digest.hexdigest()

@@ -11,9 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from data_io.digest import file_sha256
 from data_io.errors import LogError, UnitError
 from identify.batch.job import CRASHED, DEFECT, FAILED, OUTDATED, UNWRITTEN, End, Job
-from identify.batch.key import file_sha256, numerics
+from identify.batch.key import numerics
 from identify.batch.store import is_full, write_job
 from identify.errors import IdentifyError
 

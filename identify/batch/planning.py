@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from data_io.digest import file_sha256
 from identify.batch.job import Job, LogFile
-from identify.batch.key import content_key, file_sha256, numerics
+from identify.batch.key import content_key, numerics
 from identify.batch.listing import Listing, Row, read_source
 from identify.batch.naming import folder_names
 from identify.batch.refusal import BatchError

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
@@ -10,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from data_io.digest import file_sha256
 from data_io.whereabouts import digest_of, log_is_at
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
 from identify.cli.results import log_of, read_result, scene_of
@@ -77,7 +77,7 @@ def check_unedited(path: Path) -> None:
         written = job["result_sha256"]
     except (OSError, ValueError, KeyError, TypeError):  # not of a batch
         return
-    if path.name == "result.json" and sha256_of(path) != written:
+    if path.name == "result.json" and file_sha256(path) != written:
         raise CommandLineError(f"{path}: the file was changed since the batch wrote it; run the batch with --resume")
 
 
@@ -108,11 +108,6 @@ def there(path: Path) -> Path:
     if not log_is_at(path):
         raise CommandLineError(f"{path}: there is no log; give a file, a folder of them, or a pattern in quotes")
     return path
-
-
-def sha256_of(path: Path) -> str:
-    """SHA-256 of a file; OSError where it cannot be read."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def other_versions(before: Mapping[str, Any], now: Mapping[str, Any]) -> Sequence[str]:
