@@ -38,6 +38,8 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
                 + f"; expected {_expected(parameter)}"
             )
     _tell_phases(model, values, duration)
+    if not start:
+        return
     states = {s.name: s for s in model.states}
     known = {s.name for s in BASE_STATES} | {s.name for effect in ALL for s in effect.states} | set(states)
     for name, value in start.items():
@@ -53,6 +55,8 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
 
 
 def _tell_phases(model: Model, values: Mapping[str, float], duration: float) -> None:
+    if not model.waves.numel_out(0):
+        return
     p = np.array([values[name] for name in model.parameter_names], float)
     omegas, forces = (np.array(f(p)).ravel() for f in (model.waves, model.swings))
     fastest = float(np.max(omegas[forces > 0.0], initial=0.0))

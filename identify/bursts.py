@@ -44,7 +44,8 @@ class Pace:
 
     h: length of the next trial. error, step: root of the error and length of the last step taken (0: none).
     low, high: lengths between which a switch is being located (high 0: none is). final: the coming trial ends at the
-    switch. watch: how often a dip may still be sought. Last, guards and their slopes at the node.
+    switch. watch: how often a dip may still be sought. Guards and their slopes at the node. Last, which trial comes:
+    twice the mode, one more where a switch is being located; -1 none.
     """
 
     n: int  # of states
@@ -75,19 +76,19 @@ class Pace:
         return self.n + 3
 
     @property
-    def high(self) -> int:
-        """Place of the upper end of what is being located."""
-        return self.n + 7
-
-    @property
     def ends(self) -> slice:
         """Places of the guards and their slopes."""
         return slice(self.n + 10, self.n + 10 + 2 * N_GUARDS)
 
     @property
+    def which(self) -> int:
+        """Place of the number of the trial that comes."""
+        return self.n + 10 + 2 * N_GUARDS
+
+    @property
     def size(self) -> int:
         """Length of the vector."""
-        return self.n + 10 + 2 * N_GUARDS
+        return self.n + 11 + 2 * N_GUARDS
 
 
 @lru_cache(maxsize=64)
@@ -107,9 +108,7 @@ def burst(model: Model, method: Method) -> ca.Function:
     nodes = [given[0]]
     for _ in range(method.trials):
         last = nodes[-1]
-        # A stopped burst repeats its last node.
-        which = ca.if_else(last[at.stop] < 0.5, 2 * last[at.mode] + (last[at.high] > 0.0), -1)
-        nodes.append(by_mode(which, last, *given[1:]))
+        nodes.append(by_mode(last[at.which], last, *given[1:]))  # a stopped burst repeats its last node
     return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
 
 
@@ -138,8 +137,9 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.F
         stop,
         *control_after,
         ca.if_else(moved, there_ends, ends),
+        ca.if_else(stop < 0.5, 2 * mode_after + (control_after[4] > 0.0), -1),
     )
-    return ca.Function("paced", [z, bounds, c, tolerances], [ca.densify(new)])
+    return ca.Function("paced", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
 
 
 def _length(model: Model, at: Pace, z: Expression, exits: list[int], bounds: Expression) -> Expression:

@@ -91,7 +91,7 @@ class Stepper:
         z, n = self._z, self.places.n
         z[:n] = x
         ends = self._ends[mode]().tolist()
-        z[n:] = [0.0, MODES.index(mode), 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS, *ends]
+        z[n:] = [0.0, MODES.index(mode), 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS, *ends, 2 * MODES.index(mode)]
 
     @property
     def speeding(self) -> float:

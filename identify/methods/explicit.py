@@ -36,6 +36,8 @@ class Explicit(Method):
         tolerated = scale(after)
         norm = largest(error, tolerated)
         if self.tableau.coarse:
-            coarse = largest(h * weighted(self.tableau.coarse, stages), tolerated)
+            # Mostly the weights of the step itself: what differs is summed, and the way of the step taken off.
+            other = tuple(c - b for c, b in zip(self.tableau.coarse, self.tableau.b, strict=True))
+            coarse = largest((after - x) + h * weighted(other, stages), tolerated)
             norm = norm**2 / ca.sqrt(norm**2 + 0.01 * coarse**2 + NOTHING)
         return after, norm
