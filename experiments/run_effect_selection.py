@@ -27,7 +27,7 @@ from experiments.machine import describe
 from identify.effects import ALL, NAMES
 from identify.errors import SimulationError
 from identify.model import assemble
-from identify.nested import fit_model, fit_smaller, scene_with
+from identify.nested import fit_model, fit_smaller, fits, scene_with
 from identify.scene import Scene
 from identify.selection import choose_from_data
 from identify.simulate import run
@@ -172,14 +172,21 @@ def _at_truth(
     asked = [e for e in effects if e != "inertia"]
     if set(chosen) == set(effects):
         return {e: known.get(e, np.inf) for e in asked}
-    lost = [e for e in asked if e not in chosen]
     names = {q.name for q in assemble(tuple(effects)).parameters}
     starts = {name: value for name, value in truth.items() if name in names}
-    full = fit_model(scene_with(_scene(), effects, starts), records, sources="both")
-    out = {e: np.inf for e in asked if e not in lost}
-    for effect in lost:
-        smaller = fit_smaller(full, scene_with(_scene(), [e for e in effects if e != effect], starts), records)
-        out[effect] = smaller.excess - full.excess
+
+    def scene(some: Sequence[str]) -> Scene:
+        return scene_with(_scene(), some, starts)
+
+    full = fit_model(scene(effects), records, sources="both")
+    out = dict.fromkeys(asked, np.inf)
+    if not fits(full):  # nothing is known: what is missing counts as strong
+        return out
+    # The chosen model lacks every lost effect: where it is a part of the true one, no statistic is larger than its own.
+    part = fit_model(scene(chosen), records, sources="both").excess if set(chosen) < set(effects) else np.inf
+    for effect in (e for e in asked if e not in chosen):
+        smaller = fit_smaller(full, scene([e for e in effects if e != effect]), records)
+        out[effect] = min(smaller.excess, part) - full.excess
     return out
 
 

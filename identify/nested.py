@@ -18,6 +18,7 @@ from identify.parting import parted
 from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
+from identify.scene.parameters import default_spec
 from identify.search import Attempt, Sources, search, solve_from
 from identify.shooting import transcribe
 from identify.solve import solve
@@ -270,9 +271,10 @@ def scene_with(scene: Scene, effects: Sequence[str], starts: Mapping[str, float]
     """
     made = scene.with_effects(tuple(effects))
     parameters = dict(made.parameters)
+    silent = {p.name: default_spec(p) for p in made.declared}
     for name, value in starts.items():
         spec = parameters.get(name)
-        if spec is None or name in scene.parameters:
+        if spec is None or (spec.start, spec.fixed) != (silent[name].start, silent[name].fixed):
             continue
         if spec.fixed is not None:
             parameters[name] = replace(spec, fixed=value)
