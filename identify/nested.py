@@ -75,11 +75,17 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True,
 
 
 def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit a model with one effect more, or another one in its place, from the motion of the smaller one alone."""
+    """Fit a model with one effect more, or another one in its place, from the motion of the smaller one; where that
+    misfits, also from its parameters alone: the motion of a misfit can hold back what would describe the data."""
     prepared, unknowns = _prepared(scene, records)
     hopeless = np.inf if smaller.attempt is None else smaller.attempt.solved.solution.cost + HOPELESS
     warm = _warm(smaller, prepared, unknowns, hopeless)
-    return Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
+    best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
+    if smaller.attempt is None or fits(smaller) or fits(best):
+        return best
+    placed = fit_from_values(smaller, scene, records)
+    complete = placed.attempt is not None and placed.attempt.logs == smaller.attempt.logs
+    return placed if complete and placed.excess < best.excess else best
 
 
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:

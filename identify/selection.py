@@ -7,7 +7,7 @@ model in which an absent effect is held at its null values: the functions are bu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,6 +51,7 @@ CLEARER = 1.0  # by which another model must be better
 ROUNDS = 3  # of adding, exchanging and leaving out
 BY_NAME = {effect.name: effect for effect in ALL}
 LAST = ("contact_ageing",)  # what the start needs is asked once the others are settled
+CONFUSED = ("load_dependence",)  # loads that differ are no sign that friction follows them: a drift looks the same
 
 
 def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress | None = None) -> Choice:
@@ -141,12 +142,23 @@ class Selection:
     def _begin(self, sure: list[str]) -> None:
         self._told("fitting all that plainly matters", 0.1)
         self.kept, self.best = sure, fit_model(self._models.of(sure), self._models.records)
-        if not fits(self.best):
-            # An ageing that is not there has its best values nowhere, and takes the others with it.
-            settled = [e for e in sure if e not in LAST]
-            plain_friction = self._models.simulated(settled)
-            if plain_friction.excess < self.best.excess:
-                self.kept, self.best = settled, plain_friction
+        for kept in self._beside(sure):
+            if fits(self.best):
+                return
+            self._told(f"fitting {', '.join(kept)}", 0.2)
+            other = self._models.simulated(kept)
+            if other.excess < self.best.excess:
+                self.kept, self.best = kept, other
+
+    def _beside(self, sure: list[str]) -> Iterator[list[str]]:
+        """Where else to begin if what is plain misfits: an effect that is not there, or one that is missed, takes the
+        others with it; an ageing that is not there has its best values nowhere."""
+        for effect in (*LAST, *CONFUSED):
+            if effect in sure:
+                yield [e for e in sure if e != effect]
+        for effect in self._models.asked:
+            if effect not in sure:
+                yield [*sure, effect]
 
     def _toggle(self) -> None:
         """Leave out what has no parameters of its own and does harm: it would bend all that is tried after it."""
