@@ -32,6 +32,7 @@ LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakenin
 HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
 # What slips and sticks look alike under: each may stand where the other is true.
 MIMICS = (
+    ("contact_ageing", "velocity_weakening"),
     ("velocity_weakening", "direct_effect"),
     ("velocity_weakening", "sensor_lag"),
     ("direct_effect", "sensor_lag"),
@@ -201,6 +202,8 @@ class Selection:
                 self._told(f"{into} in the place of {out}", 0.5)
                 kept = [e for e in self.kept if e != out] + [into]
                 other = fit_larger(self.best, self._models.of(kept), self._models.records)
+                if other.attempt is None:  # the motion of the one is none of the other
+                    other = self._models.simulated(kept)
                 if better(other, self.best) > CLEARER:
                     self.gains[out] = Gain(0.0, ENOUGH, float("nan"))
                     self._move(kept, other)
