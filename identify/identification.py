@@ -15,6 +15,7 @@ from identify.asked import NOTHING_MORE, Asked
 from identify.certainty import certainty
 from identify.choice import Choice
 from identify.diagnosis import diagnose
+from identify.effects import ALL
 from identify.errors import FitError
 from identify.findings import Findings
 from identify.grouped import search_grouped
@@ -106,6 +107,9 @@ def find(
             "the effect inertia is off: a fit follows slips, which have no duration without a mass; "
             "add inertia to effects and give the mass under [rig]"
         )
+    for effect in (effect for effect in ALL if effect.name in scene.effects):
+        if (refusal := effect.unfit(scene.values())) is not None:
+            raise FitError(refusal)
     progress("reading the logs", 0.0)
     scene, read = parted(*with_records(scene, records))
     since = clock.add("read", began)

@@ -181,3 +181,7 @@ class Effect(ABC):
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:
         """Why it does not apply at this operating point (outside its measured range), a sentence with its remedy."""
         return None
+
+    def unfit(self, p: Mapping[str, float]) -> str | None:
+        """Why a fit cannot follow what a simulation does with it, a sentence with its remedy."""
+        return None

@@ -36,6 +36,15 @@ class ForceSensor(Effect):
         """Gain, offset and averaging, which is a matter of sampling."""
         return Terms(gain=s.p.sensor_gain, offset=s.p.sensor_offset, averaging=s.p.averaging_time)
 
+    def unfit(self, p: Mapping[str, float]) -> str | None:
+        """A fit compares forces of the moment."""
+        if p["averaging_time"] == 0.0:
+            return None
+        return (
+            f"averaging_time is {p['averaging_time']:g} s: a fit compares forces of the moment; leave it at 0 and add "
+            "sensor_lag to effects, which finds half of it as a lag"
+        )
+
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """The largest of its errors: of gain, of zero against the fall of friction, of averaging against a slip."""
         gain, zero = abs(p["sensor_gain"] - 1), abs(p["sensor_offset"]) / fall(p, normal_force)

@@ -97,6 +97,15 @@ class FrictionHeterogeneity(Effect):
         """The next stick is dealt new factors."""
         return {"stick_number": s.x.stick_number + 1}
 
+    def unfit(self, p: Mapping[str, float]) -> str | None:
+        """A fit knows no track."""
+        if all(p[name] == value for name, value in self.null.items()):
+            return None
+        return (
+            "the effect friction_heterogeneity draws a track by chance, and nobody knows that of a measured log; take "
+            "it out of effects: the report says how unequal the cycles are"
+        )
+
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """The scatter against the fall of friction."""
         share = max(p["field_sd"] / max(abs(p["mu_s"] - p["mu_k0"]), 1e-12), p["strength_sd"], p["loading_sd"])
