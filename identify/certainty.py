@@ -20,6 +20,7 @@ from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
 from identify.profile import LEVEL, Profiles, profile
+from identify.ridge_ends import better_course
 from identify.search import Attempt, resolve, resolve_firmly
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
@@ -88,6 +89,7 @@ def certainty(
         return None
     accepted = attempt.gate.status is Status.CONVERGED
     walked: Profiles | None = None
+    placed_anew = False
     for tries in range(1 + BETTER_TRIES):
         solved = attempt.solved
         bounds = at_bound(solved.theta)
@@ -112,6 +114,12 @@ def certainty(
         # What one peak or one level does not tell, no walk along it will find an end of.
         tells = onsets(solved.guesses) > 1
         asks = asked.profile or bool(bounds) or (tells and doubtful(unknowns, covariance, found))
+        if walked is not None and accepted and not placed_anew and untold_of(found):
+            placed_anew = True
+            other = better_course(attempt, unknowns, walked.likely)
+            if other is not None:
+                attempt, known, walked = other, information_at(other, unknowns), None
+                continue
         along = None if asks else ridge(unknowns, covariance) if tells else []
         if walked is not None or not accepted or along == [] or tries == BETTER_TRIES:
             break
@@ -193,6 +201,11 @@ def _deeper(
         size = np.sqrt(np.diag(out.covariance))
         out = replace(out, accuracy_table=accuracy_table(out.attempt.prepared, solved, unknowns, size))
     return out
+
+
+def untold_of(found: list[Estimate]) -> bool:
+    """Whether the data do not tell some parameter."""
+    return any(e.verdict == "not identifiable" for e in found)
 
 
 def doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bool:

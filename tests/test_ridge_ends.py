@@ -1,0 +1,59 @@
+"""Where data do not tell a parameter, the motion is placed anew at the ends of the ridge.
+
+The pair is one of the recovery study: the logs at three speeds stick-slip, the fastest goes over to sliding. From
+a = 10 s/m the way to sliding takes another course than at the true 61 s/m; chi^2 is larger by 50, which no cycle shows.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.run_recovery_study import Study
+from experiments.study_problem import scene_of
+from identify.outcome import Status
+from identify.parting import parted
+from identify.prepare import prepare
+from identify.ridge_ends import better_course
+from identify.search import solve_from
+from identify.unknowns import from_scene
+
+WRONG = {"mu_s": 0.353698, "mu_k0": 0.29213, "D": 9.9315e-06, "t_cr": 0.058197, "delta_mu_k": -0.235745, "a": 10.086}
+
+
+@pytest.fixture(scope="module")
+def pair():
+    case, *_ = Study("wide").case(92)
+    scene, records = parted(scene_of(case, None), case.records)
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    known = case.truth | case.rig
+
+    def answer(values):
+        theta = unknowns.theta(np.array([(known | values)[n] for n in unknowns.names]), unknowns.base(case.rig))
+        return solve_from(logs, replace(unknowns, start=theta))
+
+    return unknowns, case.truth, answer
+
+
+def _along(unknowns, factor):
+    """Points at which a is so many times larger and smaller, and its slope at rest the same."""
+    names = [n for n, free in zip(unknowns.names, unknowns.free, strict=True) if free]
+    away = np.zeros((2, len(names)))
+    away[:, names.index("a")] = np.log(factor), -np.log(factor)
+    away[:, names.index("delta_mu_k")] = WRONG["delta_mu_k"] * (1 / factor - 1), WRONG["delta_mu_k"] * (factor - 1)
+    return away
+
+
+def test_a_better_course_is_found_from_the_ends_of_the_ridge(pair):
+    unknowns, truth, answer = pair
+    stuck, right = answer(WRONG), answer({})
+    assert stuck.gate.status is Status.CONVERGED  # nothing else tells
+    assert 2 * (stuck.solved.solution.cost - right.solved.solution.cost) > 40
+    found = better_course(stuck, unknowns, _along(unknowns, 2.0))
+    assert found is not None
+    assert found.logs == stuck.logs
+    assert abs(2 * (found.solved.solution.cost - right.solved.solution.cost)) < 1
+    a = np.exp(found.solved.theta[unknowns.names.index("a")])
+    assert abs(a / truth["a"] - 1) < 0.25
+    assert better_course(right, unknowns, np.zeros((1, 6))) is None  # it stays where it is best
