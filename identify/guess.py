@@ -140,3 +140,8 @@ class Guess:
     def saturates(self) -> NDArray[np.bool_]:
         """Per cycle, whether the bounded state reaches its bound."""
         return np.isfinite(self.saturation)
+
+    @property
+    def course(self) -> tuple[tuple[bool, ...], tuple[tuple[str, str], ...]]:
+        """Which phases follow each other: per cycle whether it saturates, then kind and end of every stretch."""
+        return tuple(self.saturates.tolist()), tuple((stretch.kind, stretch.ended_by) for stretch in self.tail)

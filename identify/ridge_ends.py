@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from identify.outcome import Status
-from identify.search import Attempt, solve_from
+from identify.search import Attempt, placed_from, solve_from
 from identify.uncertainty import LEVEL
 from identify.unknowns import Unknowns
 
@@ -36,7 +36,12 @@ def better_course(attempt: Attempt, unknowns: Unknowns, likely: Array) -> Attemp
     for end in {int(np.argmin(likely[:, widest])), int(np.argmax(likely[:, widest]))}:
         theta = attempt.solved.theta.copy()
         theta[free] += likely[end]
-        tried = solve_from(list(attempt.prepared), replace(unknowns, start=theta))
+        there = replace(unknowns, start=theta)
+        logs = list(attempt.prepared)
+        courses = [guess.course for guess in placed_from(logs, there)]
+        if courses == [guess.course for guess in attempt.solved.guesses]:
+            continue
+        tried = solve_from(logs, there)
         if tried is None or tried.gate.status is not Status.CONVERGED or len(tried.logs) < len(attempt.logs):
             continue
         limit = attempt.solved.solution.cost - CLEAR / 2 if best is None else best.solved.solution.cost

@@ -114,6 +114,12 @@ def solve_from(prepared: list[Prepared], unknowns: Unknowns) -> Attempt | None:
     return _solve(prepared, able, unknowns, Clock()) if able else None
 
 
+def placed_from(prepared: list[Prepared], unknowns: Unknowns) -> list[Guess]:
+    """The start alone placed on the logs, of those on which it can be."""
+    able = [i for i, log in enumerate(prepared) if log.left_out is None]
+    return [guess for *_, guess in _place(prepared, able, unknowns)]
+
+
 def _levels_only(prepared: list[Prepared], able: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
     """What logs hold that slide in the end, where the way there is not described: their level; None where that does not
     fit either, or some log is more than one course to sliding."""

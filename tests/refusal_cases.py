@@ -22,6 +22,7 @@ from data_io import (
     Record,
     Step,
     archive,
+    digest,
     excel,
     hdf5_open,
     list_steps,
@@ -307,7 +308,7 @@ def vanishing(text: str, gone: bool) -> Act:
             raise OSError(5, "Input/output error")
 
         if gone:
-            patch.setattr(source.hashlib, "file_digest", failing)
+            patch.setattr(digest.hashlib, "file_digest", failing)
         (folder / "log.csv").write_text(text)
         loaded = source.load(folder / "log.csv")
         return loaded.sha256

@@ -22,6 +22,11 @@ drive_speed = "1 mm/s"
 [[logs]]
 path = "{path}"
 window = ["0.8 s", "4 s"]
+[parameters]
+D = { fixed = "37.4 um" }
+t_cr = { fixed = "0.5 s" }
+delta_mu_k = { fixed = -0.13 }
+a = { fixed = "300 s/m" }
 """
 
 
@@ -50,7 +55,7 @@ def bench(tmp_path):
 
 @pytest.mark.parametrize("path", ["logs", "logs/stroke_*.csv", "packed.zip/whole.csv"])
 def test_a_fit_of_it_verifies_where_it_lay_and_where_it_lies_now(bench, path, capsys):
-    (bench / "scene.toml").write_text(SCENE.format(path=path), encoding="utf-8")
+    (bench / "scene.toml").write_text(SCENE.replace("{path}", path), encoding="utf-8")
     assert main(["fit", "--scene", str(bench / "scene.toml"), "--out", str(bench / "out")]) == 0
     result = bench / "out" / "result.json"
     (log,) = json.loads(result.read_text(encoding="utf-8"))["logs"]
@@ -76,6 +81,6 @@ def test_nothing_is_nothing(bench, capsys):
     (bench / "empty").mkdir()
     for path in ("none.csv", "empty", "logs/none_*.csv", "packed.zip/none.csv", "none.zip/a.csv"):
         assert not log_is_at(bench / path)
-        (bench / "scene.toml").write_text(SCENE.format(path=path), encoding="utf-8")
+        (bench / "scene.toml").write_text(SCENE.replace("{path}", path), encoding="utf-8")
         assert main(["fit", "--scene", str(bench / "scene.toml"), "--out", str(bench / "out")]) == 2
         assert "there is no such log" in capsys.readouterr().err
