@@ -244,8 +244,10 @@ def fine_enough(attempt: Attempt, unknowns: Unknowns, asked: Asked) -> tuple[Att
         finer = 2 * attempt.solved.grid.steps
         if finer > level.most:
             break
-        attempt = resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=finer)
-        known = information_at(attempt, unknowns)
+        again = resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=finer)
+        if again.gate.status is Status.SOLVER_FAILED:  # no reason to give up the answer: what its steps cost is told
+            break
+        attempt, known = again, information_at(again, unknowns)
     return attempt, known, shares
 
 

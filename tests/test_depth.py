@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from document_check import check_document
 
-from identify import examples
+from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
+from identify import certainty, examples, fit
 from identify.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
+from identify.asked import Asked
 from identify.cli import main as cli
 from identify.combinations import combinations, directions
+from identify.effects import MAIN
 from identify.errors import FitError
+from identify.outcome import Status
+from identify.scene import Scene
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 
@@ -142,3 +148,22 @@ def test_combinations_that_are_sharper_than_their_parts_are_named():
     assert best.size == pytest.approx(np.sqrt(5e-5)) and worst.size == pytest.approx(np.sqrt(0.02 - 5e-5))
     assert np.sign(best.moves["D"]) == -np.sign(best.moves["t_cr"])
     assert worst.text.startswith("known worst") and "t_cr +11 %" in worst.text
+
+
+def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypatch):
+    case = simulated_case(DEMO, 3)
+    logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in (2, 3)]
+    scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs})
+    records, finest = [case.records[i] for i in (2, 3)], Asked(accuracy=replace(DEFAULT, share=1e-9))
+
+    def found(solver):
+        def again(attempt, unknowns, **_):
+            return replace(attempt, gate=replace(attempt.gate, status=solver, message="the finer one"))
+
+        monkeypatch.setattr(certainty, "resolve", again)
+        result = fit(scene, records, asked=finest).result
+        assert max(map(abs, result["fit"]["discretisation"].values())) > 1e-9
+        return result
+
+    assert found(Status.SOLVER_FAILED)["status"] == "converged"
+    assert found(Status.MODEL_MISFIT)["status"] == "model_misfit"  # what finer steps tell of the model counts
