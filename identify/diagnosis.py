@@ -26,7 +26,7 @@ REACH = 4.0  # factor up to which a rig value is suspected
 REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
-NEAR = 3.0  # sum of squares per sample (in noise variances) up to which a suspect starts from the misfit's values
+NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,24 @@ def diagnose(
     ended = Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
     if fits(ended):
         return None
-    near = attempt is not None and excess < NEAR * attempt.solved.problem.samples
+    found: list[tuple[float, str]] = []
+    if attempt is not None and excess < NEAR * attempt.solved.problem.samples:
+        found = _explanations(scene, float(excess), lambda freed: fit_from_values(ended, freed, records))
+    if not found:
+        found = _explanations(scene, float(excess), lambda freed: fit_model(freed, records, thorough=False))
+    least = min((misfit for misfit, _ in found), default=0.0)
+    return "; or ".join(words for misfit, words in sorted(found) if misfit < least + TOLD) or None
+
+
+def _explanations(scene: Scene, excess: float, fit: Callable[[Scene], Fitted]) -> list[tuple[float, str]]:
+    """What is left of a misfit, and the sentence, of every suspect that explains it, fitted in that way."""
     found: list[tuple[float, str]] = []
     for suspect in SUSPECTS:
         freed = suspect.freed(scene)
         if freed is None:
             continue
         try:
-            fitted = fit_from_values(ended, freed, records) if near else fit_model(freed, records, thorough=False)
+            fitted = fit(freed)
         except (FitError, SceneError):
             continue
         nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess
@@ -73,8 +83,7 @@ def diagnose(
             continue
         rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
         found.append((fitted.excess, f"{suspect.words(value, stated)} explains the misfit {rest}"))
-    least = min((misfit for misfit, _ in found), default=0.0)
-    return "; or ".join(words for misfit, words in sorted(found) if misfit < least + TOLD) or None
+    return found
 
 
 def _values(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:
