@@ -40,6 +40,7 @@ MIMICS = (
     ("contact_ageing", "direct_effect"),
     ("hysteresis_damping", "sensor_lag"),
     ("hysteresis_damping", "direct_effect"),
+    ("hysteresis_damping", "load_dependence"),
     ("skin_compliance", "sensor_lag"),
     ("occlusion", "load_dependence"),
 )
@@ -225,7 +226,7 @@ class Selection:
                 continue
             together = self._without(losers) if len(losers) > 1 else smaller[losers[0]]
             if statistic(self.best, together) >= sum(prices[e] for e in losers):
-                losers = [min(losers, key=lambda e: self._statistics[e] - prices[e])]
+                losers = [max(losers, key=lambda e: better(smaller[e], self.best))]
                 together = smaller[losers[0]]
             self._ask_held_out(losers, together)
             self._move([e for e in self.kept if e not in losers], together)
