@@ -24,7 +24,7 @@ def draw_cycles(curves: LogCurves, position: int) -> Drawing:
     period = np.append(np.diff(onset), np.nan)
     panels: list[tuple[Array, str, str, str]] = [
         (peak, "N", "onset force", ONSET),
-        (peak - valley, "N", "drop of the force", ARREST),
+        (peak - valley, "N", "drop", ARREST),
         (period, "s", "period", SLIDING),
     ]
     if np.isfinite(misfit).any():
