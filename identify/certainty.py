@@ -31,7 +31,7 @@ from identify.widened import widened
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
-BETTER_TRIES = 3  # how often a profile may hand back a better optimum
+BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
 DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
 CURVED = 0.03  # standard error of a logarithm beyond which the ridge along it may bend
 CURVE_STEPS = 4  # of each side of a profile that is drawn
@@ -89,7 +89,6 @@ def certainty(
         return None
     accepted = attempt.gate.status is Status.CONVERGED
     walked: Profiles | None = None
-    placed_anew = False
     for tries in range(1 + BETTER_TRIES):
         solved = attempt.solved
         bounds = at_bound(solved.theta)
@@ -114,8 +113,7 @@ def certainty(
         # What one peak or one level does not tell, no walk along it will find an end of.
         tells = onsets(solved.guesses) > 1
         asks = asked.profile or bool(bounds) or (tells and doubtful(unknowns, covariance, found))
-        if walked is not None and accepted and not placed_anew and untold_of(found):
-            placed_anew = True
+        if walked is not None and accepted and tries < BETTER_TRIES and _leave_open(found):
             other = better_course(attempt, unknowns, walked.likely)
             if other is not None:
                 attempt, known, walked = other, information_at(other, unknowns), None
@@ -203,7 +201,7 @@ def _deeper(
     return out
 
 
-def untold_of(found: list[Estimate]) -> bool:
+def _leave_open(found: list[Estimate]) -> bool:
     """Whether the data do not tell some parameter."""
     return any(e.verdict == "not identifiable" for e in found)
 
