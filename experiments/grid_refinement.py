@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.study_problem import DEMO, RIG, scene_of, simulated_case
+from identify.attempt import Clock
 from identify.guess import Grid
 from identify.identification import find
 from identify.passes import COARSE
 from identify.placing import place
 from identify.scene import Scene
-from identify.search import Clock
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.uncertainty import information

@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments.machine import describe
 from experiments.study_problem import DEMO, NORMAL_FORCE, RIG
+from identify.attempt import Clock
 from identify.bootstrap import bootstrap
 from identify.coloured import colour, coloured_covariance
 from identify.drive import NormalForce
@@ -37,7 +38,6 @@ from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared
 from identify.profile import CRITICAL, profile
 from identify.scene import Scene
-from identify.search import Clock
 from identify.shooting import Problem
 from identify.simulate import run
 from identify.unknowns import Unknowns

@@ -36,11 +36,11 @@ from data_io import Record
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
 from experiments.true_profile import Truth, logs_of, true_profiles
+from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
 from identify.model import assemble
 from identify.scene import Scene
-from identify.search import Clock
 from identify.simulate import run
 from identify.trajectory import Trajectory
 from identify.unknowns import from_scene

@@ -34,12 +34,12 @@ from experiments.machine import describe  # noqa: E402
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS  # noqa: E402
 from experiments.workprec import one_core  # noqa: E402
 from identify import Scene, fit  # noqa: E402
+from identify.attempt import Clock  # noqa: E402
 from identify.effects import MAIN as NAMES  # noqa: E402
 from identify.identification import find  # noqa: E402
 from identify.model import assemble  # noqa: E402
 from identify.passes import COARSE, solve_in_passes  # noqa: E402
 from identify.placing import place  # noqa: E402
-from identify.search import Clock  # noqa: E402
 from identify.simulate import run  # noqa: E402
 
 LIMIT, TIMES_FASTER, RATE_LIMIT = 2.5, 10.0, 1.5  # what is asked for: s, ratio, ratio

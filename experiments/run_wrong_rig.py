@@ -28,12 +28,12 @@ from experiments.in_parts import append, read
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, SPEEDS, USUAL, Case, random_case, scene_of
 from identify import Scene
+from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
 from identify.model import assemble
 from identify.outcome import Status
 from identify.scene.parameters import ParameterSpec
-from identify.search import Clock
 from identify.simulate import run
 
 CASES, SEED = 100, 7

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from identify.accuracy import AccuracyRow, accuracy_table
 from identify.asked import Asked
+from identify.attempt import Attempt, resolve, resolve_firmly
 from identify.bootstrap import Bootstrap, bootstrap
 from identify.coloured import Colour, colour, coloured_covariance
 from identify.combinations import Combination, Direction, combinations, directions
@@ -21,7 +22,6 @@ from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
 from identify.profile import LEVEL, Profiles, profile
 from identify.ridge_ends import better_course
-from identify.search import Attempt, resolve, resolve_firmly
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_io import Record
+from identify.attempt import Attempt
 from identify.errors import FitError, SceneError
 from identify.model import RIG_PARAMETERS
 from identify.nested import Fitted, fit_from_values, fit_model, fits
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.scene.parameters import ParameterSpec
-from identify.search import Attempt
 from identify.unknowns import Unknowns
 
 REACH = 4.0  # factor up to which a rig value is suspected

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.attempt import Attempt
 from identify.certainty import Certainty
 from identify.outcome import Status
-from identify.search import Attempt
 from identify.uncertainty import Estimate, Information
 from identify.unknowns import Unknowns
 

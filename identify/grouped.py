@@ -13,12 +13,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.attempt import Attempt, Clock
 from identify.gate import pass_gate
 from identify.guess import Guess
 from identify.outcome import Status
 from identify.passes import solve_in_passes
 from identify.prepare import Prepared
-from identify.search import Attempt, Clock, Sources, search
+from identify.search import Sources, search
 from identify.uncertainty import information
 from identify.unknowns import Unknowns
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.motion import check_drive
 from identify.asked import NOTHING_MORE, Asked
+from identify.attempt import Attempt, Clock
 from identify.certainty import certainty
 from identify.choice import Choice
 from identify.diagnosis import diagnose
@@ -29,7 +30,7 @@ from identify.reconstruct import detected_curves, fitted_curves
 from identify.result import document
 from identify.scene import Scene
 from identify.scene.values import LogEntry
-from identify.search import UNEQUAL, Attempt, Clock, Sources
+from identify.search import UNEQUAL, Sources
 from identify.selection import choose_from_data
 from identify.unknowns import Unknowns, from_scene, user_start
 from identify.vibration import tuned

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.attempt import Attempt, Clock, solve_from, usable
 from identify.guess import Guess
 from identify.model import Model
 from identify.parting import parted
@@ -19,7 +20,7 @@ from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
-from identify.search import Attempt, Sources, search, solve_from
+from identify.search import Sources, search
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.unknowns import Unknowns, from_scene
@@ -83,7 +84,7 @@ def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
     if smaller.attempt is None or fits(smaller) or fits(best):
         return best
-    placed = fit_from_values(smaller, scene, records)
+    placed = _placed_anew(smaller, scene, prepared, unknowns)
     complete = placed.attempt is not None and placed.attempt.logs == smaller.attempt.logs
     return placed if complete and placed.excess < best.excess else best
 
@@ -138,8 +139,12 @@ def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless:
 
 def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
     """Fit a model from the parameters of another one, its motion placed anew on the data."""
-    prepared, unknowns = _prepared(scene, records)
-    attempt = solve_from(prepared, replace(unknowns, start=_values_of(other, unknowns)))
+    return _placed_anew(other, scene, *_prepared(scene, records))
+
+
+def _placed_anew(other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> Fitted:
+    at_values = replace(unknowns, start=_values_of(other, unknowns))
+    attempt = solve_from(prepared, usable(prepared), at_values, Clock())
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
 

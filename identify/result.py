@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from identify.attempt import Clock
 from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
 from identify.depth import depth_document, noise_note, profile_ends
@@ -21,7 +22,6 @@ from identify.outcome import Status
 from identify.parting import part_of
 from identify.prepare import Prepared
 from identify.scene import Scene
-from identify.search import Clock
 from identify.uncertainty import LEVEL, Estimate
 from identify.unknowns import Unknowns
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from identify.attempt import Attempt, Clock, place_on, solve_placed, usable
 from identify.outcome import Status
-from identify.search import Attempt, placed_from, solve_from
 from identify.uncertainty import LEVEL
 from identify.unknowns import Unknowns
 
@@ -38,11 +38,11 @@ def better_course(attempt: Attempt, unknowns: Unknowns, likely: Array) -> Attemp
         theta[free] += likely[end]
         there = replace(unknowns, start=theta)
         logs = list(attempt.prepared)
-        courses = [guess.course for guess in placed_from(logs, there)]
-        if courses == [guess.course for guess in attempt.solved.guesses]:
+        placed = place_on(logs, usable(logs), there)
+        if len(placed) < len(logs) or [g.course for *_, g in placed] == [g.course for g in attempt.solved.guesses]:
             continue
-        tried = solve_from(logs, there)
-        if tried is None or tried.gate.status is not Status.CONVERGED or len(tried.logs) < len(attempt.logs):
+        tried = solve_placed(logs, placed, there, Clock())
+        if tried.gate.status is not Status.CONVERGED:
             continue
         limit = attempt.solved.solution.cost - CLEAR / 2 if best is None else best.solved.solution.cost
         if tried.solved.solution.cost < limit:

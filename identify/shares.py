@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.attempt import Attempt
 from identify.layout import kept_parameters
-from identify.search import Attempt
 from identify.uncertainty import Estimate, estimates
 from identify.unknowns import Unknowns
 

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.attempt import Attempt
 from identify.errors import IdentifyError
 from identify.nested import Fitted, fit_smaller, held_out_error, scene_with
 from identify.passes import solve_in_passes
 from identify.prepare import Prepared
 from identify.scene import Scene
-from identify.search import Attempt
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]

@@ -14,13 +14,13 @@ import identify.scene.scene
 import identify.scene.toml
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
+from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
 from identify.model import assemble
 from identify.outcome import Status
 from identify.quantities import Effect, Parameter, Situation, Terms
 from identify.scene import Scene
-from identify.search import Clock
 from identify.simulate import run
 
 SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))

@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from data_io import Record
+from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
 from identify.loads import smooth
@@ -16,7 +17,6 @@ from identify.local_fits import noise_on_lines
 from identify.model import assemble
 from identify.outcome import Status
 from identify.scene import Scene
-from identify.search import Clock
 from identify.segment import segment
 from identify.simulate import run
 

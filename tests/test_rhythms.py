@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from data_io import Record
+from identify.attempt import Clock
 from identify.discretisation import discretisation_error
 from identify.effects import MAIN
 from identify.identification import find
@@ -19,7 +20,6 @@ from identify.passes import solve_in_passes
 from identify.prepare import prepare
 from identify.rhythms import rhythms
 from identify.scene import Scene
-from identify.search import Clock
 from identify.simulate import run
 from identify.unknowns import from_scene
 from identify.vibration import quieted

@@ -11,11 +11,11 @@ import pytest
 
 from experiments.run_recovery_study import Study
 from experiments.study_problem import scene_of
+from identify.attempt import Clock, solve_from, usable
 from identify.outcome import Status
 from identify.parting import parted
 from identify.prepare import prepare
 from identify.ridge_ends import better_course
-from identify.search import solve_from
 from identify.unknowns import from_scene
 
 WRONG = {"mu_s": 0.353698, "mu_k0": 0.29213, "D": 9.9315e-06, "t_cr": 0.058197, "delta_mu_k": -0.235745, "a": 10.086}
@@ -31,7 +31,7 @@ def pair():
 
     def answer(values):
         theta = unknowns.theta(np.array([(known | values)[n] for n in unknowns.names]), unknowns.base(case.rig))
-        return solve_from(logs, replace(unknowns, start=theta))
+        return solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock())
 
     return unknowns, case.truth, answer
 

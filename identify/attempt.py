@@ -1,0 +1,165 @@
+"""One start, placed on the logs and solved, and an answer solved again; the gate says what came of it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.following import glide
+from identify.gate import Gate, pass_gate
+from identify.guess import Guess
+from identify.outcome import Status
+from identify.passes import COARSE, Solved, solve_in_passes
+from identify.placing import place
+from identify.prepare import Prepared, cut_in_last_stick
+from identify.sequence import TRIES, followed, resequenced
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut, and the motion placed on it
+
+CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
+FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A solved start: which logs took part (indices), prepared and cut, the solution and its gate."""
+
+    logs: tuple[int, ...]
+    prepared: tuple[Prepared, ...]
+    solved: Solved
+    gate: Gate
+
+
+@dataclass
+class Clock:
+    """Seconds spent per stage."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add(self, stage: str, since: float) -> float:
+        """Count the time since `since` to a stage; returns now."""
+        now = time.perf_counter()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - since
+        return now
+
+
+def usable(prepared: list[Prepared]) -> list[int]:
+    """Numbers of the logs that are not left out."""
+    return [i for i, log in enumerate(prepared) if log.left_out is None]
+
+
+def solve_from(
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firmness: float = 1.0
+) -> Attempt | None:
+    """Place the start on the chosen logs and solve; None where no log can be placed."""
+    since = time.perf_counter()
+    placed = place_on(prepared, chosen, unknowns) if chosen else []
+    clock.add("place", since)
+    return solve_placed(prepared, placed, unknowns, clock, firmness) if placed else None
+
+
+def solve_placed(
+    prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, clock: Clock, firmness: float = 1.0
+) -> Attempt:
+    """Solve from a start that is placed on some of the logs, one at least."""
+    since = time.perf_counter()
+    numbers, logs, guesses = (list(column) for column in zip(*placed, strict=True))
+    # What every log has for itself, the first log has in the shared theta.
+    unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
+    guesses[0] = replace(guesses[0], own=np.empty(0))
+    solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(firmness))
+    for _ in range(TRIES):
+        at_answer = replace(unknowns, start=solved.theta)
+        again = resequenced([prepared[i] for i in numbers], logs, solved.guesses, at_answer)
+        if again is None:
+            break
+        logs, guesses = again
+        solved = solve_in_passes([log.data for log in logs], guesses, at_answer.softened(firmness))
+    clock.add("solve", since + solved.forming)
+    clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
+    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
+    return Attempt(tuple(numbers), tuple(logs), solved, gate)
+
+
+def crept(attempt: Attempt) -> bool:
+    """Whether the curve fits, and the solver found no end to a ridge along which the data tell nothing."""
+    gate = attempt.gate
+    return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
+
+
+def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
+    solver follows; None where it follows nowhere. The information matrix never sees these priors."""
+    best: Attempt | None = None
+    for firmness in FIRM:
+        if best is None:
+            tried = solve_from(prepared, chosen, unknowns, clock, firmness)
+        else:
+            tried = resolve(best, replace(unknowns.softened(firmness), start=best.solved.theta))
+        if tried is None or tried.gate.status is not Status.CONVERGED:
+            break
+        best = tried
+    return best
+
+
+def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
+    """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
+    and at most so many steps per interval."""
+    logs, soft = attempt.prepared, unknowns.softened()
+    solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, soft, steps=steps, most=most)
+    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
+    return replace(attempt, solved=solved, gate=gate)
+
+
+def resolve_firmly(attempt: Attempt, unknowns: Unknowns, theta: Array, motion: list[Guess]) -> Attempt:
+    """Solve again from theta (n_p,) and the motion there; where the solver finds no end to a ridge, with priors around
+    theta that hold what the data do not tell, as loose as they can be."""
+    attempt = replace(attempt, solved=replace(attempt.solved, guesses=motion))
+    moved = resolve(attempt, replace(unknowns, start=theta))
+    for firmness in FIRM[::-1]:
+        if not crept(moved):
+            break
+        tried = resolve(attempt, replace(unknowns, start=theta).softened(firmness))
+        moved = tried if tried.gate.status is Status.CONVERGED else moved
+    return moved
+
+
+def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:
+    """Number, cut log and guess of every chosen log that the start can be placed on."""
+    out: list[PlacedLog] = []
+    for number in chosen:
+        if prepared[number].manner.name != "cycles":
+            out += [(number, *found) for found in _followed(prepared[number], unknowns)]
+    chosen = [i for i in chosen if prepared[i].manner.name == "cycles"]
+    logs = [prepared[i] for i in chosen]
+    p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
+    placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
+    for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
+        if guess is None or not _joins_up(guess, log):
+            continue
+        sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
+        typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
+        cut = cut_in_last_stick(log, float(guess.arrest[-1]), typical)
+        out.append((number, cut, guess))
+    return sorted(out, key=lambda entry: entry[0])
+
+
+def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Guess]]:
+    """The log of a course of its own, or of sliding, cut to what the start follows of it; empty where it does not."""
+    p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
+    if log.manner.name == "sliding":
+        gliding = glide(unknowns.model, log.data, p)
+        return [] if gliding is None else [(log, gliding)]
+    found = followed(log, unknowns)
+    return [] if found is None else [found]
+
+
+def _joins_up(guess: Guess, log: Prepared) -> bool:
+    """Whether every stick has a length, the last one too."""
+    ends = np.append(guess.onset[1:], log.data.end)
+    return bool(guess.onset[0] > log.data.begin and np.all(ends > guess.arrest))
