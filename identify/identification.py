@@ -108,8 +108,9 @@ def find(
             "the effect inertia is off: a fit follows slips, which have no duration without a mass; "
             "add inertia to effects and give the mass under [rig]"
         )
-    for effect in (effect for effect in ALL if effect.name in scene.effects):
-        if (refusal := effect.unfit(scene.values())) is not None:
+    values = scene.values()
+    for effect in ALL:
+        if effect.name in scene.effects and (refusal := effect.unfit(values)) is not None:
             raise FitError(refusal)
     progress("reading the logs", 0.0)
     scene, read = parted(*with_records(scene, records))

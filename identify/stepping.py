@@ -79,8 +79,8 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     for i, state in enumerate(model.states):
         if state.lower is not None and state.upper is not None:
             reach = state.upper - state.lower
-            norm = ca.if_else(after[i] < state.upper + ABOVE * reach, norm, ca.inf)
-            norm = ca.if_else(after[i] > state.lower - reach, norm, ca.inf)
+            inside = ca.logic_and(after[i] < state.upper + ABOVE * reach, after[i] > state.lower - reach)
+            norm = ca.if_else(inside, norm, ca.inf)
     row = ca.vertcat(after, norm, ends(model, mode)(after, c, t + h))
     return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
 
