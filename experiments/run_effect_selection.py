@@ -13,7 +13,7 @@ import sys
 import time
 import traceback
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +55,7 @@ STRONG, KEEP = 50.0, 25.0
 @dataclass(frozen=True)
 class Trial:
     """One record: effects it was made with, effects chosen, statistic of each true one at the model that made the
-    record, seconds, and what went wrong."""
+    record, seconds, what went wrong; and of a law in whose place an interchangeable one was chosen, what that loses."""
 
     number: int
     true: tuple[str, ...]
@@ -63,6 +63,23 @@ class Trial:
     statistics: dict[str, float]
     seconds: float
     complaint: str = ""
+    other_laws: dict[str, float] = field(default_factory=dict)
+
+    def found(self, effect: str) -> bool:
+        """Whether the effect was chosen, or a law in its place that says the same."""
+        return effect in self.chosen or self.other_laws.get(effect, np.inf) < KEEP
+
+    @property
+    def invented(self) -> list[str]:
+        """Effects chosen that the record was not made with, nor as another law of one."""
+        said = {mate for law, loss in self.other_laws.items() if loss < KEEP for mate in _mates(law)}
+        return sorted(set(self.chosen) - set(self.true) - said)
+
+
+def _mates(effect: str) -> set[str]:
+    """The laws that can stand in the place of an effect."""
+    role = next(e.role for e in ALL if e.name == effect)
+    return {e.name for e in ALL if role and e.role == role and e.name != effect}
 
 
 def draw(number: int) -> tuple[tuple[str, ...], dict[str, float], list[Record], int]:
@@ -157,8 +174,8 @@ def trial(number: int) -> Trial:
         return Trial(number, effects, (), {}, time.perf_counter() - began, said)
     seconds = time.perf_counter() - began
     known = {r.effect: r.statistic for r in choice.reasons if r.statistic is not None}
-    statistics = _at_truth(effects, truth, records, choice.effects, known)
-    return Trial(number, effects, choice.effects, statistics, seconds)
+    statistics, other_laws = _at_truth(effects, truth, records, choice.effects, known)
+    return Trial(number, effects, choice.effects, statistics, seconds, other_laws=other_laws)
 
 
 def _at_truth(
@@ -167,11 +184,12 @@ def _at_truth(
     records: Sequence[Record],
     chosen: Sequence[str],
     known: dict[str, float],
-) -> dict[str, float]:
-    """Statistics of the true effects at the model that made the record; those of a right choice are these already."""
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Statistics of the true effects at the model that made the record, those of a right choice are these already; and
+    what a law chosen in the place of a true one loses."""
     asked = [e for e in effects if e != "inertia"]
     if set(chosen) == set(effects):
-        return {e: known.get(e, np.inf) for e in asked}
+        return {e: known.get(e, np.inf) for e in asked}, {}
     names = {q.name for q in assemble(tuple(effects)).parameters}
     starts = {name: value for name, value in truth.items() if name in names}
 
@@ -181,13 +199,17 @@ def _at_truth(
     full = fit_model(scene(effects), records, sources="both")
     out = dict.fromkeys(asked, np.inf)
     if not fits(full):  # nothing is known: what is missing counts as strong
-        return out
+        return out, {}
     # The chosen model lacks every lost effect: where it is a part of the true one, no statistic is larger than its own.
     part = fit_model(scene(chosen), records, sources="both").excess if set(chosen) < set(effects) else np.inf
     for effect in (e for e in asked if e not in chosen):
         smaller = fit_smaller(full, scene([e for e in effects if e != effect]), records)
         out[effect] = min(smaller.excess, part) - full.excess
-    return out
+    laws = {}
+    for effect, mate in ((e, m) for e in asked if e not in chosen for m in _mates(e) & set(chosen)):
+        other = fit_model(scene([mate if e == effect else e for e in effects]), records, sources="both")
+        laws[effect] = other.excess - full.excess
+    return out, laws
 
 
 def table(trials: Sequence[Trial]) -> None:
@@ -203,13 +225,16 @@ def table(trials: Sequence[Trial]) -> None:
         sums += row
         print(f"| {name} | " + " | ".join(str(v) for v in row) + " |")
     print("| all | " + " | ".join(str(v) for v in sums) + " |\n")
-    complete = [all(e in t.chosen for e, s in t.statistics.items() if s >= STRONG) for t in judged]
-    clean = [all(e in t.true for e in t.chosen) for t in judged]
-    kept = [all(e in t.chosen for e, s in t.statistics.items() if s > KEEP) for t in judged]
+    complete = [all(t.found(e) for e, s in t.statistics.items() if s >= STRONG) for t in judged]
+    clean = [not t.invented for t in judged]
+    kept = [all(t.found(e) for e, s in t.statistics.items() if s > KEEP) for t in judged]
     n = len(judged)
     print(f"all strong effects found: {sum(complete)} of {n} records")
     print(f"an effect of more than {KEEP:g} dropped: in {n - sum(kept)} of {n} records")
     print(f"no effect chosen that is not there: {sum(clean)} of {n} records")
+    print(
+        f"another law in the place of the true one, losing less than {KEEP:g}: {sum(len(t.other_laws) for t in judged)}"
+    )
     seconds = [t.seconds for t in judged] or [0.0]
     print(f"seconds of a choice: median {np.median(seconds):.1f}, worst {max(seconds):.1f}")
 
@@ -219,9 +244,9 @@ def _row(name: str, trials: Sequence[Trial]) -> NDArray[np.int64]:
     row = [len(there)]
     for low, high in ((STRONG, np.inf), (KEEP, STRONG), (-np.inf, KEEP)):
         mine = [t for t in there if low <= t.statistics.get(name, np.nan) < high or high == t.statistics.get(name)]
-        row += [len(mine), sum(name in t.chosen for t in mine)]
+        row += [len(mine), sum(t.found(name) for t in mine)]
     absent = [t for t in trials if name not in t.true]
-    return np.array([*row, len(absent), sum(name in t.chosen for t in absent)])
+    return np.array([*row, len(absent), sum(name in t.invented for t in absent)])
 
 
 def study(first: int, last: int, file: Path | None) -> list[Trial]:
@@ -230,11 +255,12 @@ def study(first: int, last: int, file: Path | None) -> list[Trial]:
     for number in range(first, last + 1):
         done = trial(number)
         trials.append(done)
-        missed = sorted(set(done.true) - set(done.chosen))
-        wrong = sorted(set(done.chosen) - set(done.true))
+        missed = [e for e in done.true if not done.found(e)]
+        laws = {e: round(loss, 1) for e, loss in done.other_laws.items()}
         print(
             f"{number:4d} {done.seconds:6.1f} s  {len(done.true)} effects; missed {missed} "
-            f"{ {e: round(done.statistics.get(e, np.nan), 1) for e in missed} }; invented {wrong} {done.complaint}",
+            f"{ {e: round(done.statistics.get(e, np.nan), 1) for e in missed} }; invented {done.invented}"
+            f"{f'; another law instead, which loses {laws}' if laws else ''} {done.complaint}",
             flush=True,
         )
         in_parts.append(file, asdict(done))

@@ -1,5 +1,7 @@
 """The shooting blocks, generated from the composed model: one stick, one interval of a slip, one last rest.
 
+A rest that is no straight line takes many blocks; the moment in which the contact re-ages before it is a block then.
+
 A block takes its slots (local unknowns) and constants and returns rows (defects and guards, scaled) and
 curve coefficients: what the load cell sees as a polynomial of reference time u within each cell, where
 u = 0 and 1 are the cell's ends for the event times at which the samples were assigned. Event times are
@@ -28,6 +30,7 @@ BlockKind = Literal[
     "stick_reaged",
     "hold",
     "hold_reaged",
+    "reageing",
     "slip",
     "saturated",
     "released",
@@ -76,19 +79,28 @@ class Block:
         d_curve = out[3].reshape(count, self.n_slots, self.n_cells, self.order).transpose(0, 2, 3, 1)
         return rows, curve, d_rows, d_curve
 
-    def bend(self, slots: Array, constants: Array, on_rows: Array, on_curve: Array) -> Array:
+    def bend(self, slots: Array, constants: Array, on_rows: Array, on_curve: Array, used: tuple[int, ...]) -> Array:
         """Second derivatives (B, n_slots, n_slots) of on_rows . rows + on_curve . curve; weights (B, n_rows) and
-        (B, n_cells * order). Built on first use: only creeping solves need it."""
-        return _second(self)([slots, constants, on_rows, on_curve])[0].reshape(-1, self.n_slots, self.n_slots)
+        (B, n_cells * order). Built on first use: only creeping solves need it.
+
+        Args:
+            used: the slots that are asked for; all others count as constants.
+        """
+        out = np.zeros((slots.shape[0], self.n_slots, self.n_slots))
+        asked = np.array(used)
+        some = _second(self, used)([slots, constants, on_rows, on_curve])[0]
+        out[:, asked[:, None], asked] = some.reshape(-1, asked.size, asked.size)
+        return out
 
 
 @lru_cache(maxsize=64)
-def _second(made: Block) -> Mapped:
+def _second(made: Block, used: tuple[int, ...]) -> Mapped:
     """The mapped function behind `Block.bend`."""
     slots, constants, rows, curve = made.expressions
     on_rows, on_curve = ca.SX.sym("on_rows", made.n_rows), ca.SX.sym("on_curve", curve.numel())
     weighted = ca.dot(on_rows, rows) + ca.dot(on_curve, curve)
-    second, _ = ca.hessian(weighted, slots)
+    moving = ca.vertcat(*(slots[i] for i in used))
+    second, _ = ca.hessian(weighted, moving)
     function = ca.Function(f"{made.kind}_second", [slots, constants, on_rows, on_curve], [ca.densify(second)])
     return Mapped(function, CHUNK)
 
@@ -193,6 +205,14 @@ def _rest(model: Model, reaged: bool, with_end: bool, guarded: bool = True) -> t
         return s, ca.vertcat(*rows), curve
     guard = (model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED]
     return s, ca.vertcat(*rows, guard), curve
+
+
+def _reageing(model: Model) -> tuple[_Symbols, ca.SX, ca.SX]:
+    """The moment before a rest of many blocks: its end is the state that they all start from; no samples are in it."""
+    s = _Symbols.of(model)
+    start = _resting_start(model, s, s.parameters(model), True)
+    rows = [(s.end[i] - start[i]) / s.row_scale[i] for i in range(len(model.states)) if i != SPEED]
+    return s, ca.vertcat(*rows), ca.SX.zeros(2)
 
 
 def _bent_rest(model: Model, s: _Symbols, p: ca.SX, start: ca.SX) -> ca.SX:
@@ -312,6 +332,8 @@ def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
         s, rows, curve = _slip(model, kind != "slip", steps, kind == "released")
     elif steady:
         s, rows, curve = _steady(model, kind.endswith("saturated"))
+    elif kind == "reageing":
+        s, rows, curve = _reageing(model)
     else:
         with_end = not kind.startswith("rest")
         s, rows, curve = _rest(model, kind.endswith("reaged"), with_end, guarded=kind.startswith("stick"))
@@ -319,7 +341,8 @@ def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
     values = ca.Function(f"{kind}_values", [slots, s.constants], [rows, curve])
     jacobians = [ca.densify(ca.jacobian(rows, slots)), ca.densify(ca.jacobian(curve, slots))]
     derivatives = ca.Function(f"{kind}_derivatives", [slots, s.constants], [rows, curve, *jacobians])
-    cells, order = (steps, 4) if sliding else (1, 2) if model.straight or steady else (REST_CELLS, 4)
+    line = model.straight or steady or kind == "reageing"
+    cells, order = (steps, 4) if sliding else (1, 2) if line else (REST_CELLS, 4)
     return Block(
         kind,
         slots.numel(),

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.mapped import Mapped
-from identify.model import INPUTS, SPEED, TIME, Model
+from identify.model import ELONGATION, INPUTS, SPEED, TIME, Model
 from identify.phases import stick as rest
 from identify.resting import swing
 from identify.situated import Situated
@@ -28,6 +28,10 @@ Indices = NDArray[np.int64]
 CHUNK = 64
 LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
 NEWTON_STEPS = 40
+TREMBLING = (
+    3.0  # times the swing of the drive: a slip that is shorter is a tremble of the contact, and the stick goes on
+)
+MOST_TREMBLES = 30  # before one slip
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,21 @@ class Slips:
     def rested(self) -> Bools:
         """Whether each lane came to rest."""
         return np.isfinite(self.arrest)
+
+    def replaced(self, which: Indices, others: Slips) -> Slips:
+        """These slips with some (k,) of them replaced by others (k lanes)."""
+        steps = max(self.states.shape[0], others.states.shape[0])
+
+        def placed(mine: Array, other: Array) -> Array:
+            out = _held(mine, steps)
+            out[:, which] = _held(other, steps)
+            return out
+
+        ends = ("h", "saturation", "arrest", "at_saturation", "at_arrest")
+        new = {name: getattr(self, name).copy() for name in ends}
+        for name, array in new.items():
+            array[which] = getattr(others, name)
+        return Slips(states=placed(self.states, others.states), rates=placed(self.rates, others.rates), **new)
 
     def at(self, times: Array) -> Array:
         """States (n, m, n_x) at times (n, m) [s] from the onset of each lane, cubic Hermite; held outside."""
@@ -125,7 +144,7 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         t = (saturated + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact saturated for ever
         t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
-        swings = np.array([swing(model, lane)[1] for lane in p]) if model.waves.numel_out(0) else np.zeros(1)
+        swings = _swings(model, p)
         if np.any(swings > 0.0):
             longest = t + 2 * swings / np.maximum(k * u[:, 0], 1e-300) + 1e-9
             rests = [
@@ -143,6 +162,43 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
                 break
     state = functions["spare"]([x, p, u, t])[2]
     return t, state
+
+
+def break_away(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> tuple[Array, Slips]:
+    """Rest each lane and let it slip; where the drive vibrates, the trembles before the slip count as rest.
+
+    Near the end of a stick a vibration lets the contact slip by no more than it moves itself, some times over, before
+    it slides away: such slips are below the noise of a log, and no falls that are seen.
+
+    Returns:
+        time from x to the slip (n,) [s], as that of `stick`; the slips.
+    """
+    time, at_onset = stick(model, x, p, u)
+    slips = slip(model, at_onset, p, _later(u, time), per_half_period)
+    shortest = TREMBLING * _swings(model, p) / p[:, model.parameter_names.index("stiffness")]
+    for _ in range(MOST_TREMBLES):
+        moved = at_onset[:, ELONGATION] - slips.at_arrest[:, ELONGATION]
+        again = np.flatnonzero(slips.rested & (moved < shortest))
+        if again.size == 0:
+            break
+        since = time[again] + slips.arrest[again]
+        more, at_onset[again] = stick(model, slips.at_arrest[again], p[again], _later(u[again], since))
+        time[again] = since + more
+        later = slip(model, at_onset[again], p[again], _later(u[again], time[again]), per_half_period)
+        slips = slips.replaced(again, later)
+    return time, slips
+
+
+def _swings(model: Model, p: Array) -> Array:
+    """Force of what oscillates in the drive on the contact of each lane (n,) [N]."""
+    if model.waves.numel_out(0) == 0:
+        return np.zeros(p.shape[0])
+    return np.array([swing(model, lane)[1] for lane in p])
+
+
+def _later(u: Array, t: Array) -> Array:
+    """The inputs t (n,) [s] later."""
+    return np.column_stack([u[:, :TIME], u[:, TIME] + np.nan_to_num(t)])
 
 
 def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Slips:
@@ -180,6 +236,11 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     for s, lanes, before, free, stopped in pending:
         _mark(model, result, s, lanes, before, free, stopped)
     return result
+
+
+def _held(course: Array, steps: int) -> Array:
+    """A course (s, n, n_x) that stays where it ends up to so many steps; a copy."""
+    return np.concatenate([course, np.repeat(course[-1:], steps - course.shape[0], axis=0)])
 
 
 def _mark(model: Model, out: Slips, s: int, lanes: Indices, before: Array, free: Array, stopped: Bools) -> None:

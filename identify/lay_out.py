@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.blocks import REST_CELLS, BlockKind
+from identify.blocks import REST_CELLS, BlockKind, block
 from identify.collector import Collector
 from identify.guess import Grid, Guess, LogData, Stretch
 from identify.layout import KNOWN, Indices, Layout, Places, StretchPlaces
@@ -95,7 +95,9 @@ class _LogWalk:
     def _last_rest(self, cycle: int) -> None:
         """The rest that the end of the window cuts."""
         constants = self._constants(self.rest_rows, self.since, self.log.end, self.log.end)
-        for part in self._parts(self.since, self.log.end):
+        parts = self._parts(self.since, self.log.end)
+        self._reaging(cycle, constants, len(parts), NO_OFFSET, ZERO)
+        for part in parts:
             self._rest_part(cycle, NO_OFFSET, NO_OFFSET, ZERO, constants, part)
 
     def _own(self) -> None:
@@ -157,6 +159,7 @@ class _LogWalk:
         node = self.c.state(value, self.size, (SPEED,))
         constants = self._constants(self.rest_rows, self.since, on, on)
         *before, last = self._parts(self.since, on)
+        self._reaging(cycle, constants, len(before) + 1, self.load, self.load_value)
         for part in before:
             self._rest_part(cycle, np.array([index]), self.load, self.load_value, constants, part)
         self.c.put(
@@ -171,6 +174,38 @@ class _LogWalk:
         )
         self.node, self.value, self.offset = node, value, np.array([index])
         return node
+
+    def _reaging(self, cycle: int, constants: Array, parts: int, load: Indices, load_value: Array) -> None:
+        """A node after the contact re-aged, where more than one block would each go through that moment again."""
+        if not self.reaged or parts == 1:
+            return
+        moment = self._cut(constants, (0.0, 0.0))[0]
+        value = self._after_reageing(moment)
+        node = self.c.state(value, self.size, (SPEED,))
+        self.c.put(
+            "reageing",
+            1,
+            self.number,
+            cycle,
+            [self.node, node, self.offset, self.offset, load],
+            [self.value, value, ZERO, ZERO, load_value],
+            moment,
+            np.full((1, 2), self.since),
+            self.own,
+        )
+        self.node, self.value, self.reaged = node, value, False
+
+    def _after_reageing(self, moment: Array) -> Array:
+        """The guess of the state at rest once the contact re-aged (n_x,); moment: the constants of its block."""
+        theta = self.guess.theta(self.c.unknowns.start)[self.c.source]
+        slots = np.concatenate([self.value, np.zeros(self.n_x + 3), theta])
+        made = block(self.c.model, "reageing")
+        rows = made.evaluate(slots[None], moment[None], derivatives=False)[0][0]
+        value = self.value.copy()
+        value[SPEED] = 0.0
+        others = [i for i in range(self.n_x) if i != SPEED]
+        value[others] = np.where(np.isfinite(rows), -rows * self.rest_rows[others], value[others])
+        return value
 
     def _rest_part(
         self, cycle: int, end: Indices, load: Indices, load_value: Array, constants: Array, part: tuple[float, float]

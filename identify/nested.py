@@ -20,7 +20,7 @@ from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
-from identify.search import Sources, search
+from identify.search import Sources, alike, search
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.unknowns import Unknowns, from_scene
@@ -70,7 +70,8 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True,
     """
     prepared, unknowns = _prepared(scene, records)
     attempt, _ = search(prepared, unknowns, thorough=False, sources=sources)
-    if thorough and (attempt is None or not attempt.solved.solution.success):
+    failed = attempt is not None and not attempt.solved.solution.success
+    if thorough and (attempt is None or (failed and alike(prepared))):  # unlike cycles leave no other start to try
         attempt, _ = search(prepared, unknowns, sources=sources)
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 

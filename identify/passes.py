@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.first_onsets import with_first_onsets
 from identify.guess import Grid, Guess, LogData
 from identify.loads import calmed
 from identify.shooting import Problem, transcribe
@@ -32,6 +33,7 @@ PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 OVERTIME = 80  # iterations more where a load trembles and
 ALMOST = 1.5  # times the noise variance is what is left
+AGAIN = 3  # how often slips that begin too late are put where they begin
 NEAR = 0.5  # largest row from which the exact Hessian is tried
 
 
@@ -53,6 +55,16 @@ class Solved:
     forming: float
 
 
+@dataclass(frozen=True)
+class _Way:
+    """How to solve, as `solve_in_passes` was asked."""
+
+    on_pass: Callable[[int], None] | None
+    hopeless: float
+    steps: int
+    most: int
+
+
 def solve_in_passes(
     logs: list[LogData],
     guesses: list[Guess],
@@ -69,7 +81,31 @@ def solve_in_passes(
         hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
             least and at most.
     """
-    plain = _in_passes(logs, logs, guesses, unknowns, on_pass, hopeless, steps, most)
+    way = _Way(on_pass, hopeless, steps, most)
+    solved = _from_calm(logs, guesses, unknowns, way)
+    for _ in range(AGAIN):
+        at_answer = replace(unknowns, start=solved.theta)
+        earlier = [with_first_onsets(log, g, at_answer, COARSE) for log, g in zip(logs, solved.guesses, strict=True)]
+        if not np.isfinite(solved.solution.cost) or all(g is None for g in earlier):
+            break
+        placed = [new or old for new, old in zip(earlier, solved.guesses, strict=True)]
+        other = _in_passes(logs, logs, placed, at_answer, way)
+        if not _better(other, solved):
+            break
+        solved = other
+    return solved
+
+
+def _better(other: Solved, than: Solved) -> bool:
+    """Whether another motion is the one to go on with."""
+    if other.solution.success != than.solution.success:
+        return other.solution.success
+    return other.solution.cost < than.solution.cost
+
+
+def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, way: _Way) -> Solved:
+    """Solve, where a trembling load leads astray from the events of a calm one."""
+    plain = _in_passes(logs, logs, guesses, unknowns, way)
     near = plain.grid is not COARSE and 2.0 * plain.solution.cost < ALMOST * plain.problem.samples
     if plain.solution.success or near:
         return plain
@@ -77,7 +113,7 @@ def solve_in_passes(
     if all(quiet is log for quiet, log in zip(calm, logs, strict=True)):
         return plain
     # Where the normal force trembles, the events of a calm load are a start from which the solver may find its way.
-    other = _in_passes(logs, calm, guesses, unknowns, on_pass, hopeless, steps, most)
+    other = _in_passes(logs, calm, guesses, unknowns, way)
     return other if other.solution.success or other.solution.cost < plain.solution.cost else plain
 
 
@@ -86,32 +122,22 @@ def _in_passes(
     calm: list[LogData],
     guesses: list[Guess],
     unknowns: Unknowns,
-    on_pass: Callable[[int], None] | None,
-    hopeless: float,
-    steps: int,
-    most: int,
+    way: _Way,
 ) -> Solved:
     """As `solve_in_passes`; the first pass with the loads of `calm`."""
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
     iterations, forming = 0, 0.0
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
+    bent = False
     for number in range(1, MOST_PASSES + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
         problem = transcribe(calm if coarse else logs, guesses, unknowns, grid)
         forming += time.perf_counter() - since
-        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE)
-        iterations += solution.iterations
-        if not solution.success and solution.infeasibility < NEAR:
-            # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
-            crept = solution
-            solution = solve(problem, tolerance=tolerance, iterations=PATIENCE, exact=True, start=crept.z)
-            iterations += solution.iterations
-            if trembling and not solution.success and 2.0 * crept.cost < ALMOST * problem.samples:
-                # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.
-                solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=crept.z)
-                iterations += solution.iterations
+        tried = _tried(problem, tolerance, barrier, bent, trembling)
+        solution, bent = tried.solution, tried.bent
+        iterations += tried.iterations
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
         formed_from = guesses
@@ -124,12 +150,12 @@ def _in_passes(
         shift = _shift_in_samples(problem, solution, logs)
         solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
         unknowns = replace(unknowns, start=theta)
-        if on_pass is not None:
-            on_pass(number)
+        if way.on_pass is not None:
+            way.on_pass(number)
         fine = not coarse
         misfit = 2.0 * solution.cost / max(problem.samples, 1)
         lost = misfit > LOST if not solution.success else number >= PASSES and misfit > ALL_BUT
-        if solution.cost > hopeless or lost:
+        if solution.cost > way.hopeless or lost:
             return solved
         if not np.all(np.isfinite(solution.x)) or (not solution.success and (fine or solution.infeasibility > NEAR)):
             return solved
@@ -138,9 +164,47 @@ def _in_passes(
         if not np.all([_ordered(guess) for guess in guesses]):
             return solved
         fitting = fine_grid(logs, guesses, unknowns)
-        grid, tolerance, barrier = replace(fitting, steps=min(max(fitting.steps, steps), most)), 1e-8, 1e-6
+        grid, tolerance, barrier = replace(fitting, steps=min(max(fitting.steps, way.steps), way.most)), 1e-8, 1e-6
     assert solved is not None
     return solved
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What one pass came to: the last solution, iterations of all, and whether it took the exact Hessian."""
+
+    solution: Solution
+    iterations: int
+    bent: bool
+
+
+def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, trembling: bool) -> _Tried:
+    """Solve one pass with Gauss-Newton, where that creeps or wanders with the exact Hessian.
+
+    Args:
+        bent: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again.
+        trembling: the load of some log trembles.
+    """
+    iterations = 0
+    if bent:
+        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE, exact=True)
+        if solution.success:
+            return _Tried(solution, solution.iterations, True)
+        iterations = solution.iterations
+    solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE)
+    iterations += solution.iterations
+    if solution.success or not solution.infeasibility < NEAR:
+        return _Tried(solution, iterations, False)
+    # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
+    crept = solution
+    near = 2.0 * crept.cost < ALMOST * problem.samples
+    solution = solve(problem, tolerance=tolerance, iterations=(1 + near) * PATIENCE, exact=True, start=crept.z)
+    iterations += solution.iterations
+    if trembling and near and not solution.success:
+        # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.
+        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=crept.z)
+        return _Tried(solution, iterations + solution.iterations, False)
+    return _Tried(solution, iterations, solution.success)
 
 
 def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> Grid:

@@ -55,8 +55,7 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
     starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
     x = _first_arrests(model, side, starts)
     for _ in range(SWEEPS):
-        stick, at_onset = lanes.stick(model, x, side.p, side.u)
-        slips = lanes.slip(model, at_onset, side.p, _later(side.u, stick), PER_HALF_PERIOD // 2)
+        _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD // 2)
         handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
         x = np.where(side.first[:, None], x, np.roll(handed, 1, axis=0))
     slips, onset = _placed(model, logs, side, x)
@@ -76,14 +75,13 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
         if not falling.size or not np.all(slips.rested[mine]):
             guesses.append(None)
             continue
-        guesses.append(_guess(model, log, p[number], starts[number], slips, mine, onset[mine], grid))
+        guesses.append(guess_of(model, log, p[number], starts[number], slips, mine, onset[mine], grid))
     return Placement(tuple(guesses))
 
 
 def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[lanes.Slips, Array]:
     """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
-    stick, at_onset = lanes.stick(model, x, side.p, side.u)
-    slips = lanes.slip(model, at_onset, side.p, _later(side.u, stick), PER_HALF_PERIOD)
+    _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD)
     waves = _waves(model, slips, side)
     onset = side.fall - middle_of_fall(waves.force, waves.h, waves.duration)
     samples = _around(logs, side, onset, waves.duration)
@@ -104,11 +102,6 @@ def _side_by_side(logs: list[LogData], p: list[Array], falls: list[Array]) -> _L
     since = np.where(first, np.array([log_.begin for log_ in logs])[log], np.roll(fall, 1))
     u = np.stack([speed, force, np.ones_like(force), since], axis=1)
     return _Lanes(log, first, fall, np.stack(p)[log], u)
-
-
-def _later(u: Array, t: Array) -> Array:
-    """The inputs t (n,) [s] later."""
-    return np.column_stack([u[:, :TIME], u[:, TIME] + np.nan_to_num(t)])
 
 
 def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
@@ -227,7 +220,7 @@ def _shift(waves: _Waves, samples: _Samples, onset: Array) -> Array:
     return np.asarray(np.clip(np.where(np.isfinite(move), move, 0.0), -limit, limit))
 
 
-def _guess(
+def guess_of(
     model: Model,
     log: LogData,
     p: Array,
@@ -237,6 +230,11 @@ def _guess(
     onset: Array,
     grid: Grid,
 ) -> Guess:
+    """The guess of a log from its slips.
+
+    Args:
+        start: state at the begin (n_x,); slips: of many logs, of which `mine` (c,) are this log's; onset: (c,) [s].
+    """
     saturation, arrest = slips.saturation[mine], slips.arrest[mine]
     picked = lanes.Slips(
         slips.h[mine],

@@ -8,7 +8,7 @@ given is one more start, never the only one.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Literal
@@ -119,7 +119,7 @@ def _from_logs(
         known, _ = search(pieces, unknowns, sources=way.sources, seed=way.seed, clock=clock, thorough=way.thorough)
         ahead = [] if known is None else [known.solved.theta]
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
-    unequal = not way.thorough or max(prepared[i].scatter for i in first) > UNEQUAL
+    unequal = not way.thorough or not alike([prepared[i] for i in first])
     solved = 0
     worst = np.inf if way.thorough else HOPELESS
     starts = _starts([prepared[i] for i in first], unknowns, way.sources, way.seed, unequal, worst, clock)
@@ -146,6 +146,11 @@ def _from_logs(
         if best is not None and best.gate.status is Status.CONVERGED and set(first) <= set(best.logs):
             break
     return None if best is None else _disowned(best, prepared, first)
+
+
+def alike(prepared: Sequence[Prepared]) -> bool:
+    """Whether the cycles of these logs resemble each other, so that more starts than one are worth a try."""
+    return max(log.scatter for log in prepared) <= UNEQUAL
 
 
 def _disowned(best: Attempt, prepared: list[Prepared], first: list[int]) -> Attempt:

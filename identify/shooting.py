@@ -220,7 +220,8 @@ class Problem:
             slots, count = self._slots(family, x), family.slots.shape[0]
             _, curve = family.block.evaluate(slots, family.constants, derivatives=False)
             pull = on_cost * _pull(moments, curve).reshape(count, -1)
-            bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull)
+            used = tuple(np.flatnonzero(np.any(family.slots >= 0, axis=0)).tolist())
+            bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull, used)
             parts.append(bend.ravel()[scatter.hessian_entries])
         summed = np.bincount(
             self._hessian_slot, weights=np.concatenate([*parts, np.zeros(z.size)]), minlength=self._hessian_rows.size

@@ -14,6 +14,8 @@ from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
+LOBE = 0.5  # periods more or less over the longest log: farther from a rhythm that was found is another one
+
 
 @dataclass(frozen=True)
 class _Wave:
@@ -50,6 +52,7 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
     """
     logs = list(prepared)
     start, free = unknowns.start.copy(), unknowns.free.copy()
+    lower, upper = unknowns.lower.copy(), unknowns.upper.copy()
     names, waves, quiet = unknowns.names, _waves(unknowns), dict(unknowns.model.quiet)
     for i, name in enumerate(names):
         if not np.isnan(quiet.get(name, np.nan)) and not unknowns.told[i] and free[i]:
@@ -66,8 +69,13 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
                 continue
             lines.remove(line)
             _set(line, wave, logs, unknowns, start, own)
+            around = np.log(
+                line.frequency + np.array([-1.0, 1.0]) * LOBE / max(float(np.ptp(x.data.time)) for x in logs)
+            )
+            lower[wave.frequency] = max(lower[wave.frequency], around[0])
+            upper[wave.frequency] = min(upper[wave.frequency], around[1])
         logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
-    return logs, replace(unknowns, start=start, free=free)
+    return logs, replace(unknowns, start=start, free=free, lower=lower, upper=upper)
 
 
 def _waves(unknowns: Unknowns) -> list[_Wave]:
