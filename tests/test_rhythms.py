@@ -22,7 +22,7 @@ from identify.rhythms import rhythms
 from identify.scene import Scene
 from identify.simulate import run
 from identify.unknowns import from_scene
-from identify.vibration import quieted
+from identify.vibration import quieted, tuned
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
@@ -68,6 +68,18 @@ def test_a_vibration_of_the_drive_is_found_in_the_sticks(vibrating):
     omega, c = 2 * np.pi * 31.0, 147.0 * np.sqrt(0.2 / 1470.0)
     assert line.amplitude == pytest.approx(3e-6 * abs(1470.0 + 1j * omega * c) * np.ones(2), rel=0.1)
     assert np.all(left < 1.1)
+
+
+def test_a_frequency_that_was_found_is_not_left_for_another_line(vibrating):
+    scene = _scene((*MAIN, "excitation"))
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
+    _, held = tuned(prepared, unknowns)
+    i = held.names.index("excitation_frequency")
+    low, high = np.exp([held.lower[i], held.upper[i]])
+    longest = max(duration for _, duration, _ in LOGS)
+    assert low < 31.0 < high
+    assert high - low < 1.01 / longest < np.exp(unknowns.upper[i]) - np.exp(unknowns.lower[i])
 
 
 def test_there_is_no_rhythm_where_nothing_moves():
