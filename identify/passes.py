@@ -198,7 +198,9 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
     # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
     crept = solution
     near = 2.0 * crept.cost < ALMOST * problem.samples
-    solution = solve(problem, tolerance=tolerance, iterations=(1 + near) * PATIENCE, exact=True, start=crept.z)
+    vibrating = problem.layout.unknowns.model.waves.numel_out(0) > 0  # bends the rows more than anything else
+    patience = (1 + (near and vibrating)) * PATIENCE
+    solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=crept.z)
     iterations += solution.iterations
     if trembling and near and not solution.success:
         # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.

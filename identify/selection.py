@@ -126,6 +126,7 @@ class Selection:
         self.gains: dict[str, Gain] = {}
         self.notes: dict[str, str] = {}
         self._statistics: dict[str, float] = {}  # of the effects kept, at the last model that had them
+        self._smaller: dict[frozenset[str], Fitted] = {}  # than the best one, by what they lack
 
     def run(self, sure: Sequence[str]) -> None:
         """Walk from what the logs plainly show to the best subset."""
@@ -165,6 +166,9 @@ class Selection:
     def _toggle(self) -> None:
         """Leave out what has no parameters of its own and does harm: it would bend all that is tried after it."""
         for effect in list(self.kept):
+            unknowns, own = self.best.unknowns, {q.name for q in BY_NAME[effect].parameters}
+            if own & {name for name, free in zip(unknowns.names, unknowns.free, strict=True) if free}:
+                continue
             other = fit_larger(self.best, self._models.of([e for e in self.kept if e != effect]), self._models.records)
             if other.searched == self.best.searched and better(other, self.best) > CLEARER:
                 self.gains[effect] = Gain(statistic(self.best, other), 0.0, float("nan"))
@@ -232,16 +236,20 @@ class Selection:
             self._move([e for e in self.kept if e not in losers], together)
 
     def _without(self, losers: Sequence[str]) -> Fitted:
-        self._told(f"without {', '.join(losers)}", 0.6)
-        scene = self._models.of([e for e in self.kept if e not in losers])
-        return fit_smaller(self.best, scene, self._models.records)
+        """The best model without some of its effects; fitted once."""
+        lacking = frozenset(losers)
+        if lacking not in self._smaller:
+            self._told(f"without {', '.join(losers)}", 0.6)
+            scene = self._models.of([e for e in self.kept if e not in losers])
+            self._smaller[lacking] = fit_smaller(self.best, scene, self._models.records)
+        return self._smaller[lacking]
 
     def _move(self, kept: list[str], fitted: Fitted) -> None:
-        """Go on from another subset; what was plain there may not be here."""
-        changed = set(kept) ^ set(self.kept)
-        if any({*pair} & changed for pair in MIMICS):
-            self._statistics = {}
-        self.kept, self.best = kept, fitted
+        """Go on from another subset; what was plain there and has a mimic may not be here."""
+        changed, mimics = set(kept) ^ set(self.kept), {effect for pair in MIMICS for effect in pair}
+        if changed & mimics:
+            self._statistics = {e: s for e, s in self._statistics.items() if e not in mimics}
+        self.kept, self.best, self._smaller = kept, fitted, {}
 
     def _ask_held_out(self, effects: Sequence[str], smaller: Fitted) -> None:
         if not any(self._statistics[e] > TELLING[0] for e in effects):
@@ -261,7 +269,9 @@ class Selection:
             if law not in self.kept:
                 continue
             kept = [simpler if e == law else e for e in self.kept]
-            other = self._models.simulated(kept)
+            other = fit_larger(self.best, self._models.of(kept), self._models.records)
+            if not np.isfinite(other.excess):  # the motion under the one is none under the other
+                other = self._models.simulated(kept)
             loss = statistic(self.best, other)
             if better(other, self.best) > 0.0:
                 self.notes[law] = f"{simpler} says the same with fewer parameters (it loses {loss:.3g})"
