@@ -15,14 +15,15 @@ from identify.methods import Method
 from identify.methods.interface import Expression
 from identify.model import SPEED, Model
 from identify.modes import GUARDS, ModeName, sliding_modes
-from identify.stepping import N_GUARDS, trial
+from identify.stepping import N_GUARDS, rate, trial
 
 MODES: tuple[ModeName, ...] = ("slip", "saturated")  # numbered so in a burst
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
 GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
 WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
 LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
-NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
+NEAR = 0.5  # the same, of the root of the tolerance: one more is as exact as the step itself, and
+STRAIGHT = 0.05  # where the motion of a step is smooth, so is a straight line from its end
 BEYOND = 2.0  # times the time in which a guard would fall to zero as it falls: no step is longer
 CLOSE = 0.25  # of the guard before it: a minimum as low as this within a step is looked at
 DIPS = 3  # times in a row that a dip is sought more closely
@@ -92,16 +93,16 @@ class Pace:
 
 
 @lru_cache(maxsize=64)
-def burst(model: Model, method: Method) -> ca.Function:
+def burst(model: Model, method: Method, steady: bool) -> ca.Function:
     """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
 
     z as in `Pace`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way of a
     step [m], whether the trials go on in the mode after a switch. The step length follows the error; where a guard
     has fallen the trials go on from the same node, with lengths by Newton's method, until the guard is zero. A trial
-    that is refused repeats the node with another length.
+    that is refused repeats the node with another length. steady: for a normal force that has no slope.
     """
     at, modes = Pace(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
-    paced = [_paced(model, method, mode, locating) for mode in modes for locating in (False, True)]
+    paced = [_paced(model, method, mode, locating, steady) for mode in modes for locating in (False, True)]
     given = [ca.MX.sym(name, paced[0].numel_in(i)) for i, name in enumerate("zbct")]
     z = ca.MX.sym("z", at.size)
     by_mode = ca.Function.conditional("by_mode", paced, ca.Function("idle", [z, *given[1:]], [z]))
@@ -112,7 +113,7 @@ def burst(model: Model, method: Method) -> ca.Function:
     return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
 
 
-def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Function:
+def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     kind, at = method.kind, Pace(len(model.states))
     z, bounds = kind.sym("z", at.size), kind.sym("bounds", 6)
@@ -120,11 +121,14 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.F
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
     exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
     h = z[at.h] if locating else _length(model, at, z, exits, bounds)
-    row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
+    row = trial(model, method, mode, steady)(ca.vertcat(x, t, h), c, tolerances)
     there, there_ends = row[: at.n], row[at.n + 1 :]
     mode_after: Expression = MODES.index(mode)
     if locating:
-        (moved, *control_after, stop), through = _locating(control, h, there_ends, exits, tolerances[0], bounds[5])
+        (moved, *control_after, stop), through, more = _locating(
+            control, h, there_ends, exits, tolerances[0], bounds[5], method.smooth
+        )
+        there, h = there + more * rate(model, mode, steady)(there, c, t + h), h + more
         if model.clamped is not None:
             there, there_ends = _through(model, there, there_ends, through)
             mode_after = ca.if_else(through, 1 - mode_after, mode_after)
@@ -236,10 +240,17 @@ def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Express
 
 
 def _locating(
-    control: Expression, h: Expression, ends: Expression, exits: list[int], rtol: Expression, through: Expression
-) -> tuple[tuple[Expression, ...], Expression]:
+    control: Expression,
+    h: Expression,
+    ends: Expression,
+    exits: list[int],
+    rtol: Expression,
+    through: Expression,
+    smooth: bool,
+) -> tuple[tuple[Expression, ...], Expression, Expression]:
     """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket;
-    and whether it is a switch to the other mode of sliding, through which the trials go on."""
+    whether it is a switch to the other mode of sliding, through which the trials go on; and how much longer than the
+    trial it is to the switch [s], along a straight line."""
     newton, hit, fallen, to_rest, to_other = ca.inf, 0.0, 0.0, ca.inf, ca.inf
     for i in exits:
         value, slope = ends[i], ends[N_GUARDS + i]
@@ -255,11 +266,16 @@ def _locating(
     following = ca.if_else(inside, newton, 0.5 * (low + high))
     move = ca.fabs(newton - h)
     done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= LAST * h, high - low <= LAST * high))
-    near = ca.logic_and(inside, move <= NEAR * ca.sqrt(rtol) * control[4])
+    length = ca.sqrt(rtol) * control[4]
+    near = ca.logic_and(inside, move <= NEAR * length)
+    more: Expression = 0.0
+    if smooth:
+        straight = ca.logic_and(ca.logic_and(inside, move <= STRAIGHT * length), ca.logic_not(hit))
+        more, done = ca.if_else(straight, newton - h, 0.0), ca.logic_or(done, straight)
     passes = ca.logic_and(ca.logic_and(done, through > 0.5), to_other < to_rest)
     # Beyond a switch the steps go on as long as they were; what the error did before says nothing there.
     next_h = ca.if_else(passes, ca.fmax(control[2], h), following)
     kept = ca.if_else(passes, 0, 1)
     stop = Stop.LOCATED * ca.logic_and(done, ca.logic_not(passes))
     same = (kept * control[1], kept * control[2], kept * low, kept * high, kept * near)
-    return (done, next_h, *same, ca.if_else(passes, DIPS, 0), stop), passes
+    return (done, next_h, *same, ca.if_else(passes, DIPS, 0), stop), passes, more

@@ -17,8 +17,9 @@ from identify.choice import Choice
 from identify.effects import ALL
 from identify.nested import Fitted, fit_larger, fit_model, fit_smaller, fits, held_out_error, promise, scene_with
 from identify.parting import parted
-from identify.prepare import prepare
+from identify.prepare import Prepared, prepare
 from identify.quantities import Effect
+from identify.rhythms import rhythms
 from identify.scene import Scene
 from identify.screening import screen
 from identify.selection_words import Gain, reasons
@@ -71,13 +72,28 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     first, whole = scene_with(scene, LOOKED_AT, {}), records
     first, records = parted(first, records)
     unknowns = from_scene(first)
-    looks = screen([prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)])
+    prepared = [prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)]
+    looks = screen(prepared)
+    if len(prepared) == len(scene.logs):
+        scene = _with_one_noise(scene, prepared)
     asked = tuple(look.effect for look in looks if look.asked)
     starts = {name: value for look in looks if look.asked for name, value in look.starts}
     selection = Selection(_Models(scene, tuple(whole), asked, starts), told)
     selection.run([look.effect for look in looks if look.asked and look.sure])
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *selection.kept))
     return Choice(effects, tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes)))
+
+
+def _with_one_noise(scene: Scene, prepared: Sequence[Prepared]) -> Scene:
+    """The scene with the noise of logs whose sticks swing said once for all models: what is estimated from the sticks
+    counts the swings in where a model lacks them, and no two sums could be compared."""
+    _, left = rhythms(prepared)
+    logs = list(scene.logs)
+    for i, (log, share) in enumerate(zip(prepared, left, strict=True)):
+        if log.noise_estimated and share < 1.0:
+            estimated = 1.0 / np.sqrt(max(float(np.max(log.data.weight)), 1e-300))
+            logs[i] = replace(logs[i], noise=float(estimated * np.sqrt(share)))
+    return replace(scene, logs=tuple(logs))
 
 
 @dataclass(frozen=True)

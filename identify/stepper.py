@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
@@ -21,6 +22,41 @@ Array = NDArray[np.float64]
 
 SOME = 100  # bursts: before them nobody looks for machine code
 MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
+
+
+class _Bursts:
+    """The bursts of one model and method, bound to the buffers of a stepper."""
+
+    def __init__(self, model: Model, method: Method, steady: bool, buffers: Sequence[Array]) -> None:
+        self._kind, self._buffers = (model, method, steady), buffers
+        self._function = burst(model, method, steady)
+        self._call = self._bound(self._function)
+        self._count, self._ask = 0, SOME
+        self.hastened = False
+
+    def _bound(self, function: ca.Function) -> Compiled:
+        made = compiled(function)
+        made.bind(self._buffers)
+        return made
+
+    def __call__(self) -> Array:
+        self._count += 1
+        return self._call()
+
+    def hasten(self) -> None:
+        """Take the machine code of the bursts where it is there, and have it made where they are used much: the same
+        numbers sooner.
+        """
+        if self.hastened or self._count < self._ask:
+            return
+        key = _key(*self._kind)
+        found = None if key is None else native.find(key, self._function.name())
+        if found is not None:
+            self._call = self._bound(found)
+        elif key is not None and self._count >= MUCH and not native.busy():
+            native.start([(self._function, key)])
+        self.hastened = found is not None or key is None
+        self._ask = MUCH if self._count < MUCH else self._count + MUCH
 
 
 class Stepper:
@@ -44,30 +80,19 @@ class Stepper:
             self._ends[mode].bind([self._z[:n], self._constants, np.zeros(1)])
             self._coefficients[mode] = compiled(coefficient(model, mode))
             self._coefficients[mode].bind([x, self._constants, t])
-        self._function = burst(model, method)
-        self._burst: Compiled = self._bound(self._function)
-        self._bursts, self._ask = 0, SOME
-        self._hastened = False
+        self._bursts: dict[bool, _Bursts] = {}  # under a normal force that stands still, and under one that changes
+        self._at_work = self._bursts_for(steady=True)
 
-    def _bound(self, function: ca.Function) -> Compiled:
-        made = compiled(function)
-        made.bind([self._z, self._bounds, self._constants, self._tolerances])
-        return made
+    def _bursts_for(self, *, steady: bool) -> _Bursts:
+        if steady not in self._bursts:
+            bound = [self._z, self._bounds, self._constants, self._tolerances]
+            self._bursts[steady] = _Bursts(self.model, self.method, steady, bound)
+        return self._bursts[steady]
 
     def hasten(self) -> None:
-        """Take the machine code of the bursts where it is there, and have it made where they are used much: the same
-        numbers sooner.
-        """
-        if self._hastened or self._bursts < self._ask:
-            return
-        key = _key(self.model, self.method)
-        found = None if key is None else native.find(key, self._function.name())
-        if found is not None:
-            self._burst = self._bound(found)
-        elif key is not None and self._bursts >= MUCH and not native.busy():
-            native.start([(self._function, key)])
-        self._hastened = found is not None or key is None
-        self._ask = MUCH if self._bursts < MUCH else self._bursts + MUCH
+        """See `_Bursts.hasten`."""
+        for bursts in self._bursts.values():
+            bursts.hasten()
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -87,6 +112,7 @@ class Stepper:
             through: whether to go on in the other mode of sliding.
         """
         self._constants[-5:] = situated.numbers
+        self._at_work = self._bursts_for(steady=situated.force_slope == 0.0)
         self._bounds[0], self._bounds[-1] = limit, through
         z, n = self._z, self.places.n
         z[:n] = x
@@ -101,8 +127,7 @@ class Stepper:
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows of state, time, mode, stop and h as in `Pace`, the last
         one where it stopped."""
-        self._bursts += 1
-        rows = self._burst().reshape(self.method.trials, -1)
+        rows = self._at_work().reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
         stopped = int(np.count_nonzero(rows[:, self.places.stop]))
         return rows[: len(rows) - stopped + 1, : self.places.n + 4].tolist()
@@ -140,8 +165,8 @@ def give_back(stepper: Stepper) -> None:
 
 
 @lru_cache(maxsize=64)
-def _key(model: Model, method: Method) -> str | None:
-    return native.key(burst(model, method))
+def _key(model: Model, method: Method, steady: bool) -> str | None:
+    return native.key(burst(model, method, steady))
 
 
 def forget() -> None:
@@ -150,9 +175,13 @@ def forget() -> None:
     _key.cache_clear()
 
 
-def hastened(model: Model, method: Method) -> bool:
-    """Wait until the bursts of a model and a method are machine code; False where there is no compiler."""
-    function, key = burst(model, method), _key(model, method)
+def hastened(model: Model, method: Method, *, steady: bool = True) -> bool:
+    """Wait until the bursts of a model and a method are machine code; False where there is no compiler.
+
+    Args:
+        steady: those under a normal force that stands still.
+    """
+    function, key = burst(model, method, steady), _key(model, method, steady)
     if key is None:
         return False
     native.start([(function, key)])

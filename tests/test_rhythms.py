@@ -20,6 +20,7 @@ from identify.passes import solve_in_passes
 from identify.prepare import prepare
 from identify.rhythms import rhythms
 from identify.scene import Scene
+from identify.selection import _with_one_noise
 from identify.simulate import run
 from identify.unknowns import from_scene
 from identify.vibration import quieted, tuned
@@ -152,3 +153,19 @@ def test_a_drift_in_time_is_held_still_where_starts_are_looked_for():
         assert not still.free[names.index(name)]
         assert still.start[names.index(name)] == value
     assert still.free[names.index("D")]
+
+
+def test_a_choice_of_effects_weighs_all_models_with_one_noise(vibrating):
+    """The noise of a model that lacks the vibration counted it in, and 568 of its statistic were 6."""
+    scene = _scene(MAIN)
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
+    counted_in = np.array([1.0 / np.sqrt(np.max(log.data.weight)) for log in prepared])
+    told = _with_one_noise(scene, prepared)
+    assert [entry.noise for entry in told.logs] == pytest.approx([5e-3, 5e-3], rel=0.03)
+    assert np.all(counted_in > 1.03 * np.array([entry.noise for entry in told.logs]))
+    still = [prepare(told, entry, record, unknowns) for entry, record in zip(told.logs, vibrating, strict=True)]
+    assert _with_one_noise(told, still) == told
+    quiet = _logs(MAIN)
+    alone = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, quiet, strict=True)]
+    assert _with_one_noise(scene, alone) == scene

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
@@ -22,6 +23,7 @@ class Explicit(Method):
     measured: int
     says: str
     source: str
+    smooth: ClassVar[bool] = True
 
     @classmethod
     def of(cls, tableau: Tableau, says: str, source: str) -> Explicit:

@@ -16,9 +16,9 @@ class Method(ABC):
     """One way to take a step. Immutable and hashable: compiled functions are kept per model and method.
 
     name, says, source: for tables. order: of the error that is left at a fixed time. measured: the power of the step
-    length with which the error measure falls, for the step control. kind: CasADi type it is written in. reach:
-    longest step in natural times sqrt(m/k), where no error estimate would ask for a shorter one. trials: steps tried
-    in one call.
+    length with which the error measure falls, for the step control. kind: CasADi type it is written in. smooth: its
+    steps are so short that nothing decays within a small part of one. reach: longest step in natural times sqrt(m/k),
+    where no error estimate would ask for a shorter one. trials: steps tried in one call.
     """
 
     name: str
@@ -27,8 +27,9 @@ class Method(ABC):
     says: str
     source: str
     kind: ClassVar[Any] = ca.SX
+    smooth: ClassVar[bool] = False
     reach: float = float("inf")
-    trials: int = 30
+    trials: int = 24
 
     def takes(self, rate: ca.Function) -> bool:
         """Whether it can integrate this motion, (x, constants, t) -> dx/dt."""
