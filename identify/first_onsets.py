@@ -40,17 +40,13 @@ def with_first_onsets(log: LogData, guess: Guess, unknowns: Unknowns, grid: Grid
     after = [guess.saturated[i, -1] if guess.saturates[i] else guess.slip[i, -1] for i in range(guess.cycles - 1)]
     begins = np.concatenate([[log.begin], guess.arrest[:-1]])
     time, slips = _simulated(model, log, np.stack([guess.start, *after]), p, begins)
-    late = slips.rested & (begins + time < guess.onset - EARLIER * period)
-    if not np.any(late):
+    late = np.flatnonzero(slips.rested & (begins + time < guess.onset - EARLIER * period))
+    if late.size == 0:
         return None
-    every = np.arange(guess.cycles)
-    moved = guess_of(model, log, p, guess.start, slips, every, begins + time, grid)
-    new = {
-        name: np.where(
-            late.reshape(-1, *[1] * (getattr(guess, name).ndim - 1)), getattr(moved, name), getattr(guess, name)
-        )
-        for name in ("onset", "saturation", "arrest", "slip", "saturated")
-    }
+    moved = guess_of(model, log, p, guess.start, slips, late, (begins + time)[late], grid)
+    new = {name: getattr(guess, name).copy() for name in ("onset", "saturation", "arrest", "slip", "saturated")}
+    for name, array in new.items():
+        array[late] = getattr(moved, name)
     return replace(guess, **new)
 
 

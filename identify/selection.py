@@ -87,8 +87,10 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
 def _with_one_noise(scene: Scene, prepared: Sequence[Prepared]) -> Scene:
     """The scene with the noise of logs whose sticks swing said once for all models: what is estimated from the sticks
     counts the swings in where a model lacks them, and no two sums could be compared."""
-    _, left = rhythms(prepared)
+    lines, left = rhythms(prepared)
     logs = list(scene.logs)
+    if not lines:
+        return scene
     for i, (log, share) in enumerate(zip(prepared, left, strict=True)):
         if log.noise_estimated and share < 1.0:
             estimated = 1.0 / np.sqrt(max(float(np.max(log.data.weight)), 1e-300))

@@ -158,3 +158,19 @@ def test_derivatives_of_a_vibrating_problem_agree_with_central_differences():
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.max(np.abs(slope)))
         bend = (up.gradient + up.jacobian.T @ multipliers - down.gradient - down.jacobian.T @ multipliers) / 2e-6
         assert hessian[:, i] == pytest.approx(bend, rel=1e-4, abs=1e-6 * np.max(np.abs(hessian)))
+
+
+def test_a_slip_that_never_ends_does_not_keep_the_others_from_being_moved(monkeypatch):
+    unknowns, log, *_ = _case()
+    broken_away = lanes.break_away
+
+    def with_one_that_slides_on(*arguments):
+        time, slips = broken_away(*arguments)
+        arrest = slips.arrest.copy()
+        arrest[-1] = np.nan
+        return time, replace(slips, arrest=arrest)
+
+    monkeypatch.setattr(lanes, "break_away", with_one_that_slides_on)
+    mended = with_first_onsets(log, _late(), replace(unknowns, start=_solved().theta), COARSE)
+    assert mended is not None
+    assert np.all(np.isfinite(mended.slip)) and mended.onset == pytest.approx(_solved().guesses[0].onset, abs=2e-3)
