@@ -28,9 +28,7 @@ Indices = NDArray[np.int64]
 CHUNK = 64
 LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
 NEWTON_STEPS = 40
-TREMBLING = (
-    3.0  # times the swing of the drive: a slip that is shorter is a tremble of the contact, and the stick goes on
-)
+TREMBLING = 3.0  # times the swing of the drive: a shorter slip is a tremble of the contact, and the stick goes on
 MOST_TREMBLES = 30  # before one slip
 
 
