@@ -7,21 +7,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.blocks import REST_CELLS, BlockKind, block
+from identify.blocks import BlockKind
 from identify.collector import Collector
 from identify.guess import Grid, Guess, LogData, Stretch
 from identify.layout import KNOWN, Indices, Layout, Places, StretchPlaces
 from identify.model import ELONGATION, SPEED
+from identify.rest_parts import after_reageing, cut, parts_of_rest
 from identify.steadiness import rate_slopes
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 NO_OFFSET = np.array([KNOWN])
 ZERO = np.zeros(1)
-DECAYED = (3.0, 8.0, 18.0)  # time constants at which a rest is cut: what decays is followed until it is gone
-CELLS_PER_PERIOD = 8  # of an oscillation while the mass rests
 FORGOTTEN = 1e3  # spreads
-MOST_PARTS = 4000  # of one rest
 
 
 class _LogWalk:
@@ -180,7 +178,8 @@ class _LogWalk:
         if not self.reaged or parts == 1:
             return
         moment = self._cut(constants, (0.0, 0.0))[0]
-        value = self._after_reageing(moment)
+        theta = self.guess.theta(self.c.unknowns.start)[self.c.source]
+        value = after_reageing(self.c.model, self.value, theta, moment, self.rest_rows)
         node = self.c.state(value, self.size, (SPEED,))
         self.c.put(
             "reageing",
@@ -194,18 +193,6 @@ class _LogWalk:
             self.own,
         )
         self.node, self.value, self.reaged = node, value, False
-
-    def _after_reageing(self, moment: Array) -> Array:
-        """The guess of the state at rest once the contact re-aged (n_x,); moment: the constants of its block."""
-        theta = self.guess.theta(self.c.unknowns.start)[self.c.source]
-        slots = np.concatenate([self.value, np.zeros(self.n_x + 3), theta])
-        made = block(self.c.model, "reageing")
-        rows = made.evaluate(slots[None], moment[None], derivatives=False)[0][0]
-        value = self.value.copy()
-        value[SPEED] = 0.0
-        others = [i for i in range(self.n_x) if i != SPEED]
-        value[others] = np.where(np.isfinite(rows), -rows * self.rest_rows[others], value[others])
-        return value
 
     def _rest_part(
         self, cycle: int, end: Indices, load: Indices, load_value: Array, constants: Array, part: tuple[float, float]
@@ -223,28 +210,10 @@ class _LogWalk:
         )
 
     def _cut(self, constants: Array, part: tuple[float, float]) -> tuple[Array, Array]:
-        """The constants of a rest for one part of it (fractions), and the windows of its cells [s]."""
-        own = constants.copy()
-        own[-2:] = part
-        cells = 1 if self.c.model.straight else REST_CELLS
-        since, duration = constants[-4], constants[-3]
-        edges = since + duration * np.linspace(*part, cells + 1)
-        return own, np.stack([edges[:-1], edges[1:]], axis=1)
+        return cut(constants, part, self.c.model.straight)
 
     def _parts(self, since: float, until: float) -> list[tuple[float, float]]:
-        """Fractions of a rest that one block each can follow: fine where something decays, and where it oscillates."""
-        if self.c.model.straight or until <= since:
-            return [(0.0, 1.0)]
-        duration = until - since
-        ends = [c / r for r in self.rates for c in DECAYED if c / r < duration]
-        edges = np.unique([0.0, *ends, duration])
-        longest = min((REST_CELLS * 2 * np.pi / (CELLS_PER_PERIOD * w) for w in self.frequencies), default=np.inf)
-        cuts = [
-            np.linspace(a, b, 1 + min(max(int(np.ceil((b - a) / longest)), 1), MOST_PARTS))[:-1]
-            for a, b in pairwise(edges)
-        ]
-        inner = np.append(np.concatenate(cuts), duration) / duration
-        return list(zip(inner[:-1].tolist(), inner[1:].tolist(), strict=True))
+        return [(0.0, 1.0)] if self.c.model.straight else parts_of_rest(self.rates, self.frequencies, until - since)
 
     def _slide(self, cycle: int) -> None:
         """The slip: until the bounded state is at its bound, then until the mass rests."""
