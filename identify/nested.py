@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
 FAR = 0.5  # sum of squares per sample (in noise variances) above that of the larger model: look for a better start
+DOUBT = 5.0  # sum of squares above that of the larger model: under a vibrating drive it may be another course of slips
 HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
 GLANCE = 8  # iterations that show whether an effect is worth a fit
 HELD = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
@@ -116,6 +117,10 @@ def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     hopeless = np.inf if larger.attempt is None else larger.attempt.solved.solution.cost + HOPELESS
     warm = _warm(larger, prepared, unknowns, hopeless)
     best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
+    if larger.attempt is not None and unknowns.model.waves.numel_out(0) and best.excess > larger.excess + DOUBT:
+        placed = _placed_anew(larger, scene, prepared, unknowns)
+        complete = placed.attempt is not None and placed.attempt.logs == larger.attempt.logs
+        best = placed if complete and placed.excess < best.excess else best
     samples = larger.attempt.solved.problem.samples if larger.attempt is not None else 1
     if best.excess - larger.excess < FAR * samples:
         return best
