@@ -22,9 +22,8 @@ SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
 GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
 WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
 LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
-NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself; and where the motion of a
-# step is smooth, a straight line from its end is
-ROUGHLY = 0.5  # where it is smooth: one more is as exact as the step
+NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
+ROUGHLY, STRAIGHT = 0.5, 0.01  # where the motion of a step is smooth: one more is; a straight line from its end is
 BEYOND = 2.0  # times the time in which a guard would fall to zero as it falls: no step is longer
 CLOSE = 0.25  # of the guard before it: a minimum as low as this within a step is looked at
 DIPS = 3  # times in a row that a dip is sought more closely
@@ -271,7 +270,7 @@ def _locating(
     near = ca.logic_and(inside, move <= (ROUGHLY if smooth else NEAR) * length)
     more: Expression = 0.0
     if smooth:
-        straight = ca.logic_and(ca.logic_and(inside, move <= NEAR * length), ca.logic_not(hit))
+        straight = ca.logic_and(ca.logic_and(inside, move <= STRAIGHT * length), ca.logic_not(hit))
         more, done = ca.if_else(straight, newton - h, 0.0), ca.logic_or(done, straight)
     passes = ca.logic_and(ca.logic_and(done, through > 0.5), to_other < to_rest)
     # Beyond a switch the steps go on as long as they were; what the error did before says nothing there.
