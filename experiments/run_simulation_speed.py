@@ -171,9 +171,8 @@ def main(fast: bool = False) -> Figures:
         with machine_code(model) as there:
             for _ in range(WARM):
                 ours(mine)
-            hastened = tuple(in_turns(pair[:2], repeats)) if there else None
-        if hastened is not None:
-            hastened = (hastened[0].each_of(ROW), hastened[1])
+            fast = in_turns(pair[:2], repeats) if there else None
+        hastened = None if fast is None else (fast[0].each_of(ROW), fast[1])
         period = float(np.mean(np.diff(truth[1:])))
         duration = period * cycles
         exact, found = ours(1e-13, duration), ours(MANY_RTOL, duration)

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.blocks import Block, BlockKind, block
+from identify.block_equations import BlockKind
+from identify.blocks import Block, block
 from identify.layout import KNOWN, Family, Indices
 from identify.model import Model
 from identify.unknowns import Unknowns

@@ -32,7 +32,7 @@ def inconsistency(
     for log, guess, name in zip(logs, guesses, names, strict=True):
         p = unknowns.values(guess.theta(theta), log.base)
         pulled, back = _at_arrests(log, guess, unknowns, p)
-        noise = float(1.0 / np.sqrt(np.max(log.weight)))
+        noise = log.noise
         for excess, what, allowed in ((back, "back", -MARGIN * noise), (pulled, "on", MARGIN * noise)):
             worst = int(np.argmax(excess)) if excess.size else 0
             if excess.size and excess[worst] > allowed:

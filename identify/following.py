@@ -86,7 +86,7 @@ class _Course:
         names = model.parameter_names
         self.values = dict(zip(names, p.tolist(), strict=True))
         self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
-        self.noise = float(1.0 / np.sqrt(np.max(log.weight)))
+        self.noise = log.noise
         self.stretches: list[Stretch] = []
         self.start = np.array([s.start for s in model.states])
         starts = () if log.programme is None else log.programme.starts

@@ -56,6 +56,11 @@ class LogData:
         return self.drive_speed if self.programme is None else self.programme.at(time)
 
     @property
+    def noise(self) -> float:
+        """Standard deviation of the noise of a sample that counts [N]."""
+        return float(1.0 / np.sqrt(max(float(np.max(self.weight)), 1e-300)))
+
+    @property
     def samples(self) -> int:
         """Number of samples that count."""
         return int(np.count_nonzero(self.weight[(self.time >= self.begin) & (self.time <= self.end)]))

@@ -173,10 +173,11 @@ def break_away(model: Model, x: Array, p: Array, u: Array, per_half_period: int)
     """
     time, at_onset = stick(model, x, p, u)
     slips = slip(model, at_onset, p, _later(u, time), per_half_period)
-    shortest = TREMBLING * _swings(model, p) / p[:, model.parameter_names.index("stiffness")]
+    swings = _swings(model, p)
+    shortest = TREMBLING * swings / p[:, model.parameter_names.index("stiffness")]
     for _ in range(MOST_TREMBLES):
         moved = at_onset[:, ELONGATION] - slips.at_arrest[:, ELONGATION]
-        again = np.flatnonzero(slips.rested & (moved < shortest))
+        again = np.flatnonzero(slips.rested & (swings > 0.0) & (moved < shortest))
         if again.size == 0:
             break
         since = time[again] + slips.arrest[again]

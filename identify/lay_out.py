@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.blocks import BlockKind
+from identify.block_equations import BlockKind
 from identify.collector import Collector
 from identify.guess import Grid, Guess, LogData, Stretch
 from identify.layout import KNOWN, Indices, Layout, Places, StretchPlaces

@@ -72,7 +72,9 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True,
     prepared, unknowns = _prepared(scene, records)
     attempt, _ = search(prepared, unknowns, thorough=False, sources=sources)
     failed = attempt is not None and not attempt.solved.solution.success
-    if thorough and (attempt is None or (failed and alike(prepared))):  # unlike cycles leave no other start to try
+    if thorough and (
+        attempt is None or (failed and alike([prepared[i] for i in usable(prepared)]))
+    ):  # unlike cycles leave no other start to try
         attempt, _ = search(prepared, unknowns, sources=sources)
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
@@ -86,9 +88,7 @@ def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
     if smaller.attempt is None or fits(smaller) or fits(best):
         return best
-    placed = _placed_anew(smaller, scene, prepared, unknowns)
-    complete = placed.attempt is not None and placed.attempt.logs == smaller.attempt.logs
-    return placed if complete and placed.excess < best.excess else best
+    return _better(best, _placed_anew(smaller, scene, prepared, unknowns), smaller)
 
 
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
@@ -118,16 +118,18 @@ def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     warm = _warm(larger, prepared, unknowns, hopeless)
     best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
     if larger.attempt is not None and unknowns.model.waves.numel_out(0) and best.excess > larger.excess + DOUBT:
-        placed = _placed_anew(larger, scene, prepared, unknowns)
-        complete = placed.attempt is not None and placed.attempt.logs == larger.attempt.logs
-        best = placed if complete and placed.excess < best.excess else best
+        best = _better(best, _placed_anew(larger, scene, prepared, unknowns), larger)
     samples = larger.attempt.solved.problem.samples if larger.attempt is not None else 1
     if best.excess - larger.excess < FAR * samples:
         return best
     attempt, _ = search(prepared, unknowns, thorough=False)
-    cold = Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
-    complete = attempt is not None and (larger.attempt is None or attempt.logs == larger.attempt.logs)
-    return cold if complete and cold.excess < best.excess else best
+    return _better(best, Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt)), larger)
+
+
+def _better(best: Fitted, other: Fitted, beside: Fitted) -> Fitted:
+    """The other fit where its misfit is smaller and it has all the logs of the model it is compared with."""
+    complete = other.attempt is not None and (beside.attempt is None or other.attempt.logs == beside.attempt.logs)
+    return other if complete and other.excess < best.excess else best
 
 
 def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless: float = np.inf) -> Attempt | None:

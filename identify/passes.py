@@ -84,9 +84,11 @@ def solve_in_passes(
     way = _Way(on_pass, hopeless, steps, most)
     solved = _from_calm(logs, guesses, unknowns, way)
     for _ in range(AGAIN):
+        if not np.isfinite(solved.solution.cost):
+            break
         at_answer = replace(unknowns, start=solved.theta)
         earlier = [with_first_onsets(log, g, at_answer, COARSE) for log, g in zip(logs, solved.guesses, strict=True)]
-        if not np.isfinite(solved.solution.cost) or all(g is None for g in earlier):
+        if all(g is None for g in earlier):
             break
         placed = [new or old for new, old in zip(earlier, solved.guesses, strict=True)]
         other = _in_passes(logs, logs, placed, at_answer, way)
@@ -114,7 +116,7 @@ def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, wa
         return plain
     # Where the normal force trembles, the events of a calm load are a start from which the solver may find its way.
     other = _in_passes(logs, calm, guesses, unknowns, way)
-    return other if other.solution.success or other.solution.cost < plain.solution.cost else plain
+    return other if _better(other, plain) else plain
 
 
 def _in_passes(

@@ -88,8 +88,7 @@ class Prepared:
         if drop.size < 3 or self.manner.name != "cycles":
             return 0.0
         step = np.diff(drop) / np.sqrt(2.0)
-        noise = 2.0 / np.sqrt(max(float(np.max(self.data.weight)), 1e-300))
-        excess = float(1.4826 * np.median(np.abs(step))) ** 2 - noise**2
+        excess = float(1.4826 * np.median(np.abs(step))) ** 2 - (2.0 * self.data.noise) ** 2
         return float(np.sqrt(max(excess, 0.0)) / max(float(np.mean(drop)), 1e-300))
 
 

@@ -113,4 +113,4 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
 
 
 def _noise(log: Prepared) -> float:
-    return 1e3 / float(np.sqrt(np.max(log.data.weight)))
+    return 1e3 * log.data.noise

@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.blocks import REST_CELLS, block
+from identify.block_equations import REST_CELLS
+from identify.blocks import block
 from identify.model import SPEED, Model
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identify.loads import swing
 from identify.prepare import Prepared
-from identify.rhythms import Rhythm, rhythms
+from identify.rhythms import Rhythm
 
 Array = NDArray[np.float64]
 
@@ -43,9 +43,8 @@ class Screen:
 Look = Callable[[Sequence[Prepared], Sequence[Rhythm]], Screen]
 
 
-def screen(prepared: Sequence[Prepared]) -> tuple[Screen, ...]:
-    """One look per effect, in the order in which they are tried."""
-    lines, _ = rhythms(prepared)
+def screen(prepared: Sequence[Prepared], lines: Sequence[Rhythm]) -> tuple[Screen, ...]:
+    """One look per effect, in the order in which they are tried; lines: the rhythms of the sticks."""
     return tuple(look(prepared, lines) for look in LOOKS)
 
 
@@ -116,7 +115,7 @@ def _occlusion(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen
         t = t - np.mean(t)
         slope = float(np.sum(t * level) / np.sum(t * t))
         left = level - np.mean(level) - slope * t
-        noise = 1.0 / np.sqrt(max(float(np.max(log.data.weight)), 1e-300)) / log.data.mean_normal_force
+        noise = log.data.noise / log.data.mean_normal_force
         error = max(float(np.std(left)), noise) / np.sqrt(float(np.sum(t * t)))
         if abs(slope) / error > best:
             share = abs(slope) * np.ptp(t) / abs(float(np.mean(level)))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_io import Record
 from identify.choice import Choice
@@ -19,12 +20,13 @@ from identify.nested import Fitted, fit_larger, fit_model, fit_smaller, fits, he
 from identify.parting import parted
 from identify.prepare import Prepared, prepare
 from identify.quantities import Effect
-from identify.rhythms import rhythms
+from identify.rhythms import Rhythm, rhythms
 from identify.scene import Scene
 from identify.screening import screen
 from identify.selection_words import Gain, reasons
 from identify.unknowns import from_scene
 
+Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
 ALWAYS = ("inertia",)
@@ -73,9 +75,9 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     first, records = parted(first, records)
     unknowns = from_scene(first)
     prepared = [prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)]
-    looks = screen(prepared)
-    if len(prepared) == len(scene.logs):
-        scene = _with_one_noise(scene, prepared)
+    lines, left = rhythms(prepared)
+    looks = screen(prepared, lines)
+    scene = _with_one_noise(scene, prepared, lines, left)
     asked = tuple(look.effect for look in looks if look.asked)
     starts = {name: value for look in looks if look.asked for name, value in look.starts}
     selection = Selection(_Models(scene, tuple(whole), asked, starts), told)
@@ -84,17 +86,19 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     return Choice(effects, tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes)))
 
 
-def _with_one_noise(scene: Scene, prepared: Sequence[Prepared]) -> Scene:
+def _with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[Rhythm], left: Array) -> Scene:
     """The scene with the noise of logs whose sticks swing said once for all models: what is estimated from the sticks
-    counts the swings in where a model lacks them, and no two sums could be compared."""
-    lines, left = rhythms(prepared)
-    logs = list(scene.logs)
-    if not lines:
+    counts the swings in where a model lacks them, and no two sums could be compared.
+
+    Args:
+        lines, left: the rhythms of the sticks, and per log the share of that variance that they leave.
+    """
+    if not lines or len(prepared) != len(scene.logs):
         return scene
-    for i, (log, share) in enumerate(zip(prepared, left, strict=True)):
-        if log.noise_estimated and share < 1.0:
-            estimated = 1.0 / np.sqrt(max(float(np.max(log.data.weight)), 1e-300))
-            logs[i] = replace(logs[i], noise=float(estimated * np.sqrt(share)))
+    logs = [
+        replace(entry, noise=float(log.data.noise * np.sqrt(share))) if log.noise_estimated and share < 1.0 else entry
+        for entry, log, share in zip(scene.logs, prepared, left, strict=True)
+    ]
     return replace(scene, logs=tuple(logs))
 
 

@@ -220,8 +220,7 @@ class Problem:
             slots, count = self._slots(family, x), family.slots.shape[0]
             _, curve = family.block.evaluate(slots, family.constants, derivatives=False)
             pull = on_cost * _pull(moments, curve).reshape(count, -1)
-            used = tuple(np.flatnonzero(np.any(family.slots >= 0, axis=0)).tolist())
-            bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull, used)
+            bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull, scatter.used)
             parts.append(bend.ravel()[scatter.hessian_entries])
         summed = np.bincount(
             self._hessian_slot, weights=np.concatenate([*parts, np.zeros(z.size)]), minlength=self._hessian_rows.size
@@ -321,6 +320,7 @@ class _Scatter:
     hessian_rows: Indices
     hessian_columns: Indices
     known_slots: NDArray[np.bool_]
+    used: tuple[int, ...]  # slots that are an unknown in some block
 
 
 def _scatter(family: Family, layout: Layout) -> _Scatter:
@@ -333,9 +333,9 @@ def _scatter(family: Family, layout: Layout) -> _Scatter:
     right = np.broadcast_to(family.slots[:, None, :], (count, n_slots, n_slots)).ravel()
     # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
     upper = np.flatnonzero((left >= 0) & (right >= 0) & (left <= right))
-    return _Scatter(
-        entries, rows[entries], columns[entries], upper, left[upper], right[upper], (family.slots >= 0).ravel()
-    )
+    known = family.slots >= 0
+    used = tuple(np.flatnonzero(np.any(known, axis=0)).tolist())
+    return _Scatter(entries, rows[entries], columns[entries], upper, left[upper], right[upper], known.ravel(), used)
 
 
 def transcribe(

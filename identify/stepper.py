@@ -81,7 +81,7 @@ class Stepper:
             self._coefficients[mode] = compiled(coefficient(model, mode))
             self._coefficients[mode].bind([x, self._constants, t])
         self._bursts: dict[bool, _Bursts] = {}  # under a normal force that stands still, and under one that changes
-        self._at_work = self._bursts_for(steady=True)
+        self._at_work: _Bursts  # those of the slide that was begun last
 
     def _bursts_for(self, *, steady: bool) -> _Bursts:
         if steady not in self._bursts:

@@ -60,7 +60,7 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
     searched = [w for w in waves if free[w.amplitude] and not unknowns.told[w.amplitude]]
     if searched:
         found, left = rhythms(logs, most=len(searched))
-        lines = list(found)
+        lines, longest = list(found), max(float(np.ptp(log.data.time)) for log in logs)
         own = np.full((len(logs), len(names)), np.nan)
         for wave in sorted(searched, key=lambda w: unknowns.upper[w.frequency] - unknowns.lower[w.frequency]):
             line = next((r for r in lines if _fits(r, wave, unknowns)), None)
@@ -69,11 +69,8 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
                 continue
             lines.remove(line)
             _set(line, wave, logs, unknowns, start, own)
-            around = np.log(
-                line.frequency + np.array([-1.0, 1.0]) * LOBE / max(float(np.ptp(x.data.time)) for x in logs)
-            )
-            lower[wave.frequency] = max(lower[wave.frequency], around[0])
-            upper[wave.frequency] = min(upper[wave.frequency], around[1])
+            lower[wave.frequency] = max(lower[wave.frequency], np.log(line.frequency - LOBE / longest))
+            upper[wave.frequency] = min(upper[wave.frequency], np.log(line.frequency + LOBE / longest))
         logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
     return logs, replace(unknowns, start=start, free=free, lower=lower, upper=upper)
 

@@ -25,8 +25,8 @@ drawn scatter stated calculable choice price selection_numbers comparison form_s
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess loads lanes steadiness following one_way gaps parting partly_read reageing blocks features unknowns cutting
-manner prepare rhythms vibration placing first_onsets layout start collector rest_parts lay_out
+guess loads lanes steadiness following one_way gaps parting partly_read reageing block_equations blocks features
+unknowns cutting manner prepare rhythms vibration placing first_onsets layout start collector rest_parts lay_out
 equilibrated shooting reconstruct solve uncertainty hints influence coloured warm bootstrap passes discretisation
 levels sequence events consistency leaning gate accuracy combinations asked profile_line profile widened
 attempt search ridge_ends grouped shares certainty nested screening selection_words selection diagnosis preview depth

@@ -161,11 +161,11 @@ def test_a_choice_of_effects_weighs_all_models_with_one_noise(vibrating):
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
     counted_in = np.array([1.0 / np.sqrt(np.max(log.data.weight)) for log in prepared])
-    told = _with_one_noise(scene, prepared)
+    told = _with_one_noise(scene, prepared, *rhythms(prepared))
     assert [entry.noise for entry in told.logs] == pytest.approx([5e-3, 5e-3], rel=0.03)
     assert np.all(counted_in > 1.03 * np.array([entry.noise for entry in told.logs]))
     still = [prepare(told, entry, record, unknowns) for entry, record in zip(told.logs, vibrating, strict=True)]
-    assert _with_one_noise(told, still) == told
+    assert _with_one_noise(told, still, *rhythms(still)) == told
     quiet = _logs(MAIN)
     alone = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, quiet, strict=True)]
-    assert _with_one_noise(scene, alone) == scene
+    assert _with_one_noise(scene, alone, *rhythms(alone)) == scene
