@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from identify.accuracy import AccuracyRow, accuracy_table
+from identify.agreement import contradiction, pulls_of_logs
 from identify.asked import Asked
 from identify.attempt import Attempt, resolve, resolve_firmly
 from identify.bootstrap import Bootstrap, bootstrap
@@ -131,6 +132,9 @@ def certainty(
                 moved = replace(moved, gate=_another_start(moved, unknowns, walked, base))
             attempt, known, walked = moved, information_at(moved, unknowns), None
             accepted = attempt.gate.status is Status.CONVERGED
+    if accepted and len(attempt.logs) > 1:
+        attempt = _agreeing(attempt, unknowns, base, reached or _reached(attempt), colours)
+        accepted = attempt.gate.status is Status.CONVERGED
     groups = shares(attempt, unknowns)
     bounds_of = {s.log: at_bound(attempt.solved.guesses[s.log].theta(attempt.solved.theta)) for s in groups}
     of_groups = share_estimates(groups, unknowns, attempt.solved.theta, base, joint, at_bound=bounds_of, hints=told)
@@ -149,6 +153,19 @@ def certainty(
         of_groups=of_groups,
     )
     return _deeper(out, unknowns, base, asked, reached, seed, progress) if accepted else out
+
+
+def _agreeing(attempt: Attempt, unknowns: Unknowns, base: Array, reached: Influence, colours: list[Colour]) -> Attempt:
+    """The answer, refused where one of its logs contradicts the others."""
+    solved, names = attempt.solved, [log.name for log in attempt.prepared]
+    try:
+        found = pulls_of_logs(solved.problem, solved.solution.z, reached, colours)
+    except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
+        return attempt
+    message = contradiction(found, unknowns, solved.theta, base, names)
+    if not message:
+        return attempt
+    return replace(attempt, gate=replace(attempt.gate, status=Status.MODEL_MISFIT, message=message))
 
 
 def _another_start(moved: Attempt, unknowns: Unknowns, walked: Profiles, base: Array) -> Gate:

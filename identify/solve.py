@@ -67,8 +67,16 @@ class _Port(ca.Callback):
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return self._out[i][1]
 
-    def eval(self, arguments: Sequence[ca.DM]) -> list[Any]:
-        return list(self._function(np.array(arguments[0]).ravel(), arguments))
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, given: Sequence[memoryview], asked: Sequence[memoryview | None]) -> int:
+        # CasADi's own memory: its matrix objects would cost more than the functions of a long log.
+        arrays = [np.frombuffer(buffer) if buffer is not None else np.zeros(0) for buffer in given]
+        for buffer, value in zip(asked, self._function(*arrays), strict=True):
+            if buffer is not None:
+                np.frombuffer(buffer)[:] = value
+        return 0
 
 
 def _sparsity(matrix: sp.csc_matrix) -> ca.Sparsity:
@@ -84,25 +92,25 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
     vector, none, rows, one = ca.Sparsity.dense(n), ca.Sparsity.dense(0, 1), ca.Sparsity.dense(m), ca.Sparsity.dense(1)
     xp = [("x", vector), ("p", none)]
 
-    def nlp(z: Array, _a: Any) -> tuple[Any, ...]:
+    def nlp(z: Array, _p: Array) -> tuple[Any, ...]:
         point = problem.evaluate(z, derivatives=False)
         return point.cost, point.rows
 
-    def grad_f(z: Array, _a: Any) -> tuple[Any, ...]:
+    def grad_f(z: Array, _p: Array) -> tuple[Any, ...]:
         point = problem.evaluate(z, derivatives=True)
         return point.cost, point.gradient
 
-    def jac_g(z: Array, _a: Any) -> tuple[Any, ...]:
+    def jac_g(z: Array, _p: Array) -> tuple[Any, ...]:
         point = problem.evaluate(z, derivatives=True)
         assert point.jacobian is not None
-        return point.rows, ca.DM(jacobian, point.jacobian.data)
+        return point.rows, point.jacobian.data
 
-    def hess(z: Array, arguments: Any) -> tuple[Any, ...]:
+    def hess(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> tuple[Any, ...]:
         if exact:
-            return (ca.DM(hessian, problem.exact_hessian(z, float(arguments[2]), np.array(arguments[3]).ravel()).data),)
+            return (problem.exact_hessian(z, float(on_cost[0]), on_rows).data,)
         point = problem.evaluate(z, derivatives=True)
         assert point.hessian is not None
-        return (ca.DM(hessian, point.hessian.data * float(arguments[2])),)
+        return (point.hessian.data * on_cost[0],)
 
     return {
         "nlp": _Port("nlp", xp, [("f", one), ("g", rows)], nlp),

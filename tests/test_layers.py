@@ -27,8 +27,8 @@ outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
 guess loads lanes steadiness following one_way gaps parting partly_read reageing block_equations blocks features
 unknowns cutting manner prepare rhythms vibration placing first_onsets layout start collector rest_parts lay_out
-equilibrated shooting reconstruct solve uncertainty hints influence coloured warm bootstrap passes discretisation
-levels sequence events consistency leaning gate accuracy combinations asked profile_line profile widened
+equilibrated shooting reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
+discretisation levels sequence events consistency leaning gate accuracy combinations asked profile_line profile widened
 attempt search ridge_ends grouped shares certainty nested screening selection_words selection diagnosis preview depth
 findings log_outlook worth result identification
 report

@@ -1,0 +1,134 @@
+"""Do the logs agree? What each log says of the shared parameters, held against what all the others say.
+
+At a common answer the pulls of all logs cancel. How far one log may pull follows from its share of the information:
+with C the covariance of the answer and S that of what the noise of one log does to it, the pull has the covariance
+S - S C^-1 S (the score test; for linear models its squared distance is that between the answer of this log alone and
+that of the others). A log that pulls farther has an answer of its own, however well the common one fits: the misfit of
+thousands of samples does not see what a few parameters do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from identify.coloured import Colour
+from identify.influence import Influence
+from identify.layout import KNOWN, Layout
+from identify.shooting import Problem
+from identify.unknowns import Unknowns
+from identify.vibration import rhythmic
+
+Array = NDArray[np.float64]
+
+UNTOLD = 1e-3  # share of the information on a direction: with less, or all but less, nothing can be compared along it
+CHANCE = 1e-9  # by which noise alone calls a log contradicting
+MATTERS = (
+    0.10  # of its value by which a parameter must move for it: less is an error bar too short, and no other answer
+)
+
+
+@dataclass(frozen=True)
+class Pull:
+    """One log against the others: log, its index; squared distance, in units of its covariance, and its degrees of
+    freedom; by how much the parameters (f,) move where the log is left out."""
+
+    log: int
+    squared: float
+    freedom: int
+    shift: Array
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether noise cannot be why it pulls so far."""
+        return self.freedom > 0 and self.squared > float(chi2.isf(CHANCE, self.freedom))
+
+
+def pulls(moves: Array, covariances: Array, rest: Array) -> list[Pull]:
+    """How far each source of data pulls the common answer away from that of the others.
+
+    Args:
+        moves: (n, f) by how much the noise of each source moved the answer; covariances (n, f, f) of these moves; rest
+            (f, f): what else adds to the covariance of the answer.
+    """
+    covariance = covariances.sum(axis=0) + rest
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    half = np.linalg.cholesky(covariance / np.outer(size, size))
+    whitened = np.linalg.solve(half, (moves / size).T).T
+    out = []
+    for number, (move, own) in enumerate(zip(whitened, covariances / np.outer(size, size), strict=True)):
+        share, directions = np.linalg.eigh(np.linalg.solve(half, np.linalg.solve(half, own).T))
+        told = (share > UNTOLD) & (share < 1.0 - UNTOLD)
+        along = (directions.T @ move)[told]
+        squared = float(np.sum(along**2 / (share[told] * (1.0 - share[told]))))
+        shift = size * (half @ (directions[:, told] @ (along / (1.0 - share[told]))))
+        out.append(Pull(number, squared, int(np.count_nonzero(told)), -shift))
+    return out
+
+
+def pulls_of_logs(problem: Problem, z: Array, known: Influence, colours: Sequence[Colour]) -> list[Pull]:
+    """As `pulls`, of the logs of a solution z (n,) scaled; where the noise has a memory, samples count for less.
+
+    Raises:
+        LinAlgError: a covariance that is none.
+    """
+    layout, logs = problem.layout, len(problem.logs)
+    f = known.kept.size
+    moves, covariances = np.zeros((logs, f)), np.zeros((logs, f, f))
+    np.add.at(moves, known.log, known.moves)
+    np.add.at(covariances, known.log, known.white)
+    owner = _owners(layout, logs)
+    x, shared = z * layout.scale, np.zeros((f, f))
+    for unknown in np.flatnonzero(np.isfinite(layout.prior_sd)).tolist():
+        column, sd = known.columns[unknown], layout.prior_sd[unknown]
+        said = np.outer(column, column) / sd**2
+        if owner[unknown] == KNOWN:  # of a parameter of all logs: what the user knows beside them
+            shared += said
+            continue
+        moves[owner[unknown]] -= column * (x[unknown] - layout.prior_mean[unknown]) / sd**2
+        covariances[owner[unknown]] += said
+    memory = max([1.0, *(colour.memory for colour in colours)])
+    return [Pull(p.log, p.squared / memory, p.freedom, p.shift) for p in pulls(moves, covariances, shared)]
+
+
+def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:
+    """Of which log each unknown (n,) is; KNOWN where several share it."""
+    owner = np.full((logs, layout.size), False)
+    for family in layout.families:
+        for log in range(logs):
+            slots = family.slots[family.log == log]
+            owner[log, slots[slots >= 0]] = True
+    return np.where(owner.sum(axis=0) == 1, np.argmax(owner, axis=0), KNOWN)
+
+
+def contradiction(found: Sequence[Pull], unknowns: Unknowns, theta: Array, base: Array, names: Sequence[str]) -> str:
+    """A sentence where a log has an answer of its own that differs from the common one; "" where none does.
+
+    Args:
+        theta: (n_p,) of the answer; base (n_p,) of the rig the values are given for; names of the logs.
+    """
+    free = np.flatnonzero(unknowns.free)
+    asked = ~rhythmic(unknowns)[free]
+    values = unknowns.values(theta, base)
+    step = abs(float(values[unknowns.names.index("mu_s")] - values[unknowns.names.index("mu_k0")]))
+    size = np.array([step if n == "delta_mu_k" else abs(v) for n, v in zip(unknowns.names, values, strict=True)])
+    for pull in sorted((pull for pull in found if pull.contradicts), key=lambda pull: -pull.squared):
+        without = theta.copy()
+        without[free] += pull.shift[: free.size]
+        others = unknowns.values(without, base)
+        moved = np.where(asked, np.abs((others - values) / np.maximum(size, 1e-300))[free], 0.0)
+        worst = int(free[np.argmax(moved)])
+        if np.max(moved) > MATTERS:
+            unit = unknowns.model.parameters[worst].unit
+            instead = f"{others[worst]:.3g} instead of {values[worst]:.3g} {unit}".rstrip()
+            return (
+                f"{names[pull.log]} contradicts the other logs (squared distance {pull.squared:.0f} with "
+                f"{pull.freedom} degrees of freedom): without it {unknowns.names[worst]} would be about {instead}; "
+                "check its normal force, its drive speed and what else differs in it, look at its slips in the report, "
+                "or fit it apart"
+            )
+    return ""
