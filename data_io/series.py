@@ -16,6 +16,7 @@ _PATTERN: Final = re.compile(r"[*?\[]")
 _SUFFIXES: Final = (
     ".txt", ".csv", ".tsv", ".dat", ".asc", ".log", ".lvm", ".h5", ".hdf5", ".mat", ".xlsx", ".gz", ".zip",
 )  # fmt: skip
+_BESIDE = re.compile(r"(read[ _-]?me|licen[cs]e|copying|notice|changelog)", re.IGNORECASE)  # texts about logs
 _DIGITS = re.compile(r"\d+")
 
 
@@ -33,7 +34,9 @@ def logs_at(path: Path) -> list[Path]:
     In the order of the numbers in their names. Raises `LogError` where there is none.
     """
     if path.is_dir():
-        found = [p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()]
+        found = [
+            p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file() and not _BESIDE.match(p.name)
+        ]
     elif is_series(path):
         anchor = Path(path.anchor) if path.anchor else Path()
         try:

@@ -26,6 +26,7 @@ REACH = 4.0  # factor up to which a rig value is suspected
 REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
+UNITS = 30.0  # factor by which the slope of the sticks is off where a unit is wrong: no rig value is
 NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
 
 
@@ -37,6 +38,20 @@ class Suspect:
     parameter: str
     freed: Callable[[Scene], Scene | None]
     words: Callable[[float, float], str]
+
+
+def wrong_unit(prepared: Sequence[Prepared]) -> str:
+    """A sentence where the sticks of a log rise so differently from stiffness times drive speed that a unit must be
+    wrong; "" where none do."""
+    for log in prepared:
+        for slope in (part.slope for part in log.judgement.slips if part.slope is not None):
+            times = 1.0 + slope
+            if not 1.0 / UNITS < times < UNITS:
+                return (
+                    f"in the sticks of {log.name} the force rises {times:.3g} times as fast as stiffness times drive "
+                    "speed says: check the units of its time and forces, its drive speed and the stiffness of the rig"
+                )
+    return ""
 
 
 def diagnose(

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 EFFECTS = (*MAIN, "varying_normal_force")
 FEWEST_CYCLES = 2
 STEADY = 0.02  # relative scatter up to which a recorded speed counts as one speed
+ROUNDED = 1e-9  # of its values: a position that varies by less stands still
 
 
 @dataclass(frozen=True)
@@ -97,13 +98,17 @@ def told_speed(record: Record) -> tuple[float | None, str]:
         values = record.channels[name]
         if unit == "m/s" and _is_steady(values):
             return abs(float(np.median(values))), f"from column {name}"
+    rates = {}
     for name, unit in record.channel_units.items():
-        if unit == "m" and np.all(np.isfinite(record.channels[name])):
-            rate, start = np.polyfit(record.time, record.channels[name], 1)
-            left = record.channels[name] - (start + rate * record.time)
-            if abs(rate) > 0 and np.std(left) < STEADY * np.std(record.channels[name]):
-                return abs(float(rate)), f"from the slope of column {name}"
-    return None, ""
+        values = record.channels[name]
+        if unit == "m" and np.all(np.isfinite(values)) and np.ptp(values) > ROUNDED * np.max(np.abs(values)):
+            rate, start = np.polyfit(record.time, values, 1)
+            if np.std(values - (start + rate * record.time)) < STEADY * np.std(values):
+                rates[name] = abs(float(rate))
+    if not rates:
+        return None, ""
+    fastest = max(rates, key=lambda name: rates[name])  # others creep or wear while the drive moves
+    return rates[fastest], f"from the slope of column {fastest}"
 
 
 def _is_steady(values: Array) -> bool:

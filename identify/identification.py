@@ -15,7 +15,7 @@ from identify.asked import NOTHING_MORE, Asked
 from identify.attempt import Attempt, Clock
 from identify.certainty import certainty
 from identify.choice import Choice
-from identify.diagnosis import diagnose
+from identify.diagnosis import diagnose, wrong_unit
 from identify.effects import ALL
 from identify.errors import FitError
 from identify.findings import Findings
@@ -125,7 +125,10 @@ def find(
     since = time.perf_counter()
     progress("intervals", 0.9)
     findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, asked, seed)
-    if findings.status in MISFITS and max(log.scatter for log in prepared) <= UNEQUAL:
+    doubt = wrong_unit(prepared) if findings.status in MISFITS else ""
+    if doubt:
+        findings = replace(findings, status=Status.MODEL_MISFIT, message=doubt)
+    elif findings.status in MISFITS and max(log.scatter for log in prepared) <= UNEQUAL:
         progress("looking for what is wrong", 0.95)
         cause = diagnose(scene, read, prepared, unknowns, attempt)
         if cause is not None:

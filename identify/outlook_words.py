@@ -123,7 +123,8 @@ def amplitude_text(document: Document) -> str:
         f"every {with_interval(part['period'])}: "
         f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
         f"at up to {with_interval(part['peak_speed'])}; "
-        f"the force rises to {plain['onset_force']} and falls to {plain['arrest_force']}."
+        f"the mass begins to slip at {plain['onset_force']} and rests again at {plain['arrest_force']} (the drop is "
+        "the difference of the two; peak and valley of the record lie beyond them)."
         + _why_open(part[name] for name in ("drop", "period", "peak_speed"))
     )
 

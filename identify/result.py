@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from data_io import Record
+from data_io.record import within
 from identify.attempt import Clock
 from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
@@ -223,7 +225,9 @@ def _derived(found: Findings) -> dict[str, Any]:
 def _log(scene: Scene, index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> dict[str, Any]:
     record = log.record
     taken = found.attempt is not None and index in found.attempt.logs
-    table = classical_table(record, log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness)
+    table = classical_table(
+        _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
+    )
     load = float(np.nanmean(record.normal_force))
     stroke = part_of(scene, log.entry)
     return {
@@ -245,6 +249,15 @@ def _log(scene: Scene, index: int, log: Prepared, found: Findings, answer: dict[
         **log.account.document(),
         "derived": answer,
     }
+
+
+def _looked_at(log: Prepared) -> Record:
+    """The record of which the classical table is made: what the window of the scene leaves."""
+    record, window = log.record, log.entry.window
+    if window is None:
+        return record
+    begin = float(record.metadata.get("file_time_start", 0.0))  # a window of a scene counts from the first row
+    return within(record, (begin + window[0], begin + window[1]))
 
 
 def _quality(log: Prepared) -> dict[str, Any]:

@@ -45,9 +45,9 @@ def sureness(
     """
     where = f"{said(abs(drive_speed), 'm/s')} and {said(normal_force, 'N')}"
     if covariance is None or not names:
-        why = "give tolerances, priors, or the result of a fit"
+        why = "nothing that it depends on has an error: give tolerances, priors, or the result of a fit that tells it"
         empty = document(Certainty(None, None, {}, 0, 0), {}, {})
-        return empty | {"text": f"How sure this is at {where} cannot be said: nothing is stated as uncertain; {why}."}
+        return empty | {"text": f"How sure this is at {where} cannot be said: {why}."}
     map_ = CycleMap(model, normal_force, np.array([float(values[name]) for name in model.parameter_names]))
     answer = prospect(map_, abs(drive_speed))
     found = certainty(map_, answer, names, covariance, draws, seed)

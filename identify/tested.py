@@ -47,7 +47,8 @@ class Tested:
                 "normal_force": log.get("normal_force_N"),
                 "stiffness": own.get("stiffness", rig.get("stiffness")),
             }
-            points.append({name: float(v) for name, v in said.items() if v})
+            plain = {name: v.get("value") if isinstance(v, Mapping) else v for name, v in said.items()}
+            points.append({name: float(v) for name, v in plain.items() if v})
         return Tested.of(points)
 
     def extrapolated(self, name: str, value: float) -> bool:

@@ -203,6 +203,8 @@ def test_tested_range_of_a_result():
     scene = {"rig": {"stiffness": 1000.0}, "logs": [{}, {"stiffness": 2000.0}, {}]}
     found = tested.Tested.of_result({"logs": logs, "provenance": {"scene": scene}})
     assert found.ranges == {"drive_speed": (1e-3, 5e-3), "normal_force": (1.0, 2.0), "stiffness": (1000.0, 2000.0)}
+    scene["rig"] = {"stiffness": {"value": 1000.0, "tolerance": 0.01}}
+    assert tested.Tested.of_result({"logs": logs, "provenance": {"scene": scene}}) == found
     assert found.extrapolated("drive_speed", 6e-3) and not found.extrapolated("drive_speed", -5.4e-3)
     assert not found.extrapolated("mass", 1e9) and tested.Tested({}).extrapolated("stiffness", 1.0)
 

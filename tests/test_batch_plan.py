@@ -56,6 +56,14 @@ def test_rows_of_a_group_are_one_job_with_its_labels(case):
     assert any("'run' is taken as a label" in note for note in made.notes)
 
 
+@pytest.mark.parametrize("spelt", ["drivespeed", "Drive speed", "DRIVE-SPEED"])
+def test_a_column_spelt_otherwise_is_no_label(case, spelt):
+    said = complaints(case, f"path,group,{spelt}\na.csv,G,1 mm/s\n")
+    assert said == [next(c for c in said if f"{spelt!r} would be a label; did you mean drive_speed?" in c)]
+    made = case(f"path,group,drive_speed,{spelt}\na.csv,G,1 mm/s,slow\n")  # beside the right one it can be nothing else
+    assert made.labels == (spelt,)
+
+
 def test_overrides_reach_the_group_or_the_log(case):
     same = "path,group,drive_speed,rig.mass,parameters.mu_s.start,logs.window\n"
     same += 'a.csv,G,1 mm/s,0.3 kg,0.7,"[""1 s"", ""2 s""]"\nb.csv,G,1 mm/s,300 g,0.7,\n'

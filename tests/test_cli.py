@@ -455,7 +455,7 @@ def test_calculators_answer_for_each_log(folder, capsys):
 
 
 def test_an_operating_point_is_asked_for(folder, capsys):
-    at = ["--at", "drive_speed=2 mm/s", "--at", "normal_force=1 N", "--at", "stiffness=2 N/mm"]
+    at = ["--at", "drive_speed=2 mm/s", "normal_force=1 N", "--at", "stiffness=2 N/mm"]  # in one option, or in several
     code, out, _ = stickslip(capsys, "stability", "--scene", examples.SCENE, *at, "--plot", "s.svg", "--json")
     (point,) = json.loads(out)["points"]
     assert code == 0 and Path("s.svg").read_text().startswith("<?xml")

@@ -11,11 +11,13 @@ import pytest
 from data_io import Record
 from data_io.thresholds import Thresholds
 from experiments.study_problem import DEMO, RIG
+from identify.diagnosis import wrong_unit
 from identify.effects import MAIN
 from identify.errors import FitError, SceneError
 from identify.loads import level, smooth
 from identify.model import assemble
 from identify.prepare import prepare
+from identify.result import _looked_at
 from identify.scene import Scene
 from identify.simulate import run
 from identify.unknowns import from_scene
@@ -70,6 +72,23 @@ def test_skipped_cycles_and_windows_leave_samples_and_falls_out():
     assert not half.used[2500:].any()
     holed = _prepared(_record(), exclude=[[0.1, 0.12]])
     assert not holed.used[105:115].any() and holed.used[200:300].any()
+
+
+def test_the_classical_table_of_a_result_reads_what_the_scene_leaves():
+    shown = _looked_at(_prepared(_record(), window=[1.0, 3.0]))
+    assert shown.time.size == 2001 and shown.time[-1] == pytest.approx(2.0)
+    whole = _record()
+    assert np.array_equal(shown.friction_force, whole.friction_force[1000:3001])
+    assert _looked_at(_prepared(whole)).friction_force is _prepared(whole).record.friction_force
+
+
+@pytest.mark.parametrize(("clock", "forces", "times"), [(1e3, 1.0, "0.00"), (1.0, 1e3, "99")])
+def test_sticks_a_thousand_times_too_steep_or_flat_tell_of_a_wrong_unit(clock, forces, times):
+    good = _record()
+    wrong = Record(clock * good.time, forces * good.normal_force, forces * good.friction_force)
+    said = wrong_unit([_prepared(good), _prepared(wrong)])
+    assert f"rises {times}" in said and "check the units" in said
+    assert wrong_unit([_prepared(good)]) == ""
 
 
 def test_what_cannot_be_fitted_is_refused_by_name():

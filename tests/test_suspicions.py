@@ -1,6 +1,7 @@
 """What `inspect` doubts in a log: wrong units, swapped columns, slow sampling, few slips, spikes."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from data_io import Record, write_csv
 from identify import examples
 from identify.cli import main as cli
+from identify.draft import told_speed
 from identify.effects import MAIN
 from identify.judgement import judge
 from identify.model import assemble
@@ -109,6 +111,20 @@ def test_the_drive_speed_is_read_from_a_column_as_for_a_scene(tmp_path, capsys):
     assert (
         log["drive_speed_m_per_s"] == pytest.approx(2e-3) and log["drive_speed_source"] == "from the slope of column Y"
     )
+
+
+def test_a_position_that_stands_still_is_no_drive():
+    good = record_of(500.0, 4.0)
+    still, creeping = np.full(good.time.size, -0.69e-3), 1e-9 * good.time
+    channels = {"Z": still, "W": creeping, "X": 2e-3 * good.time}
+
+    def told(*names):
+        units = dict.fromkeys(names, "m")
+        shown = {name: channels[name] for name in names}
+        return told_speed(replace(good, channels=shown, channel_units=units))
+
+    assert told("Z", "W", "X") == (pytest.approx(2e-3), "from the slope of column X")
+    assert told("Z") == (None, "")
 
 
 def test_the_drive_speed_of_a_log_of_several_steps_is_told_by_step(capsys):

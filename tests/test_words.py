@@ -82,7 +82,7 @@ def test_rows_without_a_number_become_one():
     forms = {"slip": "runaway"} | {name: entry(None, "N", validity=why) for name in names}
     table = answer_table([(Cell("log 1"), {"closed_forms": forms, "stability": {"outcome": "always sticks"}})], "")
     heads = [row.head for row in table.rows]
-    assert "drop of the force, period, duration of slip, highest sliding speed" in heads
+    assert "drop of the force (onset to rest), period, duration of slip, highest sliding speed" in heads
     cells = {row.head: row.cells for row in table.rows if row.cells}
     assert cells["what it does here"][0].text == "stick-slip, from any start"
     assert cells["kind of linear slip"][0].text == "runs away"

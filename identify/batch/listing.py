@@ -148,10 +148,22 @@ def _heading_complaints(source: Path, heading: Sequence[str]) -> tuple[list[str]
             complaints.append(
                 f"{source}: the column {name!r} is no key of a log; did you mean logs.{nearest(rest, LOG_KEYS)}?"
             )
+        elif meant := _meant(name, heading):
+            complaints.append(f"{source}: the column {name!r} would be a label; did you mean {meant}? Rename it")
         elif name in (*LOG_KEYS, *TOP) and name not in OWN:
             keys = f"logs.{name}" if name in LOG_KEYS else f"a column of its keys, such as {name}.…"
             notes.append(f"the column {name!r} is taken as a label; it would take {keys} to set the scene")
     return complaints, notes
+
+
+def _meant(name: str, heading: Sequence[str]) -> str:
+    """The column that a heading spells otherwise ("Drive speed", "drivespeed"); "" where there is none."""
+    plain = {_plain(own): own for own in OWN if own not in heading}
+    return "" if name in OWN else plain.get(_plain(name), "")
+
+
+def _plain(name: str) -> str:
+    return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) -> Row | str:

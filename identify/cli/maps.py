@@ -18,6 +18,7 @@ from identify.cli.summary import wrapped
 from identify.continuation import Change, Continuation, continuation
 from identify.outlook_words import said
 from identify.plane import around
+from identify.report.words import OUTCOMES
 from identify.scene.tables import nearest
 from identify.spread import Interval, Spread
 
@@ -107,7 +108,7 @@ def chart_text(made: Chart) -> str:
         f"{q.label} from {said(float(v[0]), q.unit)} to {said(float(v[-1]), q.unit)}"
         for q, v in ((plane.x, plane.x_values), (plane.y, plane.y_values))
     ]
-    shares = ", ".join(f"{100 * share:.0f} % {word}" for word, share in made.shares.items())
+    shares = ", ".join(f"{100 * share:.0f} % {OUTCOMES.get(word, word)}" for word, share in made.shares.items())
     return f"Map of {' and '.join(spans)}, {plane.shape[1]} x {plane.shape[0]} points: {shares}."
 
 

@@ -17,7 +17,8 @@ def add_point_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument(
         "--at",
-        action="append",
+        nargs="+",
+        action="extend",
         default=[],
         metavar="KEY=VALUE",
         help='operating point, repeatable: drive_speed="1 mm/s", normal_force, or any parameter (default: each log)',
