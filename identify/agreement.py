@@ -48,14 +48,14 @@ class Pull:
         return self.freedom > 0 and self.squared > float(chi2.isf(CHANCE, self.freedom))
 
 
-def pulls(moves: Array, covariances: Array, rest: Array) -> list[Pull]:
+def pulls(moves: Array, covariances: Array) -> list[Pull]:
     """How far each source of data pulls the common answer away from that of the others.
 
     Args:
-        moves: (n, f) by how much the noise of each source moved the answer; covariances (n, f, f) of these moves; rest
-            (f, f): what else adds to the covariance of the answer.
+        moves: (n, f) by how much the noise of each source moved the answer; covariances (n, f, f) of these moves,
+            together that of the answer.
     """
-    covariance = covariances.sum(axis=0) + rest
+    covariance = covariances.sum(axis=0)
     size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     half = np.linalg.cholesky(covariance / np.outer(size, size))
     whitened = np.linalg.solve(half, (moves / size).T).T
@@ -73,30 +73,28 @@ def pulls(moves: Array, covariances: Array, rest: Array) -> list[Pull]:
 def pulls_of_logs(problem: Problem, z: Array, known: Influence, colours: Sequence[Colour]) -> list[Pull]:
     """As `pulls`, of the logs of a solution z (n,) scaled; where the noise has a memory, samples count for less.
 
+    Last, behind those of the logs, comes the pull of what the user knows beside them: priors of shared parameters.
+
     Raises:
         LinAlgError: a covariance that is none.
     """
     layout, logs = problem.layout, len(problem.logs)
     f = known.kept.size
-    moves, covariances = np.zeros((logs, f)), np.zeros((logs, f, f))
+    moves, covariances = np.zeros((logs + 1, f)), np.zeros((logs + 1, f, f))
     np.add.at(moves, known.log, known.moves)
     np.add.at(covariances, known.log, known.white)
     owner = _owners(layout, logs)
-    x, shared = z * layout.scale, np.zeros((f, f))
+    x = z * layout.scale
     for unknown in np.flatnonzero(np.isfinite(layout.prior_sd)).tolist():
         column, sd = known.columns[unknown], layout.prior_sd[unknown]
-        said = np.outer(column, column) / sd**2
-        if owner[unknown] == KNOWN:  # of a parameter of all logs: what the user knows beside them
-            shared += said
-            continue
         moves[owner[unknown]] -= column * (x[unknown] - layout.prior_mean[unknown]) / sd**2
-        covariances[owner[unknown]] += said
+        covariances[owner[unknown]] += np.outer(column, column) / sd**2
     memory = max([1.0, *(colour.memory for colour in colours)])
-    return [Pull(p.log, p.squared / memory, p.freedom, p.shift) for p in pulls(moves, covariances, shared)]
+    return [Pull(p.log, p.squared / memory, p.freedom, p.shift) for p in pulls(moves, covariances)]
 
 
 def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:
-    """Of which log each unknown (n,) is; KNOWN where several share it."""
+    """Of which log each unknown (n,) is; -1 (KNOWN) where several share it."""
     owner = np.full((logs, layout.size), False)
     for family in layout.families:
         for log in range(logs):
@@ -106,17 +104,22 @@ def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:
 
 
 def contradiction(found: Sequence[Pull], unknowns: Unknowns, theta: Array, base: Array, names: Sequence[str]) -> str:
-    """A sentence where a log has an answer of its own that differs from the common one; "" where none does.
+    """A sentence where a log has an answer of its own that differs from the common one; "" where none does, or where
+    what the user knows beside the logs contradicts them: then it is not they that do not agree.
 
     Args:
+        found: pulls of the logs, and last that of what is known beside them.
         theta: (n_p,) of the answer; base (n_p,) of the rig the values are given for; names of the logs.
     """
+    *of_logs, beside = found
+    if beside.contradicts:
+        return ""
     free = np.flatnonzero(unknowns.free)
     asked = ~rhythmic(unknowns)[free]
     values = unknowns.values(theta, base)
     step = abs(float(values[unknowns.names.index("mu_s")] - values[unknowns.names.index("mu_k0")]))
     size = np.array([step if n == "delta_mu_k" else abs(v) for n, v in zip(unknowns.names, values, strict=True)])
-    for pull in sorted((pull for pull in found if pull.contradicts), key=lambda pull: -pull.squared):
+    for pull in sorted((pull for pull in of_logs if pull.contradicts), key=lambda pull: -pull.squared):
         without = theta.copy()
         without[free] += pull.shift[: free.size]
         others = unknowns.values(without, base)

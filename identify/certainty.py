@@ -132,7 +132,7 @@ def certainty(
                 moved = replace(moved, gate=_another_start(moved, unknowns, walked, base))
             attempt, known, walked = moved, information_at(moved, unknowns), None
             accepted = attempt.gate.status is Status.CONVERGED
-    if accepted and len(attempt.logs) > 1:
+    if accepted and not bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel
         attempt = _agreeing(attempt, unknowns, base, reached or _reached(attempt), colours)
         accepted = attempt.gate.status is Status.CONVERGED
     groups = shares(attempt, unknowns)

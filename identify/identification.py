@@ -26,7 +26,7 @@ from identify.outcome import Fit, LogCurves, Status
 from identify.parting import parted
 from identify.partly_read import read_partly
 from identify.prepare import Prepared, prepare
-from identify.reconstruct import detected_curves, fitted_curves
+from identify.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.result import document
 from identify.scene import Scene
 from identify.scene.values import LogEntry
@@ -315,4 +315,6 @@ def _curves(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | Non
         curves[number] = fitted_curves(
             attempt.prepared[place], unknowns, solved.theta, solved.guesses[place], fitted[place], z
         )
+        if attempt.gate.status is not Status.CONVERGED:
+            curves[number] = refused_curves(prepared[number], curves[number])
     return tuple(curves)

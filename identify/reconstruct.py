@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,6 +44,15 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
         _typical_slip(log, unknowns, p, guess),
         *_as_read(log),
     )
+
+
+def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
+    """Curves of a fit that was refused: cycles as they were measured, for how they scatter is what the reader is sent
+    to; the misfit of each where there are as many as were fitted."""
+    cycles = detected_curves(log).cycles
+    if cycles.shape == fitted.cycles.shape:
+        cycles[:, -1] = fitted.cycles[:, -1]
+    return replace(fitted, cycles=cycles)
 
 
 def detected_curves(log: Prepared) -> LogCurves:

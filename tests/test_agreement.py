@@ -38,7 +38,7 @@ def _pulls(designs, seen):
     answer = covariance @ sum(x.T @ y for x, y in zip(designs, seen, strict=True))
     moves = np.stack([covariance @ x.T @ (y - x @ answer) for x, y in zip(designs, seen, strict=True)])
     spreads = np.stack([covariance @ x.T @ x @ covariance for x in designs])
-    return pulls(moves, spreads, np.zeros((3, 3))), answer
+    return pulls(moves, spreads), answer
 
 
 def test_a_pull_is_the_distance_between_a_log_alone_and_the_others_alone():
@@ -91,10 +91,10 @@ def _records(factor):
     return tuple(_record(truth, log, seed) for seed, (truth, log) in enumerate(zip(truths, LOGS, strict=True)))
 
 
-def _found(factor):
+def _found(factor, **parameters):
     logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
     document = {"effects": [*NAMES, "varying_normal_force"], "rig": dict(RIG), "logs": logs}
-    scene = Scene.from_document(document, Path())
+    scene = Scene.from_document(document | ({"parameters": parameters} if parameters else {}), Path())
     _, found = find(scene, list(_records(factor)), clock=Clock(), progress=lambda _stage, _share: None)
     return found
 
@@ -113,3 +113,10 @@ def test_a_log_of_another_pair_is_named_though_the_misfit_is_noise(monkeypatch):
 
 def test_logs_of_one_pair_agree():
     assert _found(1.0).status is Status.CONVERGED
+
+
+@pytest.mark.parametrize("said", [{"prior": {"mean": 0.6, "sd": 0.02}}, {"lower": 1.2}])
+def test_logs_are_not_blamed_for_what_the_user_says_beside_them(said):
+    stated = {key: value * DEMO["a"] for key, value in said.items() if key != "prior"}
+    stated |= {"prior": {key: value * DEMO["a"] for key, value in said["prior"].items()}} if "prior" in said else {}
+    assert "contradicts the other logs" not in _found(1.0, a=stated).message

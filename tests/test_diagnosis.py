@@ -43,9 +43,13 @@ def _lagging(lag):
     [({"mass": 0.3}, "a mass of 0.2 kg instead of 0.3 kg"), ({"stiffness": 1764.0}, "a stiffness of 1.47e+03 N/m")],
 )
 def test_a_wrong_rig_value_is_named_with_the_right_one(case, wrong, said):
-    result = fit(_scene(RIG | wrong), [case.records[i] for i in LOGS]).result
+    made = fit(_scene(RIG | wrong), [case.records[i] for i in LOGS])
+    result = made.result
     assert result["status"] == "model_misfit"
     assert said in result["message"]
+    for curves, log in zip(made.logs, result["logs"], strict=True):  # what scatters is measured, not the misfit's model
+        drop = float(np.mean(curves.cycles[:, 2] - curves.cycles[:, 3]))
+        assert drop == pytest.approx(log["classical"]["rows"][0]["drop_N"], rel=0.03)
     assert "[parameters]" in result["message"], "it says what to do"
 
 
