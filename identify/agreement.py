@@ -10,7 +10,7 @@ thousands of samples does not see what a few parameters do.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from identify.coloured import Colour
 from identify.influence import Influence
 from identify.layout import KNOWN, Layout
 from identify.shooting import Problem
+from identify.uncertainty import sizes
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
 
@@ -27,9 +28,7 @@ Array = NDArray[np.float64]
 
 UNTOLD = 1e-3  # share of the information on a direction: with less, or all but less, nothing can be compared along it
 CHANCE = 1e-9  # by which noise alone calls a log contradicting
-MATTERS = (
-    0.10  # of its value by which a parameter must move for it: less is an error bar too short, and no other answer
-)
+MATTERS = 0.10  # of its size by which a parameter must move for it: less is a short error bar, and no other answer
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, colours: Sequenc
         moves[owner[unknown]] -= column * (x[unknown] - layout.prior_mean[unknown]) / sd**2
         covariances[owner[unknown]] += np.outer(column, column) / sd**2
     memory = max([1.0, *(colour.memory for colour in colours)])
-    return [Pull(p.log, p.squared / memory, p.freedom, p.shift) for p in pulls(moves, covariances)]
+    return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
 
 
 def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:
@@ -117,13 +116,12 @@ def contradiction(found: Sequence[Pull], unknowns: Unknowns, theta: Array, base:
     free = np.flatnonzero(unknowns.free)
     asked = ~rhythmic(unknowns)[free]
     values = unknowns.values(theta, base)
-    step = abs(float(values[unknowns.names.index("mu_s")] - values[unknowns.names.index("mu_k0")]))
-    size = np.array([step if n == "delta_mu_k" else abs(v) for n, v in zip(unknowns.names, values, strict=True)])
+    size = np.maximum(sizes(unknowns, values), 1e-300)
     for pull in sorted((pull for pull in of_logs if pull.contradicts), key=lambda pull: -pull.squared):
         without = theta.copy()
         without[free] += pull.shift[: free.size]
         others = unknowns.values(without, base)
-        moved = np.where(asked, np.abs((others - values) / np.maximum(size, 1e-300))[free], 0.0)
+        moved = np.where(asked, np.abs((others - values) / size)[free], 0.0)
         worst = int(free[np.argmax(moved)])
         if np.max(moved) > MATTERS:
             unit = unknowns.model.parameters[worst].unit

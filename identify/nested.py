@@ -72,9 +72,9 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True,
     prepared, unknowns = _prepared(scene, records)
     attempt, _ = search(prepared, unknowns, thorough=False, sources=sources)
     failed = attempt is not None and not attempt.solved.solution.success
-    if thorough and (
-        attempt is None or (failed and alike([prepared[i] for i in usable(prepared)]))
-    ):  # unlike cycles leave no other start to try
+    # Unlike cycles leave no other start to try.
+    more = attempt is None or (failed and alike([prepared[i] for i in usable(prepared)]))
+    if thorough and more:
         attempt, _ = search(prepared, unknowns, sources=sources)
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 

@@ -162,14 +162,14 @@ def estimates(
     """
     values = unknowns.values(theta, base)
     sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    step = abs(float(values[unknowns.names.index("mu_s")] - values[unknowns.names.index("mu_k0")]))
+    size_of = sizes(unknowns, values)
     quantile = float(norm.ppf(0.5 + LEVEL / 2))
     out = []
     source = unknowns.source.tolist()
     for i, declared in enumerate(unknowns.model.parameters):
         value, name, unit = float(values[i]), declared.name, declared.unit
         if source[i] != i:
-            out.append(_tied(unknowns, i, value, theta, base, sd, quantile, step))
+            out.append(_tied(unknowns, i, value, theta, base, sd, quantile, float(size_of[i])))
             continue
         if i not in sd:
             out.append(Estimate(name, unit, value, None, None, None, "fixed", "not estimated"))
@@ -180,8 +180,7 @@ def estimates(
         interval = profiles.get(name, Interval(theta[i] - quantile * sd[i], theta[i] + quantile * sd[i]))
         interval, walled = _within_walls(unknowns, i, interval)
         low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
-        size = step if name == "delta_mu_k" else abs(value)
-        verdict = _verdict(value, low, high, size, declared.scale == "log")
+        verdict = _verdict(value, low, high, float(size_of[i]), declared.scale == "log")
         prior = _prior_share(unknowns, i, sd[i])
         if verdict == "not identifiable":
             reason = hints.get(name, "these data hold too little on it")
@@ -199,6 +198,13 @@ def estimates(
     return out
 
 
+def sizes(unknowns: Unknowns, values: Array) -> Array:
+    """What the error of each parameter is judged by (n_p,): its value, and the step of friction for its weakening."""
+    mu_s, mu_k0 = (float(values[unknowns.names.index(name)]) for name in ("mu_s", "mu_k0"))
+    weakening = np.array([name == "delta_mu_k" for name in unknowns.names])
+    return np.where(weakening, abs(mu_s - mu_k0), np.abs(values))
+
+
 def _tied(
     unknowns: Unknowns,
     i: int,
@@ -207,13 +213,13 @@ def _tied(
     base: Array,
     sd: Mapping[int, float],
     quantile: float,
-    step: float,
+    size: float,
 ) -> Estimate:
     """The estimate of a parameter that follows another one: as sure as that one."""
     declared, to = unknowns.model.parameters[i], int(unknowns.source[i])
     reason = f"tied to {unknowns.names[to]}"
     low, high = (parameter_value(unknowns, i, theta[to] + side * quantile * sd[to], base[i]) for side in (-1, 1))
-    verdict = _verdict(value, low, high, step if declared.name == "delta_mu_k" else abs(value), declared.scale == "log")
+    verdict = _verdict(value, low, high, size, declared.scale == "log")
     if verdict == "not identifiable" or low is None or high is None:
         return Estimate(declared.name, declared.unit, value, None, None, None, "not identifiable", reason)
     error = sd[to] * (value if declared.scale == "log" else 1.0)
