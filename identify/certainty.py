@@ -22,7 +22,7 @@ from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
 from identify.profile import LEVEL, Profiles, profile
-from identify.ridge_ends import better_course
+from identify.ridge_ends import better_course, other_sign
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns
@@ -90,6 +90,7 @@ def certainty(
         return None
     accepted = attempt.gate.status is Status.CONVERGED
     walked: Profiles | None = None
+    mirrored = False
     for tries in range(1 + BETTER_TRIES):
         solved = attempt.solved
         bounds = at_bound(solved.theta)
@@ -111,6 +112,11 @@ def certainty(
         ends = _intervals(walked)
         found = estimates(unknowns, solved.theta, base, covariance, at_bound=bounds, hints=told, profiles=ends)
         found = untold(found, solved.guesses, told)
+        if accepted and not mirrored and tries < BETTER_TRIES and _leave_open(found):
+            mirrored, other = True, other_sign(attempt, unknowns)
+            if other is not None:
+                attempt, known, walked = other, information_at(other, unknowns), None
+                continue
         # What one peak or one level does not tell, no walk along it will find an end of.
         tells = onsets(solved.guesses) > 1
         asks = asked.profile or bool(bounds) or (tells and doubtful(unknowns, covariance, found))
@@ -130,7 +136,8 @@ def certainty(
                 continue  # inside the joint region: another point of the same ridge, at which the solver finds no end
             if moved.gate.status is not Status.CONVERGED:
                 moved = replace(moved, gate=_another_start(moved, unknowns, walked, base))
-            attempt, known, walked = moved, information_at(moved, unknowns), None
+            seen = walked.seen_from(unknowns, solved.theta, moved.solved.theta) if tries + 1 == BETTER_TRIES else None
+            attempt, known, walked = moved, information_at(moved, unknowns), seen
             accepted = attempt.gate.status is Status.CONVERGED
     if accepted and not bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel
         attempt = _agreeing(attempt, unknowns, base, reached or _reached(attempt), colours)

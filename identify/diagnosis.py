@@ -8,36 +8,33 @@ never silently taken over: the answer stays a misfit until the user mends the sc
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_io import Record
 from identify.attempt import Attempt
 from identify.errors import FitError, SceneError
+from identify.held import Held
 from identify.model import RIG_PARAMETERS
-from identify.nested import Fitted, fit_from_values, fit_model, fits
+from identify.nested import Fitted, fit_from_values, fit_larger, fit_model, fits
 from identify.prepare import Prepared
 from identify.scene import Scene
-from identify.scene.parameters import ParameterSpec
+from identify.suspects import GROSS, SLIGHT, Suspect, found_and_stated
+from identify.uncertainty import sizes
 from identify.unknowns import Unknowns
 
-REACH = 4.0  # factor up to which a rig value is suspected
+Array = NDArray[np.float64]
+
 REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
 UNITS = 30.0  # factor by which the slope of the sticks is off where a unit is wrong: no rig value is
 NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """What may be wrong: its parameter, the scene with it free (None where it is free already), and the sentence that
-    names it, given the value found and the one stated."""
-
-    parameter: str
-    freed: Callable[[Scene], Scene | None]
-    words: Callable[[float, float], str]
+ASKED = 16.0  # the same for an answer that fits, about which there is another doubt already
+ALIKE = 1e-3  # share of the samples by which fits may differ that are compared: the last stick is cut anew
+MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
 
 
 def wrong_unit(prepared: Sequence[Prepared]) -> str:
@@ -72,28 +69,39 @@ def diagnose(
         return None
     found: list[tuple[float, str]] = []
     if attempt is not None and excess < NEAR * attempt.solved.problem.samples:
-        found = _explanations(scene, float(excess), lambda freed: fit_from_values(ended, freed, records))
+        tried = _tried(SLIGHT, scene, prepared, lambda freed: fit_from_values(ended, freed, records))
+        found = _explanations(tried, scene, float(excess))
     if not found:
-        found = _explanations(scene, float(excess), lambda freed: fit_model(freed, records, thorough=False))
+        tried = _tried(GROSS, scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
+        found = _explanations(tried, scene, float(excess))
     least = min((misfit for misfit, _ in found), default=0.0)
     return "; or ".join(words for misfit, words in sorted(found) if misfit < least + TOLD) or None
 
 
-def _explanations(scene: Scene, excess: float, fit: Callable[[Scene], Fitted]) -> list[tuple[float, str]]:
-    """What is left of a misfit, and the sentence, of every suspect that explains it, fitted in that way."""
-    found: list[tuple[float, str]] = []
-    for suspect in SUSPECTS:
-        freed = suspect.freed(scene)
-        if freed is None:
-            continue
+def _tried(
+    suspects: Sequence[Suspect], scene: Scene, prepared: Sequence[Prepared], fit: Callable[[Scene], Fitted]
+) -> list[tuple[Suspect, Fitted]]:
+    """Every suspect with what came of its fit, done in that way, where there is an answer."""
+    out = []
+    for suspect in suspects:
         try:
-            fitted = fit(freed)
+            freed = suspect.freed(scene, prepared)
+            fitted = None if freed is None else fit(freed)
         except (FitError, SceneError):
             continue
+        if fitted is not None and fitted.attempt is not None:
+            out.append((suspect, fitted))
+    return out
+
+
+def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, excess: float) -> list[tuple[float, str]]:
+    """What is left of a misfit, and the sentence, of every suspect that explains it."""
+    found: list[tuple[float, str]] = []
+    for suspect, fitted in tried:
         nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess
-        if fitted.attempt is None or not (fits(fitted) or nearly):
+        if not (fits(fitted) or nearly):
             continue
-        value, stated = _values(suspect, fitted, scene)
+        value, stated = found_and_stated(suspect, fitted, scene)
         if stated > 0.0 and abs(value / stated - 1.0) < CLEAR:
             continue
         rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
@@ -101,64 +109,81 @@ def _explanations(scene: Scene, excess: float, fit: Callable[[Scene], Fitted]) -
     return found
 
 
-def _values(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:
-    """Value found and value stated of a suspect (0 where none is stated)."""
-    assert fitted.attempt is not None
-    names = fitted.unknowns.names
-    base = fitted.unknowns.base({n: float(getattr(scene.rig, n)) for n in RIG_PARAMETERS})
-    value = fitted.unknowns.values(fitted.attempt.solved.theta, base)[names.index(suspect.parameter)]
-    return float(value), float(getattr(scene.rig, suspect.parameter, 0.0) or 0.0)
+@dataclass(frozen=True)
+class Doubt:
+    """What describes data better that an answer fits already: a sentence; gain: by how much chi^2 falls; moved: by how
+    much of its size the parameter `worst` moves."""
+
+    sentence: str
+    gain: float
+    moved: float
+    worst: str
+
+    @property
+    def matters(self) -> bool:
+        """Whether an answer without it is none to rely on."""
+        return self.moved > MATTERS
 
 
-def _rig(name: str) -> Callable[[Scene], Scene | None]:
-    """A scene with a rig quantity estimated."""
+def doubt(
+    scene: Scene,
+    records: Sequence[Record],
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    attempt: Attempt,
+    held: Sequence[Held],
+    told: Sequence[str],
+    *,
+    anew: bool,
+) -> Doubt | None:
+    """What alone would describe the data clearly better than an answer that fits; None where nothing does, or where the
+    answer does not fit.
 
-    def freed(scene: Scene) -> Scene | None:
-        value = float(getattr(scene.rig, name))
-        if name in scene.parameters or value <= 0.0:
-            return None
-        spec = ParameterSpec(name, None, value / REACH, value * REACH)
-        return replace(scene, parameters={**scene.parameters, name: spec})
-
-    return freed
-
-
-def _effect(name: str, parameter: str, start: Callable[[Scene], float]) -> Callable[[Scene], Scene | None]:
-    """A scene with one effect more, its parameter started where it matters."""
-
-    def freed(scene: Scene) -> Scene | None:
-        if scene.effects == "auto" or name in scene.effects:
-            return None
-        made = scene.with_effects((*scene.effects, name))
-        spec = made.parameters[parameter]
-        begun = replace(spec, start=float(np.clip(start(scene), spec.lower, spec.upper)))
-        return replace(made, parameters={**made.parameters, parameter: begun})
-
-    return freed
-
-
-def _stated(name: str, unit: str, remedy: str) -> Callable[[float, float], str]:
-    def words(value: float, stated: float) -> str:
-        return (
-            f"a {name} of {value:.3g} {unit} instead of {stated:.3g} {unit} "
-            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{value:.3g} {unit}" }})'
-        )
-
-    return words
+    Args:
+        as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; anew: an
+            effect more is fitted from the data alone too, where the answer's own motion may hide what it does.
+    """
+    excess = 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
+    ended = Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
+    if not fits(ended):
+        return None
+    cleared = {h.name for h in held if h.squared < ASKED / 2}
+    suspects = [suspect for suspect in SLIGHT if suspect.parameter not in cleared]
+    found = []
+    for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
+        gain = excess - fitted.excess
+        if gain > ASKED:
+            words = suspect.words(*found_and_stated(suspect, fitted, scene))
+            found.append((gain, words, *_moved(ended, fitted, told)))
+    if not found:
+        return None
+    most, _, moved, worst = max(found)
+    sentence = "; or ".join(words for gain, words, *_ in sorted(found, reverse=True) if gain > most - TOLD)
+    return Doubt(sentence, most, moved, worst)
 
 
-SUSPECTS: tuple[Suspect, ...] = (
-    Suspect("mass", _rig("mass"), _stated("mass", "kg", "weigh what moves")),
-    Suspect("stiffness", _rig("stiffness"), _stated("stiffness", "N/m", "measure it against a rigid block")),
-    Suspect("damping", _rig("damping"), _stated("damping", "N/m", "let the rig ring down without contact")),
-    Suspect(
-        "lag_time",
-        _effect("sensor_lag", "lag_time", lambda scene: 0.3 * float(np.sqrt(scene.rig.mass / scene.rig.stiffness))),
-        lambda value, _stated: f"a lag of the force sensor of {1e3 * value:.3g} ms (add sensor_lag to effects)",
-    ),
-    Suspect(
-        "skin_stiffness",
-        _effect("skin_compliance", "skin_stiffness", lambda scene: 5.0 * float(scene.rig.stiffness)),
-        lambda value, _stated: f"something of {value:.3g} N/m in series with the rig (add skin_compliance to effects)",
-    ),
-)
+def _with_more(ended: Fitted, freed: Scene, records: Sequence[Record], anew: bool) -> Fitted:
+    """The model with one thing more free, from the motion of the answer or, with one effect more, from the data."""
+    from_motion = fit_larger(ended, freed, records)
+    if not anew or freed.effects == ended.scene.effects:
+        return from_motion
+    from_data = fit_model(freed, records, thorough=False)
+    comparable = abs(from_data.samples - ended.samples) < ALIKE * ended.samples
+    return from_data if comparable and from_data.excess < from_motion.excess else from_motion
+
+
+def _moved(ended: Fitted, other: Fitted, told: Sequence[str]) -> tuple[float, str]:
+    """By how much of its size the parameter moves that moves most, of those the data tell, and its name."""
+    here, there = (
+        dict(zip(f.unknowns.names, f.unknowns.values(f.attempt.solved.theta, _neutral(f)).tolist(), strict=True))
+        for f in (ended, other)
+        if f.attempt is not None
+    )
+    size = dict(zip(ended.unknowns.names, sizes(ended.unknowns, np.array(list(here.values()))).tolist(), strict=True))
+    moves = [(abs(there[n] - here[n]) / max(size[n], 1e-300), n) for n in told if n in there]
+    return max(moves, default=(0.0, ""))
+
+
+def _neutral(fitted: Fitted) -> Array:
+    """Base values (n_p,) in which a rig quantity is its ratio to the stated one."""
+    return fitted.unknowns.base(dict.fromkeys(RIG_PARAMETERS, 1.0))

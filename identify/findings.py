@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identify.attempt import Attempt
 from identify.certainty import Certainty
+from identify.held import Held
 from identify.outcome import Status
 from identify.uncertainty import Estimate, Information
 from identify.unknowns import Unknowns
@@ -21,7 +22,8 @@ Array = NDArray[np.float64]
 class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
     closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
-    of theta where the covariance alone could not be trusted, discretisation error by name in standard errors."""
+    of theta where the covariance alone could not be trusted, discretisation error by name in standard errors;
+    held: the rig as it was stated, against the data."""
 
     status: Status
     message: str
@@ -34,3 +36,4 @@ class Findings:
     profiles: Mapping[str, object]
     discretisation: Mapping[str, float] = field(default_factory=dict)
     sure: Certainty | None = None
+    held: list[Held] = field(default_factory=list)

@@ -13,13 +13,14 @@ from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.motion import check_drive
 from identify.asked import NOTHING_MORE, Asked
 from identify.attempt import Attempt, Clock
-from identify.certainty import certainty
+from identify.certainty import Certainty, certainty
 from identify.choice import Choice
-from identify.diagnosis import diagnose, wrong_unit
+from identify.diagnosis import diagnose, doubt, wrong_unit
 from identify.effects import ALL
 from identify.errors import FitError
 from identify.findings import Findings
 from identify.grouped import search_grouped
+from identify.held import against_data
 from identify.hints import what_is_held
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Fit, LogCurves, Status
@@ -125,14 +126,7 @@ def find(
     since = time.perf_counter()
     progress("intervals", 0.9)
     findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, asked, seed)
-    doubt = wrong_unit(prepared) if findings.status in MISFITS else ""
-    if doubt:
-        findings = replace(findings, status=Status.MODEL_MISFIT, message=doubt)
-    elif findings.status in MISFITS and max(log.scatter for log in prepared) <= UNEQUAL:
-        progress("looking for what is wrong", 0.95)
-        cause = diagnose(scene, read, prepared, unknowns, attempt)
-        if cause is not None:
-            findings = replace(findings, status=Status.MODEL_MISFIT, message=_caused(cause, attempt))
+    findings = _looked_into(findings, scene, read, prepared, progress)
     clock.add("intervals", since)
     return prepared, findings
 
@@ -148,6 +142,52 @@ def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene,
     if len(records) != len(scene.logs):
         raise FitError(f"{len(records)} records were given for {len(scene.logs)} logs of the scene; give one each")
     return scene, list(records)
+
+
+def _looked_into(
+    findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], progress: Progress
+) -> Findings:
+    """What a fit found, with the cause of a misfit where one is known, and refused where it only looks right."""
+    if findings.status in MISFITS:
+        unit = wrong_unit(prepared)
+        if unit:
+            return replace(findings, status=Status.MODEL_MISFIT, message=unit)
+        if max(log.scatter for log in prepared) > UNEQUAL:
+            return findings
+        progress("looking for what is wrong", 0.95)
+        cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)
+        if cause is not None:
+            return replace(findings, status=Status.MODEL_MISFIT, message=_caused(cause, findings.attempt))
+    if findings.status in (Status.CONVERGED, Status.MODEL_MISFIT) and _doubtful(findings):
+        progress("looking for what is wrong", 0.95)
+        return _doubted(findings, scene, read, prepared)
+    return findings
+
+
+def _doubtful(findings: Findings) -> bool:
+    """Whether what fits is looked at again: the data contradict the rig as it was stated, or friction rises with the
+    sliding speed, which is rare, and what a lagging sensor makes of friction that falls."""
+    return any(held.contradicted for held in findings.held) or _rises(findings)
+
+
+def _rises(findings: Findings) -> bool:
+    change = next((e.value for e in findings.estimates if e.name == "delta_mu_k" and e.verdict != "fixed"), None)
+    return change is not None and change > 0.0
+
+
+def _doubted(findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared]) -> Findings:
+    """What else would describe data that fit already, in the sentence; an answer that it moves far is refused."""
+    assert findings.attempt is not None
+    told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
+    where = scene, read, prepared, findings.unknowns, findings.attempt
+    found = doubt(*where, findings.held, told, anew=_rises(findings))
+    if found is None:
+        return findings
+    much = f"chi^2 falls by {found.gain:.3g}" + (f", {found.worst} moves by {100 * found.moved:.2g} %" if told else "")
+    more = f"the data ask for {found.sentence}: {much}"
+    if findings.status is Status.CONVERGED and found.matters:
+        return replace(findings, status=Status.MODEL_MISFIT, message=f"the misfit is noise, and yet {more}")
+    return replace(findings, message=f"{findings.message}; {more}")
 
 
 def _caused(cause: str, attempt: Attempt | None) -> str:
@@ -209,7 +249,7 @@ def _findings(
     if not np.all(np.isfinite(attempt.solved.theta)):
         status, message = _status(attempt, {})
         return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
-    base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
+    base = unknowns.base(_rig(scene))
     sure = certainty(
         attempt,
         unknowns,
@@ -253,7 +293,18 @@ def _findings(
         {} if sure.profiles is None else dict(sure.profiles.ends),
         sure.discretisation,
         sure,
+        against_data(sure.information, theta, _rig(scene), _memory(sure), tolerances=scene.rig.tolerances),
     )
+
+
+def _rig(scene: Scene) -> dict[str, float]:
+    """Mass, stiffness and damping as [rig] states them."""
+    return {name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS}
+
+
+def _memory(sure: Certainty) -> float:
+    """By how much the memory of the noise widens a variance at most."""
+    return max([1.0, *(colour.memory for colour in sure.colours)])
 
 
 def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:

@@ -56,6 +56,11 @@ class Fitted:
         return self.unknowns.model
 
     @property
+    def samples(self) -> int:
+        """Number of samples that count in the attempt; 0 without one."""
+        return 0 if self.attempt is None else self.attempt.solved.problem.samples
+
+    @property
     def searched(self) -> int:
         """Number of free parameters, with those every log has for itself."""
         logs = len(self.attempt.logs) if self.attempt is not None else len(self.prepared)

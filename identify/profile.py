@@ -69,6 +69,19 @@ class Profiles:
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
     objection: Array = field(default_factory=lambda: np.empty(0))
 
+    def seen_from(self, unknowns: Unknowns, before: Array, answer: Array) -> Profiles:
+        """The same points seen from another answer (n_p,) than that before: what they say where no walk comes to an
+        end. An interval that does not hold the other answer is open on its side."""
+        ends = {}
+        for name, (low, high) in self.ends.items():
+            at = answer[unknowns.names.index(name)]
+            below = low.end if low.end is not None and low.end <= at else None
+            above = high.end if high.end is not None and high.end >= at else None
+            ends[name] = (replace(low, end=below), replace(high, end=above))
+        moved = (answer - before)[np.flatnonzero(unknowns.free)]
+        away = self.likely - moved if self.likely.size else self.likely
+        return replace(self, ends=ends, better=None, likely=away)
+
 
 @dataclass(frozen=True)
 class _Walk:

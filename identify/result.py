@@ -18,6 +18,7 @@ from identify.choice import Choice, as_listed, document_of
 from identify.classical import classical_table
 from identify.depth import depth_document, noise_note, profile_ends
 from identify.findings import Findings
+from identify.held import held_document
 from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Status
@@ -68,6 +69,7 @@ def document(
     }
     if converged:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
+        result["rig_against_data"] = held_document(found.held)
         result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
     else:
         iterate: dict[str, Any] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}

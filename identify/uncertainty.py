@@ -32,13 +32,15 @@ IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a
 class Information:
     """Information matrix (n_p, n_p) of theta, priors included, and of the data alone; `by_drive_speed` (n_p,) is
     how the gradient with respect to theta changes per relative error of all drive speeds together; `joint`
-    (n_p + o, n_p + o) that of theta and of the o parameters that single logs or groups have for themselves."""
+    (n_p + o, n_p + o) that of theta and of the o parameters that single logs or groups have for themselves; `gradient`
+    (n_p,) of the cost with respect to theta, the motion following: at an answer only what was held has any."""
 
     unknowns: Unknowns
     total: Array
     data: Array
     by_drive_speed: Array
     joint: Array
+    gradient: Array
 
     @property
     def free(self) -> NDArray[np.int64]:
@@ -95,18 +97,20 @@ def information(problem: Problem, z: Array) -> Information:
     assert disturbed.gradient is not None and point.gradient is not None
     change = (disturbed.gradient - point.gradient) / SPEED_STEP
     below = np.concatenate([change[rest], (disturbed.rows - point.rows) / SPEED_STEP])
-    solved = solve_equilibrated(kkt, np.column_stack([right, below]))
+    left = np.concatenate([point.gradient[rest], point.rows])
+    solved = solve_equilibrated(kkt, np.column_stack([right, below, left]))
     schur = hessian[kept][:, kept].toarray() - right.T @ solved[:, : kept.size]
     scale = layout.scale[kept]
     joint = 0.5 * (schur + schur.T) / np.outer(scale, scale)
     by_speed = (change[kept] - right.T @ solved[:, kept.size]) / scale
+    gradient = (point.gradient[kept] - right.T @ solved[:, kept.size + 1]) / scale
     total, shared = joint[:n_p, :n_p], by_speed[:n_p]
     if kept.size > n_p:  # what logs have for themselves follows
         across, own = joint[:n_p, n_p:], joint[n_p:, n_p:]
         answer = np.linalg.lstsq(own, np.column_stack([across.T, by_speed[n_p:]]), rcond=1e-13)[0]
         total, shared = total - across @ answer[:, :n_p], shared - across @ answer[:, n_p]
     data = total - np.diag(1.0 / layout.prior_sd[:n_p] ** 2)
-    return Information(layout.unknowns, total, data, shared, joint)
+    return Information(layout.unknowns, total, data, shared, joint, gradient[:n_p])
 
 
 def _inverse(matrix: Array) -> Array:

@@ -25,7 +25,7 @@ from identify.report.document import plain
 from identify.report.figures import Picture
 from identify.report.quantity_text import finite, quantity
 from identify.report.svg import inline_svg
-from identify.report.tables import Cell, classical_tables, effects_table, sensitivity_table
+from identify.report.tables import Cell, classical_tables, effects_table, held_table, sensitivity_table
 from identify.report.views import banner, last_iterate_rows, log_views, parameter_views
 from identify.report.words import EFFECTS_CHOSEN, TIMING_WORDS
 
@@ -99,6 +99,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         effects=effects_table(result.get("effects") or {}),
         chosen=EFFECTS_CHOSEN.get(str((result.get("effects") or {}).get("chosen")), ""),
         quality=answer_table([(head, (log.get("quality") or {}).get("figures") or {}) for head, log in heads], ""),
+        held=held_table(result["rig_against_data"]) if result.get("rig_against_data") else None,
         sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
         timings=_timings(result.get("timing_s") or {}),
         last_iterate=last_iterate_rows(result.get("last_iterate")),

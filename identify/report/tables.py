@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from identify.report.words import plain_symbol
 
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
+FAR = 4.0  # standard errors beyond which a stated value stands out
 EFFECT_COLUMNS = (
     ("group", "value"),
     ("error without it", "error"),
@@ -79,6 +81,20 @@ def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Any]]) -> Table:
         for quantity_name, shifts in sensitivity.items()
     )
     return Table("", tuple(Cell(plain_symbol(name)) for name in names), rows)
+
+
+def held_table(held: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Rig quantities (rows) as stated, and where the data would put them."""
+    heads = tuple(Cell(head) for head in ("stated", "by the data", "standard error (SE)", "apart"))
+    rows = []
+    for name, entry in held.items():
+        numbers = [
+            number(entry[key], digits) for key, digits in (("stated", 4), ("from_data", 4), ("standard_error", 2))
+        ]
+        apart = math.sqrt(entry["squared_distance"])
+        cells = (*(Cell(text) for text in numbers), Cell(f"{apart:.2g} SE", kind="doubt" if apart > FAR else ""))
+        rows.append(Row(name, cells, str(entry["unit"])))
+    return Table("", heads, tuple(rows))
 
 
 def effects_table(effects: Mapping[str, Any]) -> Table | None:

@@ -1,0 +1,127 @@
+"""What was taken as exact, against the data: the score test against full fits, and answers that only look right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from experiments.study_problem import DEMO, NAMES, RIG
+from identify import held
+from identify.attempt import Clock
+from identify.held import against_data
+from identify.identification import find
+from identify.model import assemble
+from identify.outcome import Status
+from identify.scene import Scene
+from identify.simulate import run
+
+NORMAL_FORCE, NOISE = 1.0, 5e-3
+LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
+
+
+@lru_cache(maxsize=4)
+def _records(seed, effects=(), more=()):
+    """From rest, with these effects more than a scene will know of."""
+    random, model, out = np.random.default_rng(seed), assemble((*NAMES, *effects)), []
+    values = {p.name: p.default for p in model.parameters} | DEMO | RIG | dict(more)
+    values = {p.name: values[p.name] for p in model.parameters}
+    for speed, duration, rate in LOGS:
+        times = np.arange(round(duration * rate) + 1) / rate
+        force = run(model, values, speed, NORMAL_FORCE, duration).sample(times)["force"]
+        noise = NOISE * random.standard_normal(times.size)
+        out.append(Record(times, np.full(times.size, NORMAL_FORCE), force + noise))
+    return tuple(out)
+
+
+def _scene(effects=(), **rig):
+    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
+    return Scene.from_document({"effects": [*NAMES, *effects], "rig": RIG | rig, "logs": logs}, Path())
+
+
+def _found(scene, records):
+    return find(scene, list(records), clock=Clock(), progress=lambda _stage, _share: None)[1]
+
+
+def _values(found):
+    return {e.name: e.value for e in found.estimates}
+
+
+def _chi_squared(found):
+    return 2.0 * found.attempt.solved.solution.cost
+
+
+@pytest.mark.parametrize(("name", "factor"), [("mass", 1.05), ("damping", 2.0)])
+def test_a_wrong_rig_that_friction_absorbs_is_named(name, factor, monkeypatch):
+    """The misfit is noise; the slope of the cost along what was held tells. Truth from outside: a fit with it free."""
+    wrong = _scene(**{name: factor * RIG[name]})
+    found = _found(wrong, _records(3))
+    assert found.status is Status.MODEL_MISFIT
+    assert "the misfit is noise, and yet the data ask for" in found.message
+    assert f"a {name} of " in found.message and "instead of" in found.message
+    freed = Scene.from_document(wrong.as_document() | {"parameters": {name: {"start": factor * RIG[name]}}}, Path())
+    free = _found(freed, _records(3))
+    assert free.status is Status.CONVERGED
+    said = next(h for h in found.held if h.name == name)
+    # To first order in the logarithm; doubled, a damping is far away.
+    assert said.squared == pytest.approx(_chi_squared(found) - _chi_squared(free), rel=0.1)
+    assert np.log(said.said / said.stated) == pytest.approx(np.log(_values(free)[name] / said.stated), rel=0.5)
+    monkeypatch.setattr(held, "CLEAR", np.inf)  # negative control: as it was
+    silent = _found(wrong, _records(3))
+    assert silent.status is Status.CONVERGED
+    off = {e.name: abs(e.value / DEMO[e.name] - 1.0) for e in silent.estimates if e.verdict == "identified"}
+    assert max(off.values()) > 0.15, "identified, and wrong"
+
+
+def test_a_small_error_of_the_rig_is_measured_to_first_order():
+    """Half a per cent of the mass: the score says what a fit with the mass free says, to a tenth of its error."""
+    found = _found(_scene(mass=1.005 * RIG["mass"]), _records(5))
+    assert found.status is Status.CONVERGED
+    document = _scene().as_document() | {"parameters": {"mass": {"start": RIG["mass"]}}}
+    free = _found(Scene.from_document(document, Path()), _records(5))
+    said = next(h for h in found.held if h.name == "mass")
+    place = [free.unknowns.names[i] for i in np.flatnonzero(free.unknowns.free)].index("mass")
+    error = float(np.sqrt(free.sure.white[place, place]))
+    assert said.said == pytest.approx(_values(free)["mass"], rel=0.1 * error)
+    assert said.error == pytest.approx(error, rel=0.05)
+
+
+def test_a_right_rig_is_not_contradicted():
+    far = []
+    for seed in range(6):
+        found = _found(_scene(), _records(seed))
+        assert found.status is Status.CONVERGED and "the data ask for" not in found.message
+        assert [h.name for h in found.held] == ["mass", "stiffness", "damping"]
+        far += [h.squared for h in found.held]
+    assert 0.3 < np.mean(far) < 2.2, "squared distances of one degree of freedom each"
+
+
+def test_a_tolerance_that_the_data_contradict_is_told():
+    """The same distance as without a tolerance where that is small, and nothing where it allows for the error."""
+    exact = next(h for h in _found(_scene(mass=1.05 * RIG["mass"]), _records(3)).held if h.name == "mass")
+    for tolerance in (0.002, 0.2):
+        rig = {"value": f"{1.05 * RIG['mass']} kg", "tolerance": f"{100 * tolerance} %"}
+        found = _found(_scene(mass=rig), _records(3))
+        told = next(h for h in found.held if h.name == "mass")
+        assert told.said == pytest.approx(exact.said, rel=0.01)
+        expected = np.log(told.said / told.stated) ** 2 / (told.error**2 + tolerance**2)
+        assert told.squared == pytest.approx(expected)
+        assert told.contradicted == (tolerance < 0.1)
+
+
+def test_an_effect_the_scene_lacks_is_named():
+    found = _found(_scene(), _records(3, ("direct_effect",), (("direct_strength", 0.02), ("direct_speed", 1e-4))))
+    assert found.status is not Status.CONVERGED
+    assert "direct_effect" in found.message
+
+
+def test_noise_with_a_memory_widens_what_is_said():
+    found = _found(_scene(), _records(0))
+    theta = found.attempt.solved.theta
+    white, memory = (against_data(found.information, theta, RIG, m, tolerances={}) for m in (1.0, 4.0))
+    for plain, wide in zip(white, memory, strict=True):
+        assert wide == replace(plain, error=2.0 * plain.error, squared=plain.squared / 4.0)
