@@ -20,7 +20,7 @@ from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
-from identify.search import Sources, alike, search
+from identify.search import Sources, alike, join, search
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.unknowns import Unknowns, from_scene
@@ -61,6 +61,16 @@ class Fitted:
         return 0 if self.attempt is None else self.attempt.solved.problem.samples
 
     @property
+    def logs(self) -> tuple[int, ...]:
+        """Which logs took part."""
+        return () if self.attempt is None else self.attempt.logs
+
+    @property
+    def complete(self) -> bool:
+        """Whether all logs that can be used took part."""
+        return set(self.logs) >= set(usable(list(self.prepared)))
+
+    @property
     def searched(self) -> int:
         """Number of free parameters, with those every log has for itself."""
         logs = len(self.attempt.logs) if self.attempt is not None else len(self.prepared)
@@ -94,6 +104,16 @@ def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     if smaller.attempt is None or fits(smaller) or fits(best):
         return best
     return _better(best, _placed_anew(smaller, scene, prepared, unknowns), smaller)
+
+
+def fit_joined(fitted: Fitted) -> Fitted:
+    """The same model with the logs that took no part so far, where they can join at its answer."""
+    attempt, able = fitted.attempt, usable(list(fitted.prepared))
+    if attempt is None or fitted.complete:
+        return fitted
+    late = [i for i in able if i not in attempt.logs]
+    joined = join(attempt, list(fitted.prepared), late, fitted.unknowns, Clock())
+    return fitted if joined is attempt else replace(fitted, attempt=joined, excess=_excess(joined))
 
 
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:

@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 
 CLEAR = float(chi2.ppf(LEVEL, 1))
 """By which chi^2 must fall for another course to count."""
-FULL = 10.0  # times the highest sliding speed: a of a start whose friction has changed at once
-SHARE = 1 / 3  # of the drop of friction: how much of it the change with speed is in that start
+FULL = 10.0  # times the highest sliding speed: a of a start whose friction changes at once
+SHARE = 1 / 3  # of the drop of friction that is this change
 
 
 def better_course(attempt: Attempt, unknowns: Unknowns, likely: Array) -> Attempt | None:
@@ -57,22 +57,28 @@ def better_course(attempt: Attempt, unknowns: Unknowns, likely: Array) -> Attemp
 
 def other_sign(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Return the better answer whose friction changes with the sliding speed the other way; None if there is none."""
+    start = _mirrored(attempt, unknowns)
+    logs = list(attempt.prepared)
+    placed = [] if start is None else place_on(logs, usable(logs), start)
+    if start is None or len(placed) < len(logs):
+        return None
+    tried = solve_placed(logs, placed, start, Clock())
+    better = tried.solved.solution.cost < attempt.solved.solution.cost - CLEAR / 2
+    return replace(tried, logs=attempt.logs) if better and tried.gate.status is Status.CONVERGED else None
+
+
+def _mirrored(attempt: Attempt, unknowns: Unknowns) -> Unknowns | None:
+    """A start with the friction coefficient that the fastest slip of the answer has, and with it about its motion, but
+    with a change of the other sign that is over at once; None where not all of this is searched."""
     names, theta = unknowns.names, attempt.solved.theta.copy()
     asked = [names.index(name) for name in ("mu_s", "mu_k0", "delta_mu_k", "a") if name in names]
-    if len(asked) < 4 or not np.all(unknowns.free[asked]):
+    if len(asked) < 4 or not np.all(unknowns.free[asked]) or np.any(unknowns.own[asked]):
         return None
     mu_s, mu_k0, delta_mu_k, a = asked
     fastest = max((float(np.nanmax(g.slip[..., SPEED], initial=0.0)) for g in attempt.solved.guesses), default=0.0)
     if not fastest > 0.0:
         return None
     level = theta[mu_k0] - theta[delta_mu_k] * float(np.expm1(-fastest * np.exp(theta[a])))
-    change = -np.copysign(SHARE * abs(theta[mu_s] - level), theta[delta_mu_k])
+    change = -float(np.copysign(SHARE * abs(theta[mu_s] - level), theta[delta_mu_k]))
     theta[[mu_k0, delta_mu_k, a]] = level - change, change, np.log(FULL / fastest)
-    there = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
-    logs = list(attempt.prepared)
-    placed = place_on(logs, usable(logs), there)
-    if len(placed) < len(logs):
-        return None
-    tried = solve_placed(logs, placed, there, Clock())
-    better = tried.solved.solution.cost < attempt.solved.solution.cost - CLEAR / 2
-    return replace(tried, logs=attempt.logs) if better and tried.gate.status is Status.CONVERGED else None
+    return replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))

@@ -141,7 +141,7 @@ def _from_logs(
             attempt = solve_held(prepared, first, replace(unknowns, start=theta), clock) or attempt
         if attempt is not None and attempt.gate.status is Status.CONVERGED:
             told("joining the other logs", 0.8)
-            attempt = _join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
+            attempt = join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
         best = _better(best, attempt)
         if best is not None and best.gate.status is Status.CONVERGED and set(first) <= set(best.logs):
             break
@@ -266,7 +266,7 @@ def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
     return min(best, attempt, key=rank)
 
 
-def _join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
+def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
     """Solve again with the logs that took no part so far, where the answer can be placed on them."""
     at_answer = replace(unknowns, start=best.solved.theta)
     late = [i for i in late if place_on(prepared, [i], at_answer)]

@@ -16,7 +16,17 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.choice import Choice
 from identify.effects import ALL
-from identify.nested import Fitted, fit_larger, fit_model, fit_smaller, fits, held_out_error, promise, scene_with
+from identify.nested import (
+    Fitted,
+    fit_joined,
+    fit_larger,
+    fit_model,
+    fit_smaller,
+    fits,
+    held_out_error,
+    promise,
+    scene_with,
+)
 from identify.parting import parted
 from identify.prepare import Prepared, prepare
 from identify.quantities import Effect
@@ -155,11 +165,12 @@ class Selection:
         self._begin(list(sure))
         self._toggle()
         for _ in range(ROUNDS):
-            before = set(self.kept)
+            before = set(self.kept), self.best.logs
             self._add()
             self._exchange()
             self._leave_out()
-            if set(self.kept) == before:
+            self._join()
+            if (set(self.kept), self.best.logs) == before:
                 break
         self._held_out()
         self._simpler_laws()
@@ -172,7 +183,7 @@ class Selection:
                 return
             self._told(f"fitting {', '.join(kept)}", 0.2)
             other = self._models.simulated(kept)
-            if other.excess < self.best.excess:
+            if _says_more(other, self.best):
                 self.kept, self.best = kept, other
 
     def _beside(self, sure: list[str]) -> Iterator[list[str]]:
@@ -217,6 +228,16 @@ class Selection:
                 return
             self._move([*self.kept, strongest], fitted[strongest])
             rest.remove(strongest)
+            self._join()
+
+    def _join(self) -> None:
+        """Let logs join that took no part: their motion may not be that of a model which lacks an effect, or has one
+        too many."""
+        joined = fit_joined(self.best)
+        if joined is not self.best:
+            self._told("with all logs", 0.4)
+            self._statistics = {}
+            self._move(self.kept, joined)
 
     def _exchange(self) -> None:
         """Put an effect in the place of one that mimics it, while that makes a better model."""
@@ -301,6 +322,14 @@ class Selection:
                 self.kept, self.best = kept, other
             else:
                 self.notes[simpler] = f"{law} describes the data better, by {loss:.3g}"
+
+
+def _says_more(other: Fitted, than: Fitted) -> bool:
+    """Whether another first model is the better one to go on from: that of the smaller misfit, per sample; of two that
+    fit, that of more logs."""
+    if fits(other) and fits(than) and other.logs != than.logs:
+        return len(other.logs) > len(than.logs)
+    return other.excess / max(other.samples, 1) < than.excess / max(than.samples, 1)
 
 
 def statistic(larger: Fitted, smaller: Fitted) -> float:
