@@ -18,7 +18,7 @@ from identify.attempt import Attempt
 from identify.errors import FitError, SceneError
 from identify.held import Held
 from identify.model import RIG_PARAMETERS
-from identify.nested import Fitted, fit_from_values, fit_larger, fit_model, fits
+from identify.nested import Fitted, as_it_ended, fit_from_values, fit_larger, fit_model, fits
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.suspects import GROSS, SLIGHT, Suspect, found_and_stated
@@ -63,17 +63,16 @@ def diagnose(
     Args:
         scene, records, prepared, unknowns: those of the fit; attempt: where it ended.
     """
-    excess = np.inf if attempt is None else 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
-    ended = Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
+    ended = as_it_ended(scene, unknowns, prepared, attempt)
     if fits(ended):
         return None
     found: list[tuple[float, str]] = []
-    if attempt is not None and excess < NEAR * attempt.solved.problem.samples:
+    if attempt is not None and ended.excess < NEAR * ended.samples:
         tried = _tried(SLIGHT, scene, prepared, lambda freed: fit_from_values(ended, freed, records))
-        found = _explanations(tried, scene, float(excess))
+        found = _explanations(tried, scene, ended.excess)
     if not found:
         tried = _tried(GROSS, scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
-        found = _explanations(tried, scene, float(excess))
+        found = _explanations(tried, scene, ended.excess)
     least = min((misfit for misfit, _ in found), default=0.0)
     return "; or ".join(words for misfit, words in sorted(found) if misfit < least + TOLD) or None
 
@@ -143,15 +142,14 @@ def doubt(
         as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; anew: an
             effect more is fitted from the data alone too, where the answer's own motion may hide what it does.
     """
-    excess = 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
-    ended = Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
+    ended = as_it_ended(scene, unknowns, prepared, attempt)
     if not fits(ended):
         return None
     cleared = {h.name for h in held if h.squared < ASKED / 2}
     suspects = [suspect for suspect in SLIGHT if suspect.parameter not in cleared]
     found = []
     for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
-        gain = excess - fitted.excess
+        gain = ended.excess - fitted.excess
         if gain > ASKED:
             words = suspect.words(*found_and_stated(suspect, fitted, scene))
             found.append((gain, words, *_moved(ended, fitted, told)))

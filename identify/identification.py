@@ -20,9 +20,10 @@ from identify.effects import ALL
 from identify.errors import FitError
 from identify.findings import Findings
 from identify.grouped import search_grouped
-from identify.held import against_data
+from identify.held import Held, against_data
 from identify.hints import what_is_held
 from identify.model import RIG_PARAMETERS
+from identify.nested import as_it_ended, fits
 from identify.outcome import Fit, LogCurves, Status
 from identify.parting import parted
 from identify.partly_read import read_partly
@@ -183,8 +184,8 @@ def _doubted(findings: Findings, scene: Scene, read: Sequence[Record], prepared:
     found = doubt(*where, findings.held, told, anew=_rises(findings))
     if found is None:
         return findings
-    much = f"chi^2 falls by {found.gain:.3g}" + (f", {found.worst} moves by {100 * found.moved:.2g} %" if told else "")
-    more = f"the data ask for {found.sentence}: {much}"
+    moves = f", the parameter {found.worst} moves by {100 * found.moved:.2g} %" if found.worst else ""
+    more = f"the data ask for {found.sentence}: chi^2 falls by {found.gain:.3g}{moves}"
     if findings.status is Status.CONVERGED and found.matters:
         return replace(findings, status=Status.MODEL_MISFIT, message=f"the misfit is noise, and yet {more}")
     return replace(findings, message=f"{findings.message}; {more}")
@@ -293,7 +294,7 @@ def _findings(
         {} if sure.profiles is None else dict(sure.profiles.ends),
         sure.discretisation,
         sure,
-        against_data(sure.information, theta, _rig(scene), _memory(sure), tolerances=scene.rig.tolerances),
+        _held(scene, sure) if fits(as_it_ended(scene, unknowns, prepared, attempt)) else [],
     )
 
 
@@ -302,9 +303,11 @@ def _rig(scene: Scene) -> dict[str, float]:
     return {name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS}
 
 
-def _memory(sure: Certainty) -> float:
-    """By how much the memory of the noise widens a variance at most."""
-    return max([1.0, *(colour.memory for colour in sure.colours)])
+def _held(scene: Scene, sure: Certainty) -> list[Held]:
+    """The rig as stated, against the data."""
+    memory = max([1.0, *(colour.memory for colour in sure.colours)])
+    theta = sure.attempt.solved.theta
+    return against_data(sure.information, theta, _rig(scene), memory, tolerances=scene.rig.tolerances)
 
 
 def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:

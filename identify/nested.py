@@ -77,6 +77,12 @@ class Fitted:
         return int(np.count_nonzero(self.unknowns.free)) + (logs - 1) * int(np.count_nonzero(self.unknowns.own))
 
 
+def as_it_ended(scene: Scene, unknowns: Unknowns, prepared: Sequence[Prepared], attempt: Attempt | None) -> Fitted:
+    """A fit as it ended, whether the solver succeeded or not."""
+    excess = np.inf if attempt is None else 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
+    return Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
+
+
 def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True, sources: Sources = "data") -> Fitted:
     """Fit one scene to its records.
 

@@ -69,7 +69,6 @@ def document(
     }
     if converged:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
-        result["rig_against_data"] = held_document(found.held)
         result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
     else:
         iterate: dict[str, Any] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
@@ -77,6 +76,8 @@ def document(
             iterate[name]["interval"] = ends  # of a parameter at its bound, one end is that bound
         untold = {name: {"value": None, "unit": entry["unit"]} for name, entry in result["parameters"].items()}
         result["last_iterate"] = iterate or untold
+    if found.held:
+        result["rig_against_data"] = held_document(found.held)
     result["timing_s"] = _timing(clock, began)
     result["provenance"] = {
         "version": importlib.metadata.version(DISTRIBUTION),

@@ -92,7 +92,7 @@ def held_table(held: Mapping[str, Mapping[str, Any]]) -> Table:
             number(entry[key], digits) for key, digits in (("stated", 4), ("from_data", 4), ("standard_error", 2))
         ]
         apart = math.sqrt(entry["squared_distance"])
-        cells = (*(Cell(text) for text in numbers), Cell(f"{apart:.2g} SE", kind="doubt" if apart > FAR else ""))
+        cells = (*(Cell(text) for text in numbers), Cell(f"{apart:.2g} SE", kind="strong" if apart > FAR else ""))
         rows.append(Row(name, cells, str(entry["unit"])))
     return Table("", heads, tuple(rows))
 

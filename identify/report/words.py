@@ -26,7 +26,7 @@ STATUS: Mapping[Status, StatusWords] = {
         "no result", "The number of slips does not fit the data: there are no parameters to use."
     ),
     Status.MODEL_MISFIT: StatusWords(
-        "no result", "The model does not reproduce these logs: there are no parameters to use."
+        "no result", "The model as stated and these logs do not agree: there are no parameters to use."
     ),
     Status.BETTER_START_FOUND: StatusWords(
         "no result", "A better answer exists than the one reached: there are no parameters to use yet."
