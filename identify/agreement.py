@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from identify.coloured import Colour
 from identify.influence import Influence
 from identify.layout import KNOWN, Layout
 from identify.shooting import Problem
@@ -69,8 +68,8 @@ def pulls(moves: Array, covariances: Array) -> list[Pull]:
     return out
 
 
-def pulls_of_logs(problem: Problem, z: Array, known: Influence, colours: Sequence[Colour]) -> list[Pull]:
-    """As `pulls`, of the logs of a solution z (n,) scaled; where the noise has a memory, samples count for less.
+def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -> list[Pull]:
+    """As `pulls`, of the logs of a solution z (n,) scaled; memory: by how much that of the noise widens a variance.
 
     Last, behind those of the logs, comes the pull of what the user knows beside them: priors of shared parameters.
 
@@ -88,7 +87,6 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, colours: Sequenc
         column, sd = known.columns[unknown], layout.prior_sd[unknown]
         moves[owner[unknown]] -= column * (x[unknown] - layout.prior_mean[unknown]) / sd**2
         covariances[owner[unknown]] += np.outer(column, column) / sd**2
-    memory = max([1.0, *(colour.memory for colour in colours)])
     return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
 
 

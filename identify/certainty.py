@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,7 +34,7 @@ Progress = Callable[[str, float | None], None]
 
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
 DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
-CURVED = 0.03  # standard error of a logarithm beyond which the ridge along it may bend
+CURVED = 0.012  # standard error of a logarithm beyond which the ridge along it may bend
 CURVE_STEPS = 4  # of each side of a profile that is drawn
 
 
@@ -166,7 +166,7 @@ def _agreeing(attempt: Attempt, unknowns: Unknowns, base: Array, reached: Influe
     """The answer, refused where one of its logs contradicts the others."""
     solved, names = attempt.solved, [log.name for log in attempt.prepared]
     try:
-        found = pulls_of_logs(solved.problem, solved.solution.z, reached, colours)
+        found = pulls_of_logs(solved.problem, solved.solution.z, reached, slowness(attempt, colours))
     except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
         return attempt
     message = contradiction(found, unknowns, solved.theta, base, names)
@@ -241,11 +241,10 @@ def doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bo
 
 
 def ridge(unknowns: Unknowns, covariance: Array) -> list[int]:
-    """The parameter known worst, where it is so uncertain that the others may follow it on a bent path; else none."""
+    """The parameters that are so uncertain that the others may follow each of them on a bent path."""
     free = np.flatnonzero(unknowns.free)
     asked = (unknowns.logarithmic & ~rhythmic(unknowns))[free]
-    spread = np.where(asked, np.sqrt(np.diag(covariance)), 0.0)
-    return [int(free[np.argmax(spread)])] if spread.size and np.max(spread) > CURVED else []
+    return free[asked & (np.sqrt(np.diag(covariance)) > CURVED)].tolist()
 
 
 def fine_enough(attempt: Attempt, unknowns: Unknowns, asked: Asked) -> tuple[Attempt, Information, dict[str, float]]:
@@ -291,6 +290,11 @@ def noise_colours(attempt: Attempt) -> list[Colour]:
     ]
 
 
+def slowness(attempt: Attempt, colours: Sequence[Colour]) -> float:
+    """By how much the memory and the level of the noise widen the variance of what changes slowly, at most."""
+    return max(1.0, attempt.gate.level) * max([1.0, *(colour.memory for colour in colours)])
+
+
 def _reached(attempt: Attempt) -> Influence:
     solved = attempt.solved
     cycles = [guess.parts for guess in solved.guesses]
@@ -301,7 +305,10 @@ def _excess(attempt: Attempt, known: Influence, colours: list[Colour]) -> Array:
     """What the memory of the noise adds to the covariance of white noise."""
     problem = attempt.solved.problem
     moves = sample_moves(problem, attempt.solved.solution.z, known.columns)
-    variances = [1.0 / max(float(np.max(log.weight)), 1e-300) for log in problem.logs]
+    levels = np.broadcast_to(attempt.gate.levels, len(problem.logs)).tolist()
+    variances = [
+        level / max(float(np.max(log.weight)), 1e-300) for log, level in zip(problem.logs, levels, strict=True)
+    ]
     return coloured_covariance(moves, variances, colours) - known.white.sum(axis=0)
 
 

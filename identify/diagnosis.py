@@ -18,7 +18,7 @@ from identify.attempt import Attempt
 from identify.errors import FitError, SceneError
 from identify.held import Held
 from identify.model import RIG_PARAMETERS
-from identify.nested import Fitted, as_it_ended, fit_from_values, fit_larger, fit_model, fits
+from identify.nested import Fitted, as_it_ended, described, fit_from_values, fit_larger, fit_model, fit_smaller, fits
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.suspects import GROSS, SLIGHT, Suspect, found_and_stated
@@ -111,12 +111,13 @@ def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, excess: flo
 @dataclass(frozen=True)
 class Doubt:
     """What describes data better that an answer fits already: a sentence; gain: by how much chi^2 falls; moved: by how
-    much of its size the parameter `worst` moves."""
+    much of its size the parameter `worst` moves; better: another answer of the same model that is better too."""
 
     sentence: str
     gain: float
     moved: float
     worst: str
+    better: Attempt | None = None
 
     @property
     def matters(self) -> bool:
@@ -132,6 +133,7 @@ def doubt(
     attempt: Attempt,
     held: Sequence[Held],
     told: Sequence[str],
+    memory: float,
     *,
     anew: bool,
 ) -> Doubt | None:
@@ -139,17 +141,22 @@ def doubt(
     answer does not fit.
 
     Args:
-        as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; anew: an
+        as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; memory: by how
+            much that of the noise widens a variance; anew: an
             effect more is fitted from the data alone too, where the answer's own motion may hide what it does.
     """
     ended = as_it_ended(scene, unknowns, prepared, attempt)
-    if not fits(ended):
+    if not described(ended):
         return None
     cleared = {h.name for h in held if h.squared < ASKED / 2}
     suspects = [suspect for suspect in SLIGHT if suspect.parameter not in cleared]
     found = []
     for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
-        gain = ended.excess - fitted.excess
+        gain = (ended.excess - fitted.excess) / memory
+        if gain > ASKED:
+            back = fit_smaller(fitted, scene, records)
+            if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
+                return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
         if gain > ASKED:
             words = suspect.words(*found_and_stated(suspect, fitted, scene))
             found.append((gain, words, *_moved(ended, fitted, told)))

@@ -6,7 +6,7 @@ Every test is needed; each alone lets some wrong answer through.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from identify.consistency import inconsistency
 from identify.leaning import most_leaning
 from identify.outcome import Status
 from identify.passes import SETTLED, Solved
+from identify.remembered import MORE, remembered
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,8 @@ ALONE = 20.0  # if the others are this many times better: a missed slip spoils i
 @dataclass(frozen=True)
 class Gate:
     """What the gate found. chi2 per sample; z (c,) per cycle with log and cycle numbers (from 1); the status,
-    and a sentence that says what failed, where, and what to do."""
+    and a sentence that says what failed, where, and what to do; levels (logs,) of noise with a memory: its variance
+    over that measured in the sticks, 1 for white noise."""
 
     chi2_per_sample: float
     z: Array
@@ -38,6 +40,12 @@ class Gate:
     event_shift: float
     status: Status
     message: str
+    levels: Array = field(default_factory=lambda: np.ones(1))
+
+    @property
+    def level(self) -> float:
+        """The variance of the noise over that measured in the sticks, of the log where it is largest."""
+        return float(np.max(self.levels))
 
     @property
     def worst(self) -> int:
@@ -62,10 +70,23 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     spread = np.sqrt(2 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
     z = (squares - counts) / spread
     status, message = _judge(solved, chi2, allowed, z, log, cycle, names)
+    fitted, levels = solved.problem.fitted(solved.solution.z), np.ones(len(names))
+    if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and 1.0 < chi2 < 1.0 + MORE:
+        known = remembered(solved.problem.logs, solved.guesses, fitted, noise_estimated, squares, counts, log)
+        if known is not None:
+            level = known.levels[log]
+            again = (squares - level * counts) / (known.slowness[log] * level * spread)
+            likely = _judge(solved, 1.0, allowed, again, log, cycle, names)[0]
+            if likely is Status.CONVERGED:
+                levels, z, status = known.levels, again, likely
+                message = (
+                    f"the misfit is noise with a memory ({chi2:.3f} of the variance measured in the sticks) in all "
+                    f"{z.size} cycles, which have nothing in common"
+                )
     if status is Status.CONVERGED:
         problem = solved.problem
         broken = inconsistency(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, names)
-        leaning = None if broken is not None else _leaning(solved, names)
+        leaning = None if broken is not None else _leaning(solved, fitted, names)
         if broken is not None:
             status, message = Status.WRONG_EVENT_COUNT, broken
         elif leaning is not None:
@@ -73,12 +94,12 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     if status is Status.CONVERGED:
         strained = _strained_load(solved, names)
         status, message = (status, message) if strained is None else (Status.MODEL_MISFIT, strained)
-    return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message)
+    return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message, levels)
 
 
-def _leaning(solved: Solved, names: Sequence[str]) -> str | None:
+def _leaning(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> str | None:
     """A sentence where neighbouring residuals lean to one side farther than noise does; None where they do not."""
-    lean = most_leaning(solved.problem.logs, solved.problem.fitted(solved.solution.z))
+    lean = most_leaning(solved.problem.logs, fitted)
     if lean is None or lean.share <= 1.0:
         return None
     return (

@@ -13,9 +13,9 @@ from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.motion import check_drive
 from identify.asked import NOTHING_MORE, Asked
 from identify.attempt import Attempt, Clock
-from identify.certainty import Certainty, certainty
+from identify.certainty import Certainty, certainty, slowness
 from identify.choice import Choice
-from identify.diagnosis import diagnose, doubt, wrong_unit
+from identify.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.effects import ALL
 from identify.errors import FitError
 from identify.findings import Findings
@@ -23,7 +23,7 @@ from identify.grouped import search_grouped
 from identify.held import Held, against_data
 from identify.hints import what_is_held
 from identify.model import RIG_PARAMETERS
-from identify.nested import as_it_ended, fits
+from identify.nested import as_it_ended, described
 from identify.outcome import Fit, LogCurves, Status
 from identify.parting import parted
 from identify.partly_read import read_partly
@@ -42,6 +42,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)  # of which the cause is looked for
+ANSWERS = 3  # of one model, each better than the one before, that are looked into
 AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
@@ -126,8 +127,12 @@ def find(
     attempt, left_out = search_grouped(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     since = time.perf_counter()
     progress("intervals", 0.9)
-    findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, asked, seed)
-    findings = _looked_into(findings, scene, read, prepared, progress)
+    for _ in range(ANSWERS):
+        findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, asked, seed)
+        findings, better = _looked_into(findings, scene, read, prepared, progress)
+        if better is None:
+            break
+        attempt = better
     clock.add("intervals", since)
     return prepared, findings
 
@@ -147,22 +152,28 @@ def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene,
 
 def _looked_into(
     findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], progress: Progress
-) -> Findings:
-    """What a fit found, with the cause of a misfit where one is known, and refused where it only looks right."""
+) -> tuple[Findings, Attempt | None]:
+    """What a fit found, with the cause of a misfit where one is known, and refused where it only looks right; and a
+    better answer of the same model that was met."""
     if findings.status in MISFITS:
         unit = wrong_unit(prepared)
         if unit:
-            return replace(findings, status=Status.MODEL_MISFIT, message=unit)
+            return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
         if max(log.scatter for log in prepared) > UNEQUAL:
-            return findings
+            return findings, None
         progress("looking for what is wrong", 0.95)
         cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)
         if cause is not None:
-            return replace(findings, status=Status.MODEL_MISFIT, message=_caused(cause, findings.attempt))
-    if findings.status in (Status.CONVERGED, Status.MODEL_MISFIT) and _doubtful(findings):
-        progress("looking for what is wrong", 0.95)
-        return _doubted(findings, scene, read, prepared)
-    return findings
+            return replace(findings, status=Status.MODEL_MISFIT, message=_caused(cause, findings.attempt)), None
+    if findings.status not in (Status.CONVERGED, Status.MODEL_MISFIT) or not _doubtful(findings):
+        return findings, None
+    progress("looking for what is wrong", 0.95)
+    assert findings.attempt is not None
+    told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
+    memory = 1.0 if findings.sure is None else slowness(findings.attempt, findings.sure.colours)
+    where = scene, read, prepared, findings.unknowns, findings.attempt
+    found = doubt(*where, findings.held, told, memory, anew=_rises(findings))
+    return (findings, None) if found is None else (_doubted(findings, found), found.better)
 
 
 def _doubtful(findings: Findings) -> bool:
@@ -176,14 +187,8 @@ def _rises(findings: Findings) -> bool:
     return change is not None and change > 0.0
 
 
-def _doubted(findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared]) -> Findings:
+def _doubted(findings: Findings, found: Doubt) -> Findings:
     """What else would describe data that fit already, in the sentence; an answer that it moves far is refused."""
-    assert findings.attempt is not None
-    told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
-    where = scene, read, prepared, findings.unknowns, findings.attempt
-    found = doubt(*where, findings.held, told, anew=_rises(findings))
-    if found is None:
-        return findings
     moves = f", the parameter {found.worst} moves by {100 * found.moved:.2g} %" if found.worst else ""
     more = f"the data ask for {found.sentence}: chi^2 falls by {found.gain:.3g}{moves}"
     if findings.status is Status.CONVERGED and found.matters:
@@ -294,7 +299,7 @@ def _findings(
         {} if sure.profiles is None else dict(sure.profiles.ends),
         sure.discretisation,
         sure,
-        _held(scene, sure) if fits(as_it_ended(scene, unknowns, prepared, attempt)) else [],
+        _held(scene, sure) if described(as_it_ended(scene, unknowns, prepared, attempt)) else [],
     )
 
 
@@ -305,7 +310,7 @@ def _rig(scene: Scene) -> dict[str, float]:
 
 def _held(scene: Scene, sure: Certainty) -> list[Held]:
     """The rig as stated, against the data."""
-    memory = max([1.0, *(colour.memory for colour in sure.colours)])
+    memory = slowness(sure.attempt, sure.colours)
     theta = sure.attempt.solved.theta
     return against_data(sure.information, theta, _rig(scene), memory, tolerances=scene.rig.tolerances)
 

@@ -15,6 +15,7 @@ from data_io import Record
 from identify.attempt import Attempt, Clock, solve_from, usable
 from identify.guess import Guess
 from identify.model import Model
+from identify.outcome import Status
 from identify.parting import parted
 from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
@@ -140,6 +141,12 @@ def fits(fitted: Fitted) -> bool:
     if fitted.attempt is None:
         return False
     return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.attempt.solved.problem.samples))
+
+
+def described(fitted: Fitted) -> bool:
+    """Whether the misfit is about noise, one with a memory too."""
+    accepted = fitted.attempt is not None and fitted.attempt.gate.status is Status.CONVERGED
+    return accepted or fits(fitted)
 
 
 def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:

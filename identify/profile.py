@@ -145,9 +145,10 @@ def profile(
         )
         curves[unknowns.names[i]] = _curve(line, i)
     searched = np.flatnonzero(unknowns.free)
-    likely = [point for point in line.seen if line.loss_root(point) < FARTHEST]
+    slow = max(wait.values(), default=1.0)
+    likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
-    objection = np.array([max(line.loss_root(point) ** 2, CRITICAL) for point in likely])
+    objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
     return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)), away, objection)
 
 

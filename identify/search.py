@@ -143,7 +143,9 @@ def _from_logs(
             told("joining the other logs", 0.8)
             attempt = join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
         best = _better(best, attempt)
-        if best is not None and best.gate.status is Status.CONVERGED and set(first) <= set(best.logs):
+        # What passes as noise with a memory may yet be a misfit that another start has not.
+        white = best is not None and best.gate.status is Status.CONVERGED and best.gate.level == 1.0
+        if best is not None and white and set(first) <= set(best.logs):
             break
     return None if best is None else _disowned(best, prepared, first)
 

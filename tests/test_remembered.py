@@ -1,0 +1,86 @@
+"""Noise with a memory is accepted for what it is. That a misfit of the same size is not: tests/test_held.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from data_io import Record
+from experiments.study_problem import DEMO, NAMES, RIG
+from identify import gate
+from identify.attempt import Clock
+from identify.gate import pass_gate
+from identify.identification import find
+from identify.model import assemble
+from identify.outcome import Status
+from identify.remembered import CHANCE, in_common
+from identify.scene import Scene
+from identify.simulate import run
+
+LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
+WHITE, SLOW, TIME = 5e-3, 2e-3, 0.02  # standard deviations [N] and memory [s]
+BINS = 24
+
+
+def _records(seed, slow=SLOW):
+    random, model, out = np.random.default_rng(seed), assemble(tuple(NAMES)), []
+    for speed, duration, rate in LOGS:
+        times = np.arange(round(duration * rate) + 1) / rate
+        force = run(model, DEMO | RIG, speed, 1.0, duration).sample(times)["force"]
+        kept = np.exp(-1.0 / (rate * TIME))
+        drawn = np.sqrt(1.0 - kept**2) * random.standard_normal(times.size + round(20 * TIME * rate))
+        memory = lfilter([1.0], [1.0, -kept], drawn)[-times.size :]
+        noise = WHITE * random.standard_normal(times.size) + slow * memory
+        out.append(Record(times, np.ones(times.size), force + noise))
+    return out
+
+
+def _found(records):
+    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
+    scene = Scene.from_document({"effects": [*NAMES], "rig": dict(RIG), "logs": logs}, Path())
+    return find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+
+
+def _distance(found):
+    """Squared distance of the answer from the truth, in its own covariance."""
+    names = np.array(found.unknowns.names)[found.unknowns.free]
+    log = found.unknowns.logarithmic[found.unknowns.free]
+    truth = np.array([np.log(DEMO[n]) if scaled else DEMO[n] for n, scaled in zip(names, log, strict=True)])
+    off = found.attempt.solved.theta[found.unknowns.free] - truth
+    return float(off @ np.linalg.solve(found.covariance, off))
+
+
+def test_noise_with_a_memory_is_accepted_and_widens_the_errors(monkeypatch):
+    distances = []
+    for seed in range(3):
+        found = _found(_records(seed))
+        assert found.status is Status.CONVERGED, found.message
+        distances.append(_distance(found))
+    assert max(distances) < chi2.isf(1e-4, 6) and sum(distances) < chi2.isf(1e-3, 18)
+    level = found.attempt.gate.level
+    assert 1.0 < level < 1.5 and "noise with a memory" in found.message
+    white = np.diag(found.sure.white)
+    assert np.all(np.diag(found.covariance) > level * white), "as much wider as the noise is larger, and more"
+    names = [log.name for log in found.attempt.prepared]
+    assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.CONVERGED
+    assert pass_gate(found.attempt.solved, names, [False, False]).status is Status.MODEL_MISFIT, "noise that was stated"
+    monkeypatch.setattr(gate, "MORE", 0.0)  # negative control: as it was
+    assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.MODEL_MISFIT
+
+
+@pytest.mark.parametrize("cycles", [(4, 11), (30,), (5, 5, 5)])
+def test_noise_has_nothing_in_common_and_a_misfit_has(cycles):
+    random = np.random.default_rng(1)
+    place = np.sin(np.linspace(0.0, 3.0, BINS))
+    noise, misfit = [], []
+    for _ in range(60):
+        # Neighbouring places are alike, as where noise has a memory.
+        stacks = [lfilter([1.0], [1.0, -0.8], random.standard_normal((c, BINS)), axis=1) for c in cycles]
+        noise.append(in_common(stacks, random))
+        misfit.append(in_common([stack + 2.0 * place for stack in stacks], random))
+    assert np.mean(noise) == pytest.approx(0.5, abs=4.0 / np.sqrt(12 * 60)), "a chance is spread evenly"
+    assert min(noise) > CHANCE > np.median(misfit)
