@@ -1,5 +1,8 @@
 """A misfit is traced to what is wrong with rig or sensor, and to nothing where nothing of the kind is."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -51,6 +54,15 @@ def test_a_wrong_rig_value_is_named_with_the_right_one(case, wrong, said):
         drop = float(np.mean(curves.cycles[:, 2] - curves.cycles[:, 3]))
         assert drop == pytest.approx(log["classical"]["rows"][0]["drop_N"], rel=0.03)
     assert "[parameters]" in result["message"], "it says what to do"
+
+
+def test_a_drive_that_is_slower_than_stated_is_named(case):
+    scene = _scene(RIG)
+    faster = tuple(replace(log, drive_speed=1.03 * log.drive_speed) for log in scene.logs)
+    result = fit(replace(scene, logs=faster), [case.records[i] for i in LOGS]).result
+    assert result["status"] == "model_misfit"
+    told = re.search(r"a drive speed (\S+) times the stated one", result["message"])
+    assert told is not None and float(told[1]) == pytest.approx(1 / 1.03, abs=0.003)
 
 
 def test_a_lag_of_the_sensor_is_named():

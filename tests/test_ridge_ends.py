@@ -1,4 +1,4 @@
-"""Where data do not tell a parameter, the motion is placed anew at the ends of the ridge.
+"""Where data do not tell a parameter, the motion is placed anew at the ends of the ridge, and with the other sign.
 
 The pair is one of the recovery study: the logs at three speeds stick-slip, the fastest goes over to sliding. From
 a = 10 s/m the way to sliding takes another course than at the true 61 s/m; chi^2 is larger by 50, which no cycle shows.
@@ -9,13 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from data_io import Record
 from experiments.run_recovery_study import Study
-from experiments.study_problem import scene_of
+from experiments.study_problem import NAMES, RIG, scene_of
 from identify.attempt import Clock, solve_from, usable
+from identify.model import assemble
 from identify.outcome import Status
 from identify.parting import parted
 from identify.prepare import prepare
-from identify.ridge_ends import better_course
+from identify.ridge_ends import better_course, other_sign
+from identify.scene import Scene
+from identify.simulate import run
 from identify.unknowns import from_scene
 
 WRONG = {"mu_s": 0.353698, "mu_k0": 0.29213, "D": 9.9315e-06, "t_cr": 0.058197, "delta_mu_k": -0.235745, "a": 10.086}
@@ -57,3 +61,33 @@ def test_a_better_course_is_found_from_the_ends_of_the_ridge(pair):
     a = np.exp(found.solved.theta[unknowns.names.index("a")])
     assert abs(a / truth["a"] - 1) < 0.25
     assert better_course(right, unknowns, np.zeros((1, 6))) is None  # it stays where it is best
+
+
+ONE_SPEED = {"mu_s": 0.9056, "mu_k0": 0.7467, "delta_mu_k": -0.1367, "a": 947.5, "D": 2.623e-05, "t_cr": 2.578}
+RISING = {"mu_s": 0.8858, "mu_k0": 0.5961, "delta_mu_k": 0.1032, "a": 15.2, "D": 1.833e-05, "t_cr": 1.331}
+
+
+def test_friction_that_rises_is_tried_with_friction_that_falls():
+    """Five slips of one speed: an answer whose friction rises fits within the noise, 18 in chi^2 above the true one."""
+    times = np.arange(10001) / 500.0
+    force = run(assemble(tuple(NAMES)), ONE_SPEED | RIG, 1e-4, 1.0, 20.0, accuracy=1e-7).sample(times)["force"]
+    record = Record(
+        times, np.ones(times.size), force + 5e-3 * np.random.default_rng(1468660268).standard_normal(times.size)
+    )
+    logs = [{"path": "log.csv", "drive_speed": 1e-4}]
+    scene = Scene.from_document({"effects": [*NAMES], "rig": dict(RIG), "logs": logs})
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, scene.logs[0], record, unknowns)]
+
+    def answer(values):
+        theta = unknowns.theta(np.array([(values | RIG)[n] for n in unknowns.names]), unknowns.base(RIG))
+        return solve_from(prepared, [0], replace(unknowns, start=theta), Clock())
+
+    rising, right = answer(RISING), answer(ONE_SPEED)
+    delta = unknowns.names.index("delta_mu_k")
+    assert rising.gate.status is Status.CONVERGED and rising.solved.theta[delta] > 0.0  # nothing else tells
+    assert 2 * (rising.solved.solution.cost - right.solved.solution.cost) > 15
+    found = other_sign(rising, unknowns)
+    assert found is not None and found.solved.theta[delta] < 0.0
+    assert abs(2 * (found.solved.solution.cost - right.solved.solution.cost)) < 1
+    assert other_sign(right, unknowns) is None
