@@ -104,8 +104,10 @@ def test_joint_covariance_agrees_with_the_dense_null_space(grouped):
     covariance = null[kept] @ np.linalg.solve(null.T @ hessian @ null, null[kept].T)
     covariance = covariance * np.outer(layout.scale[kept], layout.scale[kept])
     size = np.sqrt(np.diag(covariance))
-    assert grouped.sure.joint.shape == (10, 10)
-    np.testing.assert_allclose(grouped.sure.joint / np.outer(size, size), covariance / np.outer(size, size), atol=1e-3)
+    known = grouped.information.joint_covariance()
+    assert known.shape == grouped.sure.joint.shape == (10, 10)
+    np.testing.assert_allclose(known / np.outer(size, size), covariance / np.outer(size, size), atol=1e-3)
+    assert np.all(np.diag(grouped.sure.joint) > 0.999 * np.diag(known)), "a bent likelihood only widens it"
     across = covariance[2, 6:] / (size[2] * size[6:])
     assert np.max(np.abs(across)) > 0.05, "what is shared ties the groups together"
 
@@ -138,14 +140,14 @@ def test_a_tied_parameter_follows(free):
 
 def test_a_prior_pulls_as_bayes_says(free):
     place = [free.unknowns.names[i] for i in np.flatnonzero(free.unknowns.free)].index("D")
-    size = float(np.sqrt(free.covariance[place, place]))
+    size = float(np.sqrt(free.sure.white[place, place]))
     mean = float(np.exp(free.attempt.solved.theta[free.unknowns.names.index("D")] + size))
     found = _found({"D": {"prior": {"mean": mean, "sd": mean * size}}}, "A")
     assert found.status is Status.CONVERGED
     theta = [f.attempt.solved.theta[f.unknowns.names.index("D")] for f in (free, found)]
     # Equal weights: half way between the data and the prior, and half the variance.
     assert theta[1] == pytest.approx(0.5 * (theta[0] + np.log(mean)), abs=0.1 * size)
-    assert found.covariance[place, place] == pytest.approx(0.5 * size**2, rel=0.1)
+    assert found.sure.white[place, place] == pytest.approx(0.5 * size**2, rel=0.1)
 
 
 def test_an_interval_ends_at_a_bound_of_the_scene(free):
