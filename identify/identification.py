@@ -165,7 +165,7 @@ def _looked_into(
         cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)
         if cause is not None:
             return replace(findings, status=Status.MODEL_MISFIT, message=_caused(cause, findings.attempt)), None
-    if findings.status not in (Status.CONVERGED, Status.MODEL_MISFIT) or not _doubtful(findings):
+    if findings.status is not Status.CONVERGED or not _doubtful(findings):
         return findings, None
     progress("looking for what is wrong", 0.95)
     assert findings.attempt is not None
@@ -191,7 +191,7 @@ def _doubted(findings: Findings, found: Doubt) -> Findings:
     """What else would describe data that fit already, in the sentence; an answer that it moves far is refused."""
     moves = f", the parameter {found.worst} moves by {100 * found.moved:.2g} %" if found.worst else ""
     more = f"the data ask for {found.sentence}: chi^2 falls by {found.gain:.3g}{moves}"
-    if findings.status is Status.CONVERGED and found.matters:
+    if found.matters:
         return replace(findings, status=Status.MODEL_MISFIT, message=f"the misfit is noise, and yet {more}")
     return replace(findings, message=f"{findings.message}; {more}")
 
