@@ -31,7 +31,7 @@ equilibrated shooting reconstruct solve uncertainty hints influence coloured agr
 discretisation levels sequence events consistency leaning remembered gate accuracy combinations held asked profile_line
 profile widened attempt search ridge_ends grouped shares certainty nested screening selection_words selection suspects
 diagnosis preview depth
-findings log_outlook worth result identification
+findings second_look log_outlook worth result identification
 report
 comparing
 batch
