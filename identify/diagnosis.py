@@ -32,7 +32,7 @@ CLEAR = 0.02  # relative change of a rig value below which it is not called wron
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
 UNITS = 30.0  # factor by which the slope of the sticks is off where a unit is wrong: no rig value is
 NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
-ASKED = 16.0  # the same for an answer that fits, about which there is another doubt already
+ASKED = 16.0  # statistic that makes an answer that fits doubtful, where something else does so already
 ALIKE = 1e-3  # share of the samples by which fits may differ that are compared: the last stick is cut anew
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
 
@@ -142,8 +142,8 @@ def doubt(
 
     Args:
         as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; memory: by how
-            much that of the noise widens a variance; anew: an
-            effect more is fitted from the data alone too, where the answer's own motion may hide what it does.
+            much that of the noise widens a variance; anew: an effect more is fitted from the data alone too, where the
+            answer's own motion may hide what it does.
     """
     ended = as_it_ended(scene, unknowns, prepared, attempt)
     if not described(ended):
@@ -153,13 +153,13 @@ def doubt(
     found = []
     for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
         gain = (ended.excess - fitted.excess) / memory
-        if gain > ASKED:
-            back = fit_smaller(fitted, scene, records)
-            if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
-                return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
-        if gain > ASKED:
-            words = suspect.words(*found_and_stated(suspect, fitted, scene))
-            found.append((gain, words, *_moved(ended, fitted, told)))
+        if not gain > ASKED:
+            continue
+        back = fit_smaller(fitted, scene, records)
+        if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
+            return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
+        words = suspect.words(*found_and_stated(suspect, fitted, scene))
+        found.append((gain, words, *_moved(ended, fitted, told)))
     if not found:
         return None
     most, _, moved, worst = max(found)

@@ -70,8 +70,10 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     spread = np.sqrt(2 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
     z = (squares - counts) / spread
     status, message = _judge(solved, chi2, allowed, z, log, cycle, names)
-    fitted, levels = solved.problem.fitted(solved.solution.z), np.ones(len(names))
-    if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and 1.0 < chi2 < 1.0 + MORE:
+    levels = np.ones(len(names))
+    slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and 1.0 < chi2 < 1.0 + MORE
+    fitted = solved.problem.fitted(solved.solution.z) if slow or status is Status.CONVERGED else []
+    if slow:
         known = remembered(solved.problem.logs, solved.guesses, fitted, noise_estimated, squares, counts, log)
         if known is not None:
             level = known.levels[log]

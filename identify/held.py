@@ -30,6 +30,7 @@ class Held:
     said: where the data would put it, to first order, and the relative standard error of that; squared: distance."""
 
     name: str
+    unit: str
     stated: float
     tolerance: float
     said: float
@@ -71,19 +72,18 @@ def against_data(
             continue
         if error < VAGUE:
             said, squared = rig[name] * float(np.exp(move)), move**2 / (error**2 + tolerance**2)
-            out.append(Held(name, rig[name], tolerance, said, error, squared))
+            out.append(Held(name, unknowns.model.parameters[i].unit, rig[name], tolerance, said, error, squared))
     return out
 
 
 def held_document(held: list[Held]) -> dict[str, Any]:
     """As result.json gives it, by name."""
-    units = {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
     return {
         h.name: {
             "stated": h.stated,
             "from_data": h.said,
             "standard_error": h.said * h.error,
-            "unit": units[h.name],
+            "unit": h.unit,
             "squared_distance": h.squared,
         }
         for h in held

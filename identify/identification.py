@@ -21,7 +21,6 @@ from identify.findings import Findings
 from identify.grouped import search_grouped
 from identify.held import Held, against_data
 from identify.hints import what_is_held
-from identify.model import RIG_PARAMETERS
 from identify.nested import as_it_ended, described
 from identify.outcome import Fit, LogCurves, Status
 from identify.parting import parted
@@ -34,7 +33,7 @@ from identify.scene.values import LogEntry
 from identify.search import UNEQUAL, Sources
 from identify.second_look import looked_into
 from identify.selection import choose_from_data
-from identify.unknowns import Unknowns, from_scene, user_start
+from identify.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.vibration import tuned
 from identify.worth import worth, worth_document
 
@@ -202,7 +201,7 @@ def _findings(
     if not np.all(np.isfinite(attempt.solved.theta)):
         status, message = _status(attempt, {})
         return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
-    base = unknowns.base(_rig(scene))
+    base = unknowns.base(stated_rig(scene))
     sure = certainty(
         attempt,
         unknowns,
@@ -250,16 +249,11 @@ def _findings(
     )
 
 
-def _rig(scene: Scene) -> dict[str, float]:
-    """Mass, stiffness and damping as [rig] states them."""
-    return {name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS}
-
-
 def _held(scene: Scene, sure: Certainty) -> list[Held]:
     """The rig as stated, against the data."""
     memory = slowness(sure.attempt, sure.colours)
     theta = sure.attempt.solved.theta
-    return against_data(sure.information, theta, _rig(scene), memory, tolerances=scene.rig.tolerances)
+    return against_data(sure.information, theta, stated_rig(scene), memory, tolerances=scene.rig.tolerances)
 
 
 def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:

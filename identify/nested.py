@@ -140,7 +140,7 @@ def fits(fitted: Fitted) -> bool:
     """Whether the misfit is about noise."""
     if fitted.attempt is None:
         return False
-    return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.attempt.solved.problem.samples))
+    return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.samples))
 
 
 def described(fitted: Fitted) -> bool:

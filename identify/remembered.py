@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.coloured import MOST, colour
+from identify.coloured import MOST, Colour, colour
 from identify.guess import Guess, LogData
 
 Array = NDArray[np.float64]
@@ -55,14 +55,14 @@ def remembered(
     """
     levels, slowness, stacks = np.ones(len(logs)), np.ones(len(logs)), []
     for number, (data, guess, curve) in enumerate(zip(logs, guesses, fitted, strict=True)):
-        residual = np.where(data.weight > 0, data.force - curve, np.nan) / data.noise
-        noise = colour(residual)
         mine = log == number
         level = float(squares[mine].sum() / max(counts[mine].sum(), 1.0))
         if level > 1.0 + MORE:
             return None
+        residual = np.where(data.weight > 0, data.force - curve, np.nan) / data.noise
+        noise = colour(residual)
         if level > 1.0 and noise_estimated[number] and not noise.white:
-            levels[number], slowness[number] = level, float(np.sqrt(_summed_squares(noise.regression)))
+            levels[number], slowness[number] = level, float(np.sqrt(_summed_squares(noise)))
         if level > 1.0 + CLOSE:
             stacks.append(by_phase(data.time, residual, guess))
     rows = [len(stack) for stack in stacks]
@@ -71,11 +71,10 @@ def remembered(
     return Remembered(levels, slowness) if in_common(stacks, np.random.default_rng(0)) > CHANCE else None
 
 
-def _summed_squares(regression: Array) -> float:
-    """The sum of the squared correlations of an autoregression over all lags, both ways."""
+def _summed_squares(noise: Colour) -> float:
+    """The sum of the squared correlations of a noise over all lags, both ways."""
     n = 64 * MOST
-    spectrum = 1.0 / np.abs(np.fft.rfft(np.concatenate([[1.0], -regression]), n)) ** 2
-    correlation = np.fft.irfft(spectrum, n)
+    correlation = np.fft.irfft(noise.spectrum(n), n)
     return float(np.sum((correlation / correlation[0]) ** 2))
 
 

@@ -26,7 +26,7 @@ from identify.parting import part_of
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.uncertainty import LEVEL, Estimate
-from identify.unknowns import Unknowns
+from identify.unknowns import Unknowns, stated_rig
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def document(
 
 def _base(scene: Scene, found: Findings) -> Array:
     """Base values (n_p,) of the rig the parameters are given for."""
-    return found.unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
+    return found.unknowns.base(stated_rig(scene))
 
 
 def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> dict[str, Any]:

@@ -325,10 +325,8 @@ class Selection:
 
 
 def _says_more(other: Fitted, than: Fitted) -> bool:
-    """Whether another first model is the better one to go on from: that of the smaller misfit, per sample; of two that
-    fit, that of more logs."""
-    if fits(other) and fits(than) and other.logs != than.logs:
-        return len(other.logs) > len(than.logs)
+    """Whether another first model is the better one to go on from, that of the smaller misfit per sample: not all of
+    them have the same logs."""
     return other.excess / max(other.samples, 1) < than.excess / max(than.samples, 1)
 
 

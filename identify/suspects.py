@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.model import RIG_PARAMETERS
 from identify.nested import Fitted
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.scene.parameters import ParameterSpec
+from identify.unknowns import stated_rig
 
 REACH = 4.0  # factor up to which a rig value is suspected
 SHIFTED = 0.02  # relative change of the drive speed below which the sticks do not call it wrong
@@ -39,7 +39,7 @@ def found_and_stated(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[fl
     if suspect.parameter == "drive_speed":
         return _speeds(fitted.scene)[0], _speeds(scene)[0]
     names = fitted.unknowns.names
-    base = fitted.unknowns.base({n: float(getattr(scene.rig, n)) for n in RIG_PARAMETERS})
+    base = fitted.unknowns.base(stated_rig(scene))
     value = fitted.unknowns.values(fitted.attempt.solved.theta, base)[names.index(suspect.parameter)]
     return float(value), float(getattr(scene.rig, suspect.parameter, 0.0) or 0.0)
 
@@ -75,9 +75,11 @@ def _effect(name: str, parameter: str, start: Callable[[Scene], float]) -> Freed
 def _by_load(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
     """A scene whose coefficients fall with the normal force, and hold at the mean of the logs."""
     made = _effect("load_dependence", "load_exponent", lambda _scene: 0.02)(scene, prepared)
+    if made is None:
+        return None
     loads = np.concatenate([log.data.normal_force.values for log in prepared])
     at = float(np.mean([log.data.mean_normal_force for log in prepared]))
-    if made is None or np.ptp(loads) < VARIED * at:
+    if np.ptp(loads) < VARIED * at:
         return None
     given = replace(made.parameters["reference_force"], fixed=at)
     return replace(made, parameters={**made.parameters, "reference_force": given})
@@ -85,8 +87,9 @@ def _by_load(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
 
 def _speeds(scene: Scene) -> list[float]:
     """The constant drive speeds [m/s] a scene states, one per log; empty where one is a programme or not stated."""
-    said = [scene.rig.drive_speed if log.drive_speed is None else log.drive_speed for log in scene.logs]
-    return [] if any(speed is None or isinstance(speed, tuple) for speed in said) else [float(s) for s in said]  # type: ignore[arg-type]
+    said = [scene.rig_for(log).drive_speed for log in scene.logs]
+    constant = [float(speed) for speed in said if speed is not None and not isinstance(speed, tuple)]
+    return constant if len(constant) == len(said) else []
 
 
 def _as_sticks_rise(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
@@ -148,8 +151,8 @@ SLIGHT: tuple[Suspect, ...] = (
         "load_exponent",
         _by_load,
         lambda value, _stated: (
-            f"friction coefficients that change with the normal force (exponent -{value:.3g}: add "
-            "load_dependence to effects)".replace("--", "")
+            f"friction coefficients that change with the normal force (exponent {-value:.3g}: add "
+            "load_dependence to effects)"
         ),
     ),
 )

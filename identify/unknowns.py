@@ -122,6 +122,11 @@ class Unknowns:
         )
 
 
+def stated_rig(scene: Scene) -> dict[str, float]:
+    """Mass [kg], stiffness [N/m] and damping [N/m] as [rig] of a scene states them, by name."""
+    return {name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS}
+
+
 def from_scene(scene: Scene) -> Unknowns:
     """The search space a scene describes.
 
@@ -132,7 +137,7 @@ def from_scene(scene: Scene) -> Unknowns:
         SceneError: a rig quantity of zero that is to be estimated.
     """
     model = scene.model
-    rig = {name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS}
+    rig = stated_rig(scene)
     n = len(model.parameters)
     free, start = np.zeros(n, bool), np.zeros(n)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)

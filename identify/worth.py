@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.attempt import Attempt
 from identify.errors import IdentifyError
-from identify.nested import Fitted, fit_smaller, held_out_error, scene_with
+from identify.nested import Fitted, as_it_ended, fit_smaller, held_out_error, scene_with
 from identify.passes import solve_in_passes
 from identify.prepare import Prepared
 from identify.scene import Scene
@@ -56,8 +56,7 @@ def worth(
     progress: Callable[[str, float | None], None],
 ) -> list[Worth]:
     """The accepted fit, then one row per effect that can be left out."""
-    excess = 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
-    full = Fitted(scene, unknowns, tuple(prepared), attempt, excess)
+    full = as_it_ended(scene, unknowns, prepared, attempt)
     progress("errors on what is left out", None)
     rows = [_row("", full, full, held_out_error(full), logs_left_out(full))]
     whole = rows[0]
