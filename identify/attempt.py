@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut, and the motion placed on it
 
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
+OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
 FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
 
 
@@ -33,6 +34,14 @@ class Attempt:
     prepared: tuple[Prepared, ...]
     solved: Solved
     gate: Gate
+
+    @property
+    def excess(self) -> float:
+        """Sum of squares in noise variances less the number of samples; infinite where the motion is none of the
+        model."""
+        solution = self.solved.solution
+        obeys = solution.success or solution.infeasibility < OBEYS
+        return 2.0 * solution.cost - self.solved.problem.samples if obeys else np.inf
 
 
 @dataclass
@@ -54,17 +63,31 @@ def usable(prepared: list[Prepared]) -> list[int]:
 
 
 def solve_from(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firmness: float = 1.0
+    prepared: list[Prepared],
+    chosen: list[int],
+    unknowns: Unknowns,
+    clock: Clock,
+    firmness: float = 1.0,
+    hopeless: float = np.inf,
 ) -> Attempt | None:
-    """Place the start on the chosen logs and solve; None where no log can be placed."""
+    """Place the start on the chosen logs and solve; None where no log can be placed.
+
+    Args:
+        hopeless: a pass that ends with a larger cost is the last one.
+    """
     since = time.perf_counter()
     placed = place_on(prepared, chosen, unknowns) if chosen else []
     clock.add("place", since)
-    return solve_placed(prepared, placed, unknowns, clock, firmness) if placed else None
+    return solve_placed(prepared, placed, unknowns, clock, firmness, hopeless) if placed else None
 
 
 def solve_placed(
-    prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, clock: Clock, firmness: float = 1.0
+    prepared: list[Prepared],
+    placed: list[PlacedLog],
+    unknowns: Unknowns,
+    clock: Clock,
+    firmness: float = 1.0,
+    hopeless: float = np.inf,
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least."""
     since = time.perf_counter()
@@ -72,8 +95,10 @@ def solve_placed(
     # What every log has for itself, the first log has in the shared theta.
     unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
     guesses[0] = replace(guesses[0], own=np.empty(0))
-    solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(firmness))
+    solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(firmness), hopeless=hopeless)
     for _ in range(TRIES):
+        if solved.solution.cost > hopeless:
+            break
         at_answer = replace(unknowns, start=solved.theta)
         again = resequenced([prepared[i] for i in numbers], logs, solved.guesses, at_answer)
         if again is None:

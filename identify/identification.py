@@ -33,6 +33,7 @@ from identify.scene.values import LogEntry
 from identify.search import UNEQUAL, Sources
 from identify.second_look import looked_into
 from identify.selection import choose_from_data
+from identify.shaken import shaken
 from identify.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.vibration import tuned
 from identify.worth import worth, worth_document
@@ -123,6 +124,11 @@ def find(
     clock.add("detect", since)
     sources = starts or ("both" if user_start(scene) else "data")
     attempt, left_out = search_grouped(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+    if attempt is not None and unknowns.model.waves.numel_out(0):
+        progress("solving from other starts", 0.85)
+        since = time.perf_counter()
+        attempt = shaken(attempt, prepared, unknowns, seed)
+        clock.add("solve", since)
     since = time.perf_counter()
     progress("intervals", 0.9)
     for _ in range(ANSWERS):

@@ -22,6 +22,7 @@ from identify.prepare import Prepared, prepare
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
 from identify.search import Sources, alike, join, search
+from identify.shaken import shaken
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.unknowns import Unknowns, from_scene
@@ -34,7 +35,6 @@ FAR = 0.5  # sum of squares per sample (in noise variances) above that of the la
 DOUBT = 5.0  # sum of squares above that of the larger model: under a vibrating drive it may be another course of slips
 HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
 GLANCE = 8  # iterations that show whether an effect is worth a fit
-HELD = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
 CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
 KEPT_BACK = 3  # every such cycle is kept back to be predicted
 FEWEST = 4  # cycles of a log of which one can be kept back
@@ -123,6 +123,14 @@ def fit_joined(fitted: Fitted) -> Fitted:
     return fitted if joined is attempt else replace(fitted, attempt=joined, excess=_excess(joined))
 
 
+def fit_shaken(fitted: Fitted) -> Fitted:
+    """The same model at the best answer that other starts lead to."""
+    if fitted.attempt is None:
+        return fitted
+    best = shaken(fitted.attempt, fitted.prepared, fitted.unknowns)
+    return fitted if best is fitted.attempt else replace(fitted, attempt=best, excess=_excess(best))
+
+
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
     scene, records = parted(scene, records)
     unknowns = from_scene(scene)
@@ -131,9 +139,7 @@ def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], 
 
 
 def _excess(attempt: Attempt | None) -> float:
-    if attempt is None or not (attempt.solved.solution.success or attempt.solved.solution.infeasibility < HELD):
-        return np.inf
-    return 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
+    return np.inf if attempt is None else attempt.excess
 
 
 def fits(fitted: Fitted) -> bool:

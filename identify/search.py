@@ -187,13 +187,7 @@ def _starts(
 ) -> Iterator[Array]:
     """Starts (n_p,) in the order in which they deserve a try, up to a `worst` cost per residual."""
     since = time.perf_counter()
-    features: list[Features] = []
-    bases: list[Array] = []
-    for i, log in enumerate(prepared):
-        found = extract(i, log.data, log.falls, log.rig.half_period) if log.manner.name == "cycles" else None
-        if found is not None:
-            features.append(found)
-            bases.append(log.data.base)
+    features, bases = features_of(prepared)
     if not features:
         made = [level_starts(prepared, unknowns)] if sources != "user" else []
         tried = np.concatenate([unknowns.start[None, :], *made]) if sources != "data" else made[0]
@@ -220,6 +214,18 @@ def _starts(
     timed = settled.free != unknowns.free
     starts = [replace(s, theta=np.where(timed, unknowns.start, s.theta)) for s in starts if s.cost <= worst]
     yield from _distinct(starts, unknowns)
+
+
+def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
+    """What the logs with repeating cycles show of them, and the base values (n_p,) of each such log."""
+    features: list[Features] = []
+    bases: list[Array] = []
+    for i, log in enumerate(prepared):
+        found = extract(i, log.data, log.falls, log.rig.half_period) if log.manner.name == "cycles" else None
+        if found is not None:
+            features.append(found)
+            bases.append(log.data.base)
+    return features, bases
 
 
 def _ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Array) -> list[Start]:

@@ -21,6 +21,7 @@ from identify.nested import (
     fit_joined,
     fit_larger,
     fit_model,
+    fit_shaken,
     fit_smaller,
     fits,
     held_out_error,
@@ -60,6 +61,7 @@ MIMICS = (
 LAWS = {"velocity_weakening": "linear_weakening"}  # the simpler law in place of the other
 ENOUGH = 25.0  # an effect that gains more than this is never dropped
 PLAIN = 200.0  # a statistic so large that smaller company cannot make it small
+PLAUSIBLE = 2.0  # statistic below which a smaller model is as good as it can be
 PROMISING = 5.0  # statistic that one linear step must promise
 TELLING = (2.0, 1000.0)  # statistics between which kept-back cycles are asked as well
 CLEARER = 1.0  # by which another model must be better
@@ -158,12 +160,26 @@ class Selection:
         self.gains: dict[str, Gain] = {}
         self.notes: dict[str, str] = {}
         self._statistics: dict[str, float] = {}  # of the effects kept, at the last model that had them
+        self._firm = False
         self._smaller: dict[frozenset[str], Fitted] = {}  # than the best one, by what they lack
 
     def run(self, sure: Sequence[str]) -> None:
         """Walk from what the logs plainly show to the best subset."""
         self._begin(list(sure))
         self._toggle()
+        self._rounds()
+        for _ in range(ROUNDS):
+            if not self.best.model.waves.numel_out(0):
+                break
+            before = set(self.kept), self.best.excess
+            self._shake()
+            self._rounds()
+            if (set(self.kept), self.best.excess) == before:
+                break
+        self._held_out()
+        self._simpler_laws()
+
+    def _rounds(self) -> None:
         for _ in range(ROUNDS):
             before = set(self.kept), self.best.logs
             self._add()
@@ -172,8 +188,17 @@ class Selection:
             self._join()
             if (set(self.kept), self.best.logs) == before:
                 break
-        self._held_out()
-        self._simpler_laws()
+
+    def _shake(self) -> None:
+        """Look for the best answer of the model: the walk went by the motion of the models before it. From here on
+        those that lack an effect are looked for as well as this one."""
+        self._told("from other starts", 0.7)
+        self._firm = True
+        other = fit_shaken(self.best)
+        if other.excess < self.best.excess:
+            self._statistics = {}
+            self._move(self.kept, other)
+        self._smaller = {}
 
     def _begin(self, sure: list[str]) -> None:
         self._told("fitting all that plainly matters", 0.1)
@@ -284,7 +309,10 @@ class Selection:
         if lacking not in self._smaller:
             self._told(f"without {', '.join(losers)}", 0.6)
             scene = self._models.of([e for e in self.kept if e not in losers])
-            self._smaller[lacking] = fit_smaller(self.best, scene, self._models.records)
+            fitted = fit_smaller(self.best, scene, self._models.records)
+            if self._firm and fitted.attempt is not None and PLAUSIBLE < statistic(self.best, fitted) < PLAIN:
+                fitted = fit_shaken(fitted)
+            self._smaller[lacking] = fitted
         return self._smaller[lacking]
 
     def _move(self, kept: list[str], fitted: Fitted) -> None:

@@ -62,9 +62,9 @@ def _contours(axes: Axes, chart: Chart, view: View, name: str, colour: str, behi
     lines = axes.contour(x, y, values / scale.factor, levels=levels, linewidths=0.6, zorder=2, colors=colour)
     lines.set_paths([_without_scraps(path) for path in lines.get_paths()])
     lines.set_clip_path(PathPatch(inside, transform=axes.transData))
-    labels = axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline_spacing=2)
+    labels = axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline=False)
     for label in labels:
-        label.set_path_effects([withStroke(linewidth=1.2, foreground=behind)])
+        label.set_path_effects([withStroke(linewidth=2.5, foreground=behind)])
         if not inside.contains_point(label.get_position()):
             label.remove()
     return scale

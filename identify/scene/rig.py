@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from identify.errors import SceneError
-from identify.scene.tables import Table, quantity, share
+from identify.scene.tables import Table, share, stated
 from identify.scene.values import DriveSpeed, Rig
 
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
@@ -23,15 +23,17 @@ def _with_tolerance(table: Table, key: str, unit: str) -> tuple[Any, float | Non
     inner = Table.of(value, table.place(key), ("value", "tolerance"), '{ value = "0.2 kg", tolerance = "2 %" }')
     if "value" not in value:
         raise SceneError(f"{inner.where} has no value; write {{ value = …, tolerance = … }}")
-    stated = value.get("tolerance")
-    relative = share(stated, inner.place("tolerance"))
+    tolerance = value.get("tolerance")
+    relative = share(tolerance, inner.place("tolerance"))
     if relative is not None:
         return value["value"], relative
-    if isinstance(stated, str):
+    if isinstance(tolerance, str):
         reference = speed_or_quantity(value["value"], unit, inner.where)
         if isinstance(reference, tuple):
-            raise SceneError(f'{inner.place("tolerance")} of a programme is {stated!r}; expected a share such as "2 %"')
-        return value["value"], quantity(stated, unit, inner.place("tolerance")) / abs(reference)
+            raise SceneError(
+                f"{inner.place('tolerance')} of a programme is {tolerance!r}; expected a share such as 2 %"
+            )
+        return value["value"], stated(tolerance, unit, inner.place("tolerance")) / abs(reference)
     return value["value"], inner.quantity("tolerance", "")
 
 
@@ -42,10 +44,10 @@ def speed_or_quantity(value: Any, unit: str, where: str) -> DriveSpeed:
         SceneError: neither.
     """
     if unit != "m/s" or not isinstance(value, (list, tuple)):
-        return quantity(value, unit, where)
+        return stated(value, unit, where)
     if not all(isinstance(pair, (list, tuple)) and len(pair) == 2 for pair in value):
         raise SceneError(f'{where} is {value!r}; expected pairs of start and speed: [[0, "0.1 mm/s"], [30, "0 mm/s"]]')
-    return tuple((quantity(start, "s", where), quantity(speed, "m/s", where)) for start, speed in value)
+    return tuple((stated(start, "s", where), stated(speed, "m/s", where)) for start, speed in value)
 
 
 def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tuple[Rig, float | None]:

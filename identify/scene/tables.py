@@ -41,6 +41,29 @@ def quantity(value: Any, unit: str, where: str) -> float:
     return number
 
 
+def stated(value: Any, unit: str, where: str) -> float:
+    """As `quantity`, of a scene file: quotes around a bare number mean that its unit was forgotten.
+
+    Raises:
+        SceneError: as `quantity`, or a text without a unit where there is one.
+    """
+    number = quantity(value, unit, where)
+    if unit and isinstance(value, str) and _is_number(value):
+        raise SceneError(
+            f'{where} is "{value}", a text without a unit; write for instance "{value} {unit}", or the bare SI number '
+            f"{value.strip()} without quotes"
+        )
+    return number
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def share(value: Any, where: str) -> float | None:
     """ "2 %" as 0.02; None for anything that is no percentage.
 
@@ -83,7 +106,7 @@ class Table:
 
     def quantity(self, key: str, unit: str) -> float | None:
         """A quantity in SI."""
-        return quantity(self.data[key], unit, self.place(key)) if key in self.data else None
+        return stated(self.data[key], unit, self.place(key)) if key in self.data else None
 
     def whole(self, key: str) -> int | None:
         """A whole number."""
@@ -131,4 +154,4 @@ def span(value: Any, where: str) -> tuple[float, float]:
     """
     if not isinstance(value, (list, tuple)) or len(value) != 2:
         raise SceneError(f'{where} is {value!r}; expected two times such as ["5 s", "20 s"]')
-    return quantity(value[0], "s", where), quantity(value[1], "s", where)
+    return stated(value[0], "s", where), stated(value[1], "s", where)
