@@ -9,7 +9,7 @@ thousands of samples does not see what a few parameters do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,13 +100,22 @@ def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:
     return np.where(owner.sum(axis=0) == 1, np.argmax(owner, axis=0), KNOWN)
 
 
-def contradiction(found: Sequence[Pull], unknowns: Unknowns, theta: Array, base: Array, names: Sequence[str]) -> str:
+def contradiction(
+    found: Sequence[Pull],
+    unknowns: Unknowns,
+    theta: Array,
+    base: Array,
+    names: Sequence[str],
+    without_it: Callable[[int], Array | None] = lambda _log: None,
+) -> str:
     """A sentence where a log has an answer of its own that differs from the common one; "" where none does, or where
     what the user knows beside the logs contradicts them: then it is not they that do not agree.
 
     Args:
         found: pulls of the logs, and last that of what is known beside them.
         theta: (n_p,) of the answer; base (n_p,) of the rig the values are given for; names of the logs.
+        without_it: the answer (n_p,) of all logs but one, fitted: a log is blamed only where that differs as well; None
+            where it is not known, and the pull alone decides.
     """
     *of_logs, beside = found
     if beside.contradicts:
@@ -116,17 +125,19 @@ def contradiction(found: Sequence[Pull], unknowns: Unknowns, theta: Array, base:
     values = unknowns.values(theta, base)
     size = np.maximum(sizes(unknowns, values), 1e-300)
     for pull in sorted((pull for pull in of_logs if pull.contradicts), key=lambda pull: -pull.squared):
+        fitted = without_it(pull.log)
         without = theta.copy()
         without[free] += pull.shift[: free.size]
-        others = unknowns.values(without, base)
+        others = unknowns.values(without if fitted is None else fitted, base)
         moved = np.where(asked, np.abs((others - values) / size)[free], 0.0)
         worst = int(free[np.argmax(moved)])
         if np.max(moved) > MATTERS:
             unit = unknowns.model.parameters[worst].unit
             instead = f"{others[worst]:.3g} instead of {values[worst]:.3g} {unit}".rstrip()
+            known = "would be about" if fitted is None else "is"
             return (
                 f"{names[pull.log]} contradicts the other logs (squared distance {pull.squared:.0f} with "
-                f"{pull.freedom} degrees of freedom): without it {unknowns.names[worst]} would be about {instead}; "
+                f"{pull.freedom} degrees of freedom): without it {unknowns.names[worst]} {known} {instead}; "
                 "check its normal force, its drive speed and what else differs in it, look at its slips in the report, "
                 "or fit it apart"
             )

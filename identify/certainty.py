@@ -169,10 +169,28 @@ def _agreeing(attempt: Attempt, unknowns: Unknowns, base: Array, reached: Influe
         found = pulls_of_logs(solved.problem, solved.solution.z, reached, slowness(attempt, colours))
     except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
         return attempt
-    message = contradiction(found, unknowns, solved.theta, base, names)
+    message = contradiction(
+        found, unknowns, solved.theta, base, names, lambda log: _without_log(attempt, unknowns, log)
+    )
     if not message:
         return attempt
     return replace(attempt, gate=replace(attempt.gate, status=Status.MODEL_MISFIT, message=message))
+
+
+def _without_log(attempt: Attempt, unknowns: Unknowns, log: int) -> Array | None:
+    """The answer (n_p,) of all logs but one, from the common one; None where the solver does not settle, or logs have
+    parameters of their own, which the first of them lends its place in theta."""
+    if np.any(unknowns.own):
+        return None
+    rest = [i for i in range(len(attempt.logs)) if i != log]
+    others = replace(
+        attempt,
+        logs=tuple(attempt.logs[i] for i in rest),
+        prepared=tuple(attempt.prepared[i] for i in rest),
+        solved=replace(attempt.solved, guesses=[attempt.solved.guesses[i] for i in rest]),
+    )
+    solved = resolve(others, replace(unknowns, start=attempt.solved.theta)).solved
+    return solved.theta if solved.solution.success else None
 
 
 def _another_start(moved: Attempt, unknowns: Unknowns, walked: Profiles, base: Array) -> Gate:

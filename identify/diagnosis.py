@@ -31,7 +31,7 @@ REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
 UNITS = 30.0  # factor by which the slope of the sticks is off where a unit is wrong: no rig value is
-STICKS = 2  # that a unit has to be wrong in: the rise of a single one may be that of a misread cycle
+STICKS, AGREE = 2, 0.3  # sticks that a unit has to be wrong in, and how much they may differ: cycles may be misread
 NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
 ASKED = 16.0  # statistic that makes an answer that fits doubtful, where something else does so already
 ALIKE = 1e-3  # share of the samples by which fits may differ that are compared: the last stick is cut anew
@@ -42,7 +42,8 @@ def wrong_unit(prepared: Sequence[Prepared]) -> str:
     """A sentence where the sticks of a log rise so differently from stiffness times drive speed that a unit must be
     wrong; "" where none do."""
     for log in prepared:
-        if log.segmentation.stick_slopes.size < STICKS:
+        rise = log.segmentation.stick_slope
+        if rise is None or log.segmentation.stick_slopes.size < STICKS or rise[1] > AGREE:
             continue
         for slope in (part.slope for part in log.judgement.slips if part.slope is not None):
             times = 1.0 + slope

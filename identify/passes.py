@@ -27,6 +27,7 @@ STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
 SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
+OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
 PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
@@ -149,7 +150,7 @@ def _in_passes(
                 g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation))
                 for g, quiet, log in zip(guesses, calm, logs, strict=True)
             ]
-        shift = _shift_in_samples(problem, solution, logs)
+        shift = _shift_in_samples(problem, solution, logs, formed_from)
         solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
         unknowns = replace(unknowns, start=theta)
         if way.on_pass is not None:
@@ -234,12 +235,15 @@ def _ordered(guess: Guess) -> bool:
     return bool(np.all(np.isfinite(times)) and np.all(np.diff(times) > 0))
 
 
-def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData]) -> float:
-    """Largest event offset of this pass in sample intervals of its log."""
+def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:
+    """Largest event offset of this pass in sample intervals of its log; where slips last no longer than samples lie
+    apart, in shares of a slip: in one pass no event leaves the phases beside it."""
     worst = 0.0
-    for place, log in zip(problem.layout.places, logs, strict=True):
+    for place, log, guess in zip(problem.layout.places, logs, guesses, strict=True):
         index = place.events
         if index.size:
             interval = float(np.median(np.diff(log.time)))
+            if guess.cycles:
+                interval = min(interval, OF_A_SLIP * float(np.median(guess.arrest - guess.onset)))
             worst = max(worst, float(np.max(np.abs(solution.x[index]))) / interval)
     return worst

@@ -18,6 +18,7 @@ from identify.rhythms import Rhythm
 
 Array = NDArray[np.float64]
 
+MAYBE = 2.0  # standard errors from which it is asked for
 SURE = 3.0  # standard errors by which a look must differ from nothing
 SOFTER = 0.005  # share of the rig's stiffness that a stick slope must lack at least
 SPAN = 0.03  # by which the normal force must vary (as a share) to tell how friction depends on it
@@ -140,14 +141,17 @@ def _skin(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
         return Screen("skin_compliance", False, "no stick shows its slope")
     ratio = float(np.average(ratios, weights=weights))
     error = float(1.0 / np.sqrt(np.sum(weights)))
-    if ratio > 1.0 - max(SOFTER, SURE * error):
+    if ratio > 1.0 - max(SOFTER, MAYBE * error):
         return Screen(
             "skin_compliance", False, f"the sticks rise with {100 * ratio:.4g} % of k v_0: nothing gives in series"
         )
     rig = float(np.mean([log.rig.stiffness for log in prepared]))
     skin = rig * ratio / (1.0 - ratio)
     said = f"the sticks rise with {100 * ratio:.3g} % of k v_0: something of {skin:.3g} N/m gives in series"
-    return Screen("skin_compliance", True, said, True, (("skin_stiffness", skin),))
+    sure = ratio < 1.0 - SURE * error
+    if not sure:
+        said = f"the sticks rise with {100 * ratio:.3g} ± {100 * error:.2g} % of k v_0: too unlike to tell"
+    return Screen("skin_compliance", True, said, sure, (("skin_stiffness", skin),))
 
 
 def _lag(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:

@@ -36,6 +36,7 @@ from identify.scene import Scene
 from identify.screening import screen
 from identify.selection_words import Gain, reasons
 from identify.unknowns import from_scene
+from identify.weighing import CONFUSED, ENOUGH, better, penalty, statistic
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
@@ -57,18 +58,17 @@ MIMICS = (
     ("hysteresis_damping", "load_dependence"),
     ("skin_compliance", "sensor_lag"),
     ("occlusion", "load_dependence"),
+    ("velocity_weakening", "load_dependence"),
 )
 LAWS = {"velocity_weakening": "linear_weakening"}  # the simpler law in place of the other
-ENOUGH = 25.0  # an effect that gains more than this is never dropped
 PLAIN = 200.0  # a statistic so large that smaller company cannot make it small
 PLAUSIBLE = 2.0  # statistic below which a smaller model is as good as it can be
 PROMISING = 5.0  # statistic that one linear step must promise
 TELLING = (2.0, 1000.0)  # statistics between which kept-back cycles are asked as well
-CLEARER = 1.0  # by which another model must be better
+CLEARER = 1.0  # by which another model must be better, if it has not fewer parameters
 ROUNDS = 3  # of adding, exchanging and leaving out
 BY_NAME = {effect.name: effect for effect in ALL}
 LAST = ("contact_ageing",)  # what the start needs is asked once the others are settled
-CONFUSED = ("load_dependence",)  # loads that differ are no sign that friction follows them: a drift looks the same
 
 
 def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress | None = None) -> Choice:
@@ -160,7 +160,8 @@ class Selection:
         self.gains: dict[str, Gain] = {}
         self.notes: dict[str, str] = {}
         self._statistics: dict[str, float] = {}  # of the effects kept, at the last model that had them
-        self._firm = False
+        self._firm = False  # whether other starts are tried
+        self._found: dict[tuple[frozenset[str], tuple[int, ...]], Fitted] = {}  # what they led to, by effects and logs
         self._smaller: dict[frozenset[str], Fitted] = {}  # than the best one, by what they lack
 
     def run(self, sure: Sequence[str]) -> None:
@@ -168,13 +169,11 @@ class Selection:
         self._begin(list(sure))
         self._toggle()
         self._rounds()
-        for _ in range(ROUNDS):
-            if not self.best.model.waves.numel_out(0):
-                break
-            before = set(self.kept), self.best.excess
+        for _ in range(ROUNDS if self.best.model.waves.numel_out(0) else 0):
+            before = set(self.kept)
             self._shake()
             self._rounds()
-            if (set(self.kept), self.best.excess) == before:
+            if set(self.kept) == before:
                 break
         self._held_out()
         self._simpler_laws()
@@ -194,11 +193,19 @@ class Selection:
         those that lack an effect are looked for as well as this one."""
         self._told("from other starts", 0.7)
         self._firm = True
-        other = fit_shaken(self.best)
+        other = self._shaken(self.kept, self.best)
         if other.excess < self.best.excess:
             self._statistics = {}
             self._move(self.kept, other)
         self._smaller = {}
+
+    def _shaken(self, kept: Sequence[str], fitted: Fitted) -> Fitted:
+        """The best answer that other starts lead to; looked for once per model, as long as the same logs take part."""
+        key = frozenset(kept), fitted.logs
+        known = self._found.get(key)
+        if known is None or fitted.excess < known.excess:
+            known = self._found[key] = fit_shaken(fitted) if known is None else fitted
+        return known
 
     def _begin(self, sure: list[str]) -> None:
         self._told("fitting all that plainly matters", 0.1)
@@ -277,7 +284,9 @@ class Selection:
                 other = fit_larger(self.best, self._models.of(kept), self._models.records)
                 if other.attempt is None:  # the motion of the one is none of the other
                     other = self._models.simulated(kept)
-                if better(other, self.best) > CLEARER:
+                if self._firm and not better(other, self.best) > CLEARER and statistic(self.best, other) < PLAIN:
+                    other = self._shaken(kept, other)
+                if better(other, self.best) > (CLEARER if other.searched >= self.best.searched else 0.0):
                     self.gains[out] = Gain(0.0, ENOUGH, float("nan"))
                     self._move(kept, other)
 
@@ -311,7 +320,7 @@ class Selection:
             scene = self._models.of([e for e in self.kept if e not in losers])
             fitted = fit_smaller(self.best, scene, self._models.records)
             if self._firm and fitted.attempt is not None and PLAUSIBLE < statistic(self.best, fitted) < PLAIN:
-                fitted = fit_shaken(fitted)
+                fitted = self._shaken([e for e in self.kept if e not in losers], fitted)
             self._smaller[lacking] = fitted
         return self._smaller[lacking]
 
@@ -356,31 +365,6 @@ def _says_more(other: Fitted, than: Fitted) -> bool:
     """Whether another first model is the better one to go on from, that of the smaller misfit per sample: not all of
     them have the same logs."""
     return other.excess / max(other.samples, 1) < than.excess / max(than.samples, 1)
-
-
-def statistic(larger: Fitted, smaller: Fitted) -> float:
-    """Likelihood-ratio statistic of the larger model; an estimated or wrong noise level is taken out."""
-    if larger.attempt is None:
-        return 0.0 if smaller.attempt is None else -np.inf
-    samples = larger.attempt.solved.problem.samples
-    noise = max(1.0, 1.0 + larger.excess / samples) if np.isfinite(larger.excess) else 1.0
-    return float((smaller.excess - larger.excess) / noise) if np.isfinite(larger.excess) else -np.inf
-
-
-def penalty(larger: Fitted, smaller: Fitted) -> float:
-    """What the parameters of an effect must gain at least (Schwarz); never more than ENOUGH."""
-    if larger.attempt is None:
-        return ENOUGH
-    more = max(larger.searched - smaller.searched, 1)
-    return float(min(more * np.log(larger.attempt.solved.problem.samples), ENOUGH))
-
-
-def better(other: Fitted, than: Fitted) -> float:
-    """By how much another model is better, its parameters paid for (Schwarz)."""
-    if other.attempt is None:
-        return -np.inf
-    samples = other.attempt.solved.problem.samples
-    return -statistic(than, other) + (than.searched - other.searched) * float(np.log(samples))
 
 
 def _growth(larger: Fitted, smaller: Fitted) -> float:

@@ -29,8 +29,8 @@ guess loads lanes steadiness following one_way gaps parting partly_read reageing
 unknowns cutting manner prepare rhythms vibration placing first_onsets layout start collector rest_parts lay_out
 equilibrated shooting reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence events consistency leaning remembered gate accuracy combinations held asked profile_line
-profile widened attempt search shaken ridge_ends grouped shares certainty nested screening selection_words selection
-suspects diagnosis preview depth
+profile widened attempt search shaken ridge_ends grouped shares certainty nested weighing screening selection_words
+selection suspects diagnosis preview depth
 findings second_look log_outlook worth result identification
 report
 comparing

@@ -91,6 +91,15 @@ def test_sticks_a_thousand_times_too_steep_or_flat_tell_of_a_wrong_unit(clock, f
     assert wrong_unit([_prepared(good)]) == ""
 
 
+def test_one_stick_or_sticks_unlike_each_other_are_no_wrong_unit():
+    good = _record()
+    wrong = _prepared(Record(1e3 * good.time, good.normal_force, good.friction_force))
+    assert wrong_unit([wrong])
+    slopes = wrong.segmentation.stick_slopes
+    for misread in (slopes[:1], slopes * np.geomspace(0.1, 10.0, slopes.size)):
+        assert wrong_unit([replace(wrong, segmentation=replace(wrong.segmentation, stick_slopes=misread))]) == ""
+
+
 def test_what_cannot_be_fitted_is_refused_by_name():
     scene = _scene()
     stepped = replace(scene, rig=replace(scene.rig, drive_speed=((0.0, 1e-3), (1.0, -1e-3))))
