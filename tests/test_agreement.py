@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,13 +13,14 @@ from scipy.stats import chi2
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify import agreement, held
-from identify.agreement import pulls
+from identify.agreement import Pull, contradiction, pulls
 from identify.attempt import Clock
 from identify.identification import find
 from identify.model import assemble
 from identify.outcome import Status
 from identify.scene import Scene
 from identify.simulate import run
+from identify.unknowns import from_scene
 
 NORMAL_FORCE, NOISE = 1.0, 5e-3
 LOGS = ((1e-4, 20.0, 200.0), (1e-3, 4.0, 500.0), (5e-3, 1.5, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
@@ -102,7 +104,9 @@ def _found(factor, **parameters):
 def test_a_log_of_another_pair_is_named_though_the_misfit_is_noise(monkeypatch):
     found = _found(OTHER)
     assert found.status is Status.MODEL_MISFIT
-    assert "log_2.csv contradicts the other logs" in found.message and "without it a would be about" in found.message
+    assert "log_2.csv contradicts the other logs" in found.message
+    without = re.search(r"without it a is (\S+) instead of", found.message)
+    assert without is not None and float(without[1]) == pytest.approx(DEMO["a"], rel=0.15)
     assert found.attempt.gate.chi2_per_sample == pytest.approx(1.0, abs=0.05)  # nothing else sees it
     monkeypatch.setattr(agreement, "CHANCE", 0.0)  # negative control: as it was before logs were held side by side,
     monkeypatch.setattr(held, "CLEAR", np.inf)  # and before the rig was held against the data
@@ -110,6 +114,20 @@ def test_a_log_of_another_pair_is_named_though_the_misfit_is_noise(monkeypatch):
     assert silent.status is Status.CONVERGED
     a = next(e for e in silent.estimates if e.name == "a")
     assert a.verdict == "identified" and not a.lower <= DEMO["a"] <= a.upper
+
+
+def test_a_log_is_blamed_only_where_the_fit_without_it_is_another():
+    scene = Scene.from_document(
+        {"effects": [*NAMES], "rig": dict(RIG), "logs": [{"path": "a.csv", "drive_speed": 1e-3}]}, Path()
+    )
+    unknowns = from_scene(scene)
+    theta, size = unknowns.start, int(np.count_nonzero(unknowns.free))
+    far = theta + np.where(np.array(unknowns.names) == "a", np.log(2.0), 0.0)
+    found = [Pull(0, 200.0, 2, np.full(size, 0.5)), Pull(1, 1.0, 2, np.zeros(size)), Pull(2, 0.0, 0, np.zeros(size))]
+    at = (found, unknowns, theta, unknowns.base(RIG), ["one.csv", "two.csv"])
+    assert "one.csv contradicts" in contradiction(*at)
+    assert "without it a is" in contradiction(*at, lambda _log: far)
+    assert contradiction(*at, lambda _log: theta) == ""
 
 
 def test_logs_of_one_pair_agree():
