@@ -27,8 +27,9 @@ STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
 SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
+AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
 OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
-PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
+PASSES, MOST_PASSES = 6, 40  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
@@ -245,5 +246,9 @@ def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData],
             interval = float(np.median(np.diff(log.time)))
             if guess.cycles:
                 interval = min(interval, OF_A_SLIP * float(np.median(guess.arrest - guess.onset)))
-            worst = max(worst, float(np.max(np.abs(solution.x[index]))) / interval)
+            offset = solution.x[index]
+            worst = max(worst, float(np.max(np.abs(offset))) / interval)
+            reach = np.where(offset > 0.0, problem.layout.upper[index], -problem.layout.lower[index])
+            if np.any(np.abs(offset) > AT_BOUND * reach):
+                worst = max(worst, 2.0 * SETTLED)
     return worst
