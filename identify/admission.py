@@ -55,7 +55,7 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
 
 
 def _tell_phases(model: Model, values: Mapping[str, float], duration: float) -> None:
-    if not model.waves.numel_out(0):
+    if not model.vibrates:
         return
     p = np.array([values[name] for name in model.parameter_names], float)
     omegas, forces = (np.array(f(p)).ravel() for f in (model.waves, model.swings))

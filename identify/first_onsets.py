@@ -31,7 +31,7 @@ def with_first_onsets(log: LogData, guess: Guess, unknowns: Unknowns, grid: Grid
         None where none does, or nothing vibrates.
     """
     model = unknowns.model
-    if model.waves.numel_out(0) == 0 or guess.cycles == 0:
+    if not model.vibrates or guess.cycles == 0:
         return None
     p = unknowns.values(guess.theta(unknowns.start), log.base)
     period, force = swing(model, p)

@@ -124,7 +124,7 @@ def find(
     clock.add("detect", since)
     sources = starts or ("both" if user_start(scene) else "data")
     attempt, left_out = search_grouped(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
-    if attempt is not None and unknowns.model.waves.numel_out(0):
+    if attempt is not None and unknowns.model.vibrates:
         progress("solving from other starts", 0.85)
         since = time.perf_counter()
         attempt = shaken(attempt, prepared, unknowns, seed)

@@ -190,7 +190,7 @@ def break_away(model: Model, x: Array, p: Array, u: Array, per_half_period: int)
 
 def _swings(model: Model, p: Array) -> Array:
     """Force of what oscillates in the drive on the contact of each lane (n,) [N]."""
-    if model.waves.numel_out(0) == 0:
+    if not model.vibrates:
         return np.zeros(p.shape[0])
     return np.array([swing(model, lane)[1] for lane in p])
 

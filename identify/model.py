@@ -94,6 +94,11 @@ class Model:
         """Whether the load cell shows a straight line while the mass rests."""
         return self.decays.numel_out(0) + self.waves.numel_out(0) == 0
 
+    @property
+    def vibrates(self) -> bool:
+        """Whether something in the model swings in time: the drive from outside, or a finger."""
+        return bool(self.waves.numel_out(0))
+
     def parameter(self, name: str) -> Parameter:
         """The declaration of one parameter."""
         return self.parameters[self.parameter_names.index(name)]

@@ -161,7 +161,7 @@ def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     hopeless = np.inf if larger.attempt is None else larger.attempt.solved.solution.cost + HOPELESS
     warm = _warm(larger, prepared, unknowns, hopeless)
     best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
-    if larger.attempt is not None and unknowns.model.waves.numel_out(0) and best.excess > larger.excess + DOUBT:
+    if larger.attempt is not None and unknowns.model.vibrates and best.excess > larger.excess + DOUBT:
         best = _better(best, _placed_anew(larger, scene, prepared, unknowns), larger)
     samples = larger.attempt.solved.problem.samples if larger.attempt is not None else 1
     if best.excess - larger.excess < FAR * samples:

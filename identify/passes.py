@@ -29,7 +29,8 @@ SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
 OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
-PASSES, MOST_PASSES = 6, 40  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
+PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
+LONGEST = 40  # passes where slips last no longer than samples lie apart: an event comes a share of a slip nearer
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
@@ -134,7 +135,10 @@ def _in_passes(
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     bent = False
-    for number in range(1, MOST_PASSES + 1):
+    hidden = any(
+        _interval(log, guess) < float(np.median(np.diff(log.time))) for log, guess in zip(logs, guesses, strict=True)
+    )
+    for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
         problem = transcribe(calm if coarse else logs, guesses, unknowns, grid)
@@ -202,7 +206,7 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
     # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
     crept = solution
     near = 2.0 * crept.cost < ALMOST * problem.samples
-    vibrating = problem.layout.unknowns.model.waves.numel_out(0) > 0  # bends the rows more than anything else
+    vibrating = problem.layout.unknowns.model.vibrates  # bends the rows more than anything else
     patience = (1 + (near and vibrating)) * PATIENCE
     solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=crept.z)
     iterations += solution.iterations
@@ -236,6 +240,12 @@ def _ordered(guess: Guess) -> bool:
     return bool(np.all(np.isfinite(times)) and np.all(np.diff(times) > 0))
 
 
+def _interval(log: LogData, guess: Guess) -> float:
+    """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter."""
+    interval = float(np.median(np.diff(log.time)))
+    return min(interval, OF_A_SLIP * float(np.median(guess.arrest - guess.onset))) if guess.cycles else interval
+
+
 def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:
     """Largest event offset of this pass in sample intervals of its log; where slips last no longer than samples lie
     apart, in shares of a slip: in one pass no event leaves the phases beside it."""
@@ -243,9 +253,7 @@ def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData],
     for place, log, guess in zip(problem.layout.places, logs, guesses, strict=True):
         index = place.events
         if index.size:
-            interval = float(np.median(np.diff(log.time)))
-            if guess.cycles:
-                interval = min(interval, OF_A_SLIP * float(np.median(guess.arrest - guess.onset)))
+            interval = _interval(log, guess)
             offset = solution.x[index]
             worst = max(worst, float(np.max(np.abs(offset))) / interval)
             reach = np.where(offset > 0.0, problem.layout.upper[index], -problem.layout.lower[index])

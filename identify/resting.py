@@ -72,7 +72,7 @@ class Resting:
         for whole, part, times in zip(self._spare, self._partly, self._times, strict=True):
             whole.bind([self._x, self._c, times])
             part.bind([self._x, self._c, times, self._shares])
-        self._oscillates = model.waves.numel_out(0) > 0
+        self._oscillates = model.vibrates
 
     def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
         """Rest from x (n_x,), its speed zero, for at most `limit` [s].
@@ -162,7 +162,7 @@ class Bound:
 
 def bounds(model: Model, p: Array) -> list[Bound]:
     """Bounds of the spare grip from below: without what oscillates, then with more and more of it, slow first."""
-    if model.waves.numel_out(0) == 0:
+    if not model.vibrates:
         return []
     forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
     order = [i for i in np.argsort(omegas).tolist() if forces[i] > 0.0]
@@ -187,7 +187,7 @@ def courses(model: Model, p: Array, spares: Callable[[Array, Array | None], Arra
 
 def swing(model: Model, p: Array) -> tuple[float, float]:
     """Shortest period [s] of what oscillates in the drive (infinite without), bound of its force on the contact [N]."""
-    if model.waves.numel_out(0) == 0:
+    if not model.vibrates:
         return np.inf, 0.0
     forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
     moving = forces > 0.0

@@ -169,7 +169,7 @@ class Selection:
         self._begin(list(sure))
         self._toggle()
         self._rounds()
-        for _ in range(ROUNDS if self.best.model.waves.numel_out(0) else 0):
+        for _ in range(ROUNDS if self.best.model.vibrates else 0):
             before = set(self.kept)
             self._shake()
             self._rounds()

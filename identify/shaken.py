@@ -37,7 +37,7 @@ def shaken(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unknowns, s
         attempt: an answer, or where a search ended; prepared: all logs of the fit; unknowns: its search space.
     """
     free = unknowns.free
-    if not unknowns.model.waves.numel_out(0) or not np.all(np.isfinite(attempt.solved.theta[free])):
+    if not unknowns.model.vibrates or not np.all(np.isfinite(attempt.solved.theta[free])):
         return attempt
     random, best, found = np.random.default_rng(seed), attempt, [attempt.excess]
     drawn = free & ~rhythmic(unknowns) & ~np.isin(unknowns.names, READ_OFF)

@@ -154,8 +154,8 @@ def test_a_deleted_slip_is_noticed(case, one_try):
     """One that is flattened: tests/test_diagnosis.py."""
     truth = oracle.simulate(DEMO | RIG, SPEEDS[2][0], 1.0, 2.5)
     begin, end = truth.onsets[5] - 0.02, truth.arrests[5] + 0.02
-    records = [case.records[1], _cut(case.records[2], begin, end)]
-    result = check_document(fit(_scene((1, 2)), records).result)
+    records = [case.records[1], _cut(case.records[2], begin, end), case.records[3]]
+    result = check_document(fit(_scene(MIDDLE), records).result)
     assert result["status"] in ("wrong_event_count", "model_misfit")
     assert "log_2.csv" in result["message"]
 
