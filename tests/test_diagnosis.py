@@ -55,6 +55,17 @@ def _diagnosed(scene, records):
     return diagnose(scene, records, logs, unknowns, attempt)
 
 
+def test_a_wrong_mass_is_named_with_the_right_one(case):
+    made = fit(_scene(RIG | {"mass": 0.3}), [case.records[i] for i in LOGS])
+    result = made.result
+    assert result["status"] == "model_misfit"
+    assert "a mass of 0.2 kg instead of 0.3 kg" in result["message"]
+    for curves, log in zip(made.logs, result["logs"], strict=True):  # what scatters is measured, not the misfit's model
+        drop = float(np.mean(curves.cycles[:, 2] - curves.cycles[:, 3]))
+        assert drop == pytest.approx(log["classical"]["rows"][0]["drop_N"], rel=0.03)
+    assert "[parameters]" in result["message"], "it says what to do"
+
+
 def test_a_wrong_stiffness_is_named_with_the_right_one(case):
     said = _diagnosed(_scene(RIG | {"stiffness": 1764.0}), [case.records[i] for i in LOGS])
     assert "a stiffness of 1.47e+03 N/m" in said
@@ -75,7 +86,7 @@ def test_a_lag_of_the_sensor_is_named():
     assert "a lag of the force sensor of 5" in said or "of 4.9" in said
 
 
-# That a right rig is not accused: tests/test_held.py. A wrong mass: tests/test_fit.py.
+# That a right rig is not accused: tests/test_held.py.
 
 
 def test_a_hidden_slip_is_not_blamed_on_the_rig(case):
