@@ -27,7 +27,7 @@ from experiments.machine import describe
 from identify.effects import ALL, NAMES
 from identify.errors import SimulationError
 from identify.model import assemble
-from identify.nested import fit_model, fit_shaken, fit_smaller, fits, scene_with
+from identify.nested import Fitted, fit_model, fit_shaken, fit_smaller, fits, scene_with
 from identify.scene import Scene
 from identify.selection import choose_from_data
 from identify.simulate import run
@@ -200,20 +200,21 @@ def _at_truth(
         made = scene_with(_scene(), some, starts)
         return replace(made, rig=replace(made.rig, noise=NOISE))
 
-    full = fit_shaken(fit_model(scene(effects), records, sources="both"))
+    def best(some: Sequence[str]) -> Fitted:
+        return fit_shaken(fit_model(scene(some), records, sources="both"))
+
+    full = best(effects)
     out = dict.fromkeys(asked, np.inf)
     if not fits(full):  # nothing is known: what is missing counts as strong
         return out, {}
     # The chosen model lacks every lost effect: where it is a part of the true one, no statistic is larger than its own.
-    lacking = set(chosen) < set(effects)
-    part = fit_shaken(fit_model(scene(chosen), records, sources="both")).excess if lacking else np.inf
+    part = best(chosen).excess if set(chosen) < set(effects) else np.inf
     for effect in (e for e in asked if e not in chosen):
         smaller = fit_shaken(fit_smaller(full, scene([e for e in effects if e != effect]), records))
         out[effect] = min(smaller.excess, part) - full.excess
     laws = {}
     for effect, mate in ((e, m) for e in asked if e not in chosen for m in _mates(e) & set(chosen)):
-        other = fit_shaken(fit_model(scene([mate if e == effect else e for e in effects]), records, sources="both"))
-        laws[effect] = other.excess - full.excess
+        laws[effect] = best([mate if e == effect else e for e in effects]).excess - full.excess
     return out, laws
 
 

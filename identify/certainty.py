@@ -21,6 +21,7 @@ from identify.gate import Gate
 from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
+from identify.passes import solve_in_passes
 from identify.profile import LEVEL, Profiles, profile
 from identify.ridge_ends import better_course, other_sign
 from identify.shares import Share, share_estimates, shares
@@ -183,13 +184,9 @@ def _without_log(attempt: Attempt, unknowns: Unknowns, log: int) -> Array | None
     if np.any(unknowns.own):
         return None
     rest = [i for i in range(len(attempt.logs)) if i != log]
-    others = replace(
-        attempt,
-        logs=tuple(attempt.logs[i] for i in rest),
-        prepared=tuple(attempt.prepared[i] for i in rest),
-        solved=replace(attempt.solved, guesses=[attempt.solved.guesses[i] for i in rest]),
-    )
-    solved = resolve(others, replace(unknowns, start=attempt.solved.theta)).solved
+    at_answer = replace(unknowns, start=attempt.solved.theta).softened()
+    data, motion = [attempt.prepared[i].data for i in rest], [attempt.solved.guesses[i] for i in rest]
+    solved = solve_in_passes(data, motion, at_answer)
     return solved.theta if solved.solution.success else None
 
 

@@ -70,7 +70,7 @@ def _changes(log: Prepared, now: _Placed) -> list[Array]:
     data = log.data
     used = np.flatnonzero((data.weight > 0) & np.isfinite(now.curve))
     t, off = data.time[used], data.force[used] - now.curve[used]
-    interval = float(np.median(np.diff(data.time)))
+    interval = data.interval
     half = max(log.rig.half_period, 4.0 * interval)
     width = max(round(BESIDE * half / interval), 2)
     if t.size < 4 * width:

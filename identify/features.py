@@ -74,7 +74,7 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
     used = count > 0
     drop = float(np.max(mean[used]) - np.min(mean[used]))
     noise = 1.0 / np.sqrt(np.maximum(count[used], 1e-300))
-    interval = float(np.median(np.diff(log.time)))
+    interval = log.interval
     period_sd = 0.003 * period + 0.3 * interval / np.sqrt(max(periods.size, 1)) if periods.size else np.inf
     if periods.size > 2:
         period_sd = max(period_sd, 1.25 * float(np.std(periods[1:])) / np.sqrt(periods.size - 1))

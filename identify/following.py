@@ -253,7 +253,7 @@ class _Course:
         slope = self.values["stiffness"] * log.speed_at(onset)
         local = np.linspace(0.0, window, 200)
         wave = motion.sample(local)["force"]
-        interval = float(np.median(np.diff(log.time)))
+        interval = log.interval
         reach = max(REACH * self.half, 2.0 * interval)
         step = max(self.half / PER_HALF_PERIOD, 0.25 * interval)
         seen = self.peak(since, since, onset) - float(local[int(np.argmax(wave))])
@@ -291,7 +291,7 @@ class _Course:
         used = np.flatnonzero(log.weight[first:last] > 0) + first
         if used.size < 3:
             return expected if expected is not None else log.begin
-        interval = float(np.median(np.diff(log.time)))
+        interval = log.interval
         width = max(min(int(0.2 * self.half / interval), used.size // 3), 1)
         smooth = np.convolve(log.force[used], np.ones(width) / width, mode="same")
         return float(log.time[used[int(np.argmax(smooth))]])

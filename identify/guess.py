@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -59,6 +60,11 @@ class LogData:
     def noise(self) -> float:
         """Standard deviation of the noise of a sample that counts [N]."""
         return float(1.0 / np.sqrt(max(float(np.max(self.weight)), 1e-300)))
+
+    @cached_property
+    def interval(self) -> float:
+        """How far samples lie apart [s]."""
+        return float(np.median(np.diff(self.time)))
 
     @property
     def samples(self) -> int:

@@ -26,7 +26,7 @@ def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
         return _without_cycles(logs, guesses, unknowns)
     logs, guesses = [log for log, _ in slipping], [g for _, g in slipping]
     slips = [float(np.median(g.arrest - g.onset)) for g in guesses]
-    intervals = [float(np.median(np.diff(log.data.time))) for log in logs]
+    intervals = [log.data.interval for log in logs]
     samples = [slip / interval for slip, interval in zip(slips, intervals, strict=True)]
     sticks = np.concatenate([g.onset[1:] - g.arrest[:-1] for g in guesses]) if guesses else np.array([])
     speeds = sorted({log.data.drive_speed for log in logs})

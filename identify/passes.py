@@ -135,9 +135,7 @@ def _in_passes(
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     bent = False
-    hidden = any(
-        _interval(log, guess) < float(np.median(np.diff(log.time))) for log, guess in zip(logs, guesses, strict=True)
-    )
+    hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
     for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
@@ -242,8 +240,8 @@ def _ordered(guess: Guess) -> bool:
 
 def _interval(log: LogData, guess: Guess) -> float:
     """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter."""
-    interval = float(np.median(np.diff(log.time)))
-    return min(interval, OF_A_SLIP * float(np.median(guess.arrest - guess.onset))) if guess.cycles else interval
+    slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else np.inf
+    return min(log.interval, OF_A_SLIP * slip)
 
 
 def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:

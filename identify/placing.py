@@ -184,7 +184,7 @@ def _around(logs: list[LogData], side: _Lanes, onset: Array, duration: Array) ->
         mine = np.flatnonzero(side.log == number)
         if mine.size == 0:
             continue
-        interval[mine] = np.median(np.diff(log.time))
+        interval[mine] = log.interval
         first = np.searchsorted(log.time, onset[mine] - 1.5 * interval[mine])
         last = np.searchsorted(log.time, onset[mine] + duration[mine] + 1.5 * interval[mine])
         stride = np.maximum((last - first - 1) // WINDOW + 1, 1)

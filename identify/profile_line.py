@@ -88,7 +88,7 @@ class ProfileLine:
         out = np.full(self.problem.layout.size, np.inf)
         for place, log in zip(self.problem.layout.places, self.logs, strict=True):
             index = np.concatenate([place.onset, place.saturation, place.arrest])
-            out[index[index >= 0]] = MOVED * float(np.median(np.diff(log.time)))
+            out[index[index >= 0]] = MOVED * log.interval
         return out
 
     def _warm_point(self, z: Array, multipliers: Array, cost: float, held: int) -> ProfilePoint:

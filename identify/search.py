@@ -8,7 +8,7 @@ given is one more start, never the only one.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Literal
@@ -244,12 +244,17 @@ def _ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Array) -> list[
 
 
 def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
+    return apart((start.theta for start in starts), np.where(unknowns.free, SAME * unknowns.spread, np.inf))
+
+
+def apart(thetas: Iterable[Array], reach: Array) -> Iterator[Array]:
+    """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before, in one parameter at least;
+    infinite: not compared."""
     seen: list[Array] = []
-    free = unknowns.free
-    for start in starts:
-        if all(np.max(np.abs(start.theta[free] - s[free]) / unknowns.spread[free], initial=0.0) > SAME for s in seen):
-            seen.append(start.theta)
-            yield start.theta
+    for theta in thetas:
+        if all(np.any(np.abs(theta - other) > reach) for other in seen):
+            seen.append(theta)
+            yield theta
 
 
 def _mended(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[Prepared] | None:

@@ -36,7 +36,7 @@ from identify.scene import Scene
 from identify.screening import screen
 from identify.selection_words import Gain, reasons
 from identify.unknowns import from_scene
-from identify.weighing import CONFUSED, ENOUGH, better, penalty, statistic
+from identify.weighing import CONFUSED, ENOUGH, better, penalty, searched, statistic
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
@@ -198,6 +198,20 @@ class Selection:
             self._statistics = {}
             self._move(self.kept, other)
         self._smaller = {}
+        self._bend()
+
+    def _bend(self) -> None:
+        """Add what has no parameters of its own if other starts show that it describes the data better: it bends all
+        the others, so that the motion of the model without it tells nothing of what it gains."""
+        for effect in (e for e in self._models.asked if e not in self.kept):
+            kept = [*self.kept, effect]
+            scene = self._models.of(kept)
+            if np.count_nonzero(from_scene(scene).free) > np.count_nonzero(self.best.unknowns.free):
+                continue
+            other = self._shaken(kept, fit_larger(self.best, scene, self._models.records))
+            self.gains[effect] = Gain(statistic(other, self.best), penalty(other, self.best), float("nan"))
+            if better(other, self.best) > CLEARER:
+                self._move(kept, other)
 
     def _shaken(self, kept: Sequence[str], fitted: Fitted) -> Fitted:
         """The best answer that other starts lead to; looked for once per model, as long as the same logs take part."""
@@ -231,8 +245,7 @@ class Selection:
     def _toggle(self) -> None:
         """Leave out what has no parameters of its own and does harm: it would bend all that is tried after it."""
         for effect in list(self.kept):
-            unknowns, own = self.best.unknowns, {q.name for q in BY_NAME[effect].parameters}
-            if own & {name for name, free in zip(unknowns.names, unknowns.free, strict=True) if free}:
+            if searched(self.best, effect):
                 continue
             other = fit_larger(self.best, self._models.of([e for e in self.kept if e != effect]), self._models.records)
             if other.searched == self.best.searched and better(other, self.best) > CLEARER:
@@ -252,8 +265,7 @@ class Selection:
                 if not hope < PROMISING:
                     fitted[effect] = fit_larger(self.best, scene, self._models.records)
             for effect, found in fitted.items():
-                gain = statistic(found, self.best)
-                self.gains[effect] = Gain(gain, penalty(found, self.best), float("nan"))
+                self.gains[effect] = Gain(statistic(found, self.best), penalty(found, self.best), float("nan"))
             worth = {e: self.gains[e].statistic - self.gains[e].penalty for e in fitted}
             strongest = max(worth, key=lambda e: worth[e], default="")
             if not worth.get(strongest, 0.0) > 0.0:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identify.attempt import Attempt, Clock, solve_from
 from identify.outcome import Status
 from identify.prepare import Prepared
-from identify.search import features_of
+from identify.search import apart, features_of
 from identify.start import fit_features
 from identify.unknowns import Unknowns
 from identify.vibration import quieted, rhythmic
@@ -74,9 +74,6 @@ def _by_features(
         return
     theta = attempt.solved.theta
     draws = theta + reach * random.standard_normal((FEATURES, theta.size))
-    calm, drawn, seen = quieted(unknowns), reach > 0.0, list[Array]()
-    for start in fit_features(calm, features, bases, draws):
-        found = np.where(calm.free, start.theta, theta)
-        if all(np.any(np.abs(found - other)[drawn] > APART * reach[drawn]) for other in seen):
-            seen.append(found)
-            yield found
+    calm = quieted(unknowns)
+    found = (np.where(calm.free, start.theta, theta) for start in fit_features(calm, features, bases, draws))
+    yield from apart(found, np.where(reach > 0.0, APART * reach, np.inf))

@@ -39,11 +39,11 @@ def _price(fitted: Fitted, samples: int) -> float:
     """What the parameters of a model cost on so many samples: the logarithm of their number each, and ENOUGH for an
     effect that the design of the logs confuses with others."""
     each = float(np.log(samples))
-    confused = [name for name in CONFUSED if _searched(fitted, name)] if not _told_apart(fitted) else []
+    confused = [name for name in CONFUSED if searched(fitted, name)] if not _told_apart(fitted) else []
     return fitted.searched * each + len(confused) * max(ENOUGH - each, 0.0)
 
 
-def _searched(fitted: Fitted, effect: str) -> bool:
+def searched(fitted: Fitted, effect: str) -> bool:
     """Whether a parameter of this effect is searched."""
     own = {q.name for e in ALL if e.name == effect for q in e.parameters}
     return any(free and name in own for name, free in zip(fitted.unknowns.names, fitted.unknowns.free, strict=True))

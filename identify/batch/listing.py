@@ -11,7 +11,7 @@ from pathlib import Path
 
 from identify.batch.refusal import BatchError
 from identify.scene.logs import LOG
-from identify.scene.tables import nearest
+from identify.scene.tables import is_number, nearest
 from identify.scene.toml import TOP
 
 OWN = ("path", "group", "drive_speed")
@@ -180,21 +180,13 @@ def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) 
         return f"{where}: the path holds a zero byte; correct it"
     path = source.parent / Path(said["path"]).expanduser()
     speed = said.get("drive_speed")
-    if speed is not None and _bare(speed):
+    if speed is not None and is_number(speed.replace(",", ".")):
         return f'{where}: drive_speed is {speed!r}, without a unit; write for instance "{speed} mm/s"'
     overrides = {name: text for name, text in said.items() if _DOTTED.fullmatch(name)}
     if speed is not None:
         overrides["logs.drive_speed"] = speed
     labels = {name: text for name, text in said.items() if _is_label(name)}
     return Row(where, path, said.get("group", _stem(path)), overrides, labels)
-
-
-def _bare(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _twice(rows: Sequence[Row]) -> Iterator[str]:

@@ -48,7 +48,7 @@ def stated(value: Any, unit: str, where: str) -> float:
         SceneError: as `quantity`, or a text without a unit where there is one.
     """
     number = quantity(value, unit, where)
-    if unit and isinstance(value, str) and _is_number(value):
+    if unit and isinstance(value, str) and is_number(value):
         raise SceneError(
             f'{where} is "{value}", a text without a unit; write for instance "{value} {unit}", or the bare SI number '
             f"{value.strip()} without quotes"
@@ -56,7 +56,8 @@ def stated(value: Any, unit: str, where: str) -> float:
     return number
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a text is a number and nothing else, so that a unit is missing."""
     try:
         float(text)
     except ValueError:
