@@ -201,7 +201,8 @@ def _at_truth(
         return replace(made, rig=replace(made.rig, noise=NOISE))
 
     def best(some: Sequence[str]) -> Fitted:
-        return fit_shaken(fit_model(scene(some), records, sources="both"))
+        ways = [fit_model(scene(some), records, sources=source) for source in ("user", "data")]
+        return fit_shaken(min(ways, key=lambda fitted: fitted.excess))
 
     full = best(effects)
     out = dict.fromkeys(asked, np.inf)

@@ -140,6 +140,10 @@ class _Models:
                     )
         return replace(made, parameters=parameters)
 
+    def searched(self, kept: Sequence[str]) -> int:
+        """How many parameters the model of these effects searches."""
+        return int(np.count_nonzero(from_scene(self.of(kept)).free))
+
     def simulated(self, kept: Sequence[str]) -> Fitted:
         """The model of these effects, fitted from the data alone."""
         return fit_model(self.of(kept), self.records, thorough=False)
@@ -162,7 +166,8 @@ class Selection:
         self._statistics: dict[str, float] = {}  # of the effects kept, at the last model that had them
         self._firm = False  # whether other starts are tried
         self._found: dict[tuple[frozenset[str], tuple[int, ...]], Fitted] = {}  # what they led to, by effects and logs
-        self._smaller: dict[frozenset[str], Fitted] = {}  # than the best one, by what they lack
+        self._nearby: dict[frozenset[str], Fitted] = {}  # fitted from the best one, by effects
+        self._alone: dict[frozenset[str], Fitted] = {}  # fitted from the data alone
 
     def run(self, sure: Sequence[str]) -> None:
         """Walk from what the logs plainly show to the best subset."""
@@ -197,7 +202,7 @@ class Selection:
         if other.excess < self.best.excess:
             self._statistics = {}
             self._move(self.kept, other)
-        self._smaller = {}
+        self._nearby = {}
         self._bend()
 
     def _bend(self) -> None:
@@ -205,10 +210,9 @@ class Selection:
         the others, so that the motion of the model without it tells nothing of what it gains."""
         for effect in (e for e in self._models.asked if e not in self.kept):
             kept = [*self.kept, effect]
-            scene = self._models.of(kept)
-            if np.count_nonzero(from_scene(scene).free) > np.count_nonzero(self.best.unknowns.free):
+            if self._models.searched(kept) > self._models.searched(self.kept):
                 continue
-            other = self._shaken(kept, fit_larger(self.best, scene, self._models.records))
+            other = self._shaken(kept, self._from_best(kept))
             self.gains[effect] = Gain(statistic(other, self.best), penalty(other, self.best), float("nan"))
             if better(other, self.best) > CLEARER:
                 self._move(kept, other)
@@ -228,7 +232,7 @@ class Selection:
             if fits(self.best):
                 return
             self._told(f"fitting {', '.join(kept)}", 0.2)
-            other = self._models.simulated(kept)
+            other = self._from_data(kept)
             if _says_more(other, self.best):
                 self.kept, self.best = kept, other
 
@@ -259,11 +263,11 @@ class Selection:
             self._told(f"with {', '.join(rest)}", 0.3)
             fitted = {}
             for effect in rest:
-                scene = self._models.of([*self.kept, effect])
-                hope = promise(self.best, scene, self._models.records)
+                kept = [*self.kept, effect]
+                hope = promise(self.best, self._models.of(kept), self._models.records)
                 self.gains[effect] = Gain(max(hope, 0.0), ENOUGH, float("nan"))
                 if not hope < PROMISING:
-                    fitted[effect] = fit_larger(self.best, scene, self._models.records)
+                    fitted[effect] = self._from_best(kept)
             for effect, found in fitted.items():
                 self.gains[effect] = Gain(statistic(found, self.best), penalty(found, self.best), float("nan"))
             worth = {e: self.gains[e].statistic - self.gains[e].penalty for e in fitted}
@@ -293,9 +297,9 @@ class Selection:
                 tried.add((out, into))
                 self._told(f"{into} in the place of {out}", 0.5)
                 kept = [e for e in self.kept if e != out] + [into]
-                other = fit_larger(self.best, self._models.of(kept), self._models.records)
+                other = self._from_best(kept)
                 if other.attempt is None:  # the motion of the one is none of the other
-                    other = self._models.simulated(kept)
+                    other = self._from_data(kept)
                 if self._firm and not better(other, self.best) > CLEARER and statistic(self.best, other) < PLAIN:
                     other = self._shaken(kept, other)
                 if better(other, self.best) > (CLEARER if other.searched >= self.best.searched else 0.0):
@@ -326,22 +330,33 @@ class Selection:
 
     def _without(self, losers: Sequence[str]) -> Fitted:
         """The best model without some of its effects; fitted once."""
-        lacking = frozenset(losers)
-        if lacking not in self._smaller:
+        kept = [e for e in self.kept if e not in losers]
+        if (key := frozenset(kept)) not in self._nearby:
             self._told(f"without {', '.join(losers)}", 0.6)
-            scene = self._models.of([e for e in self.kept if e not in losers])
-            fitted = fit_smaller(self.best, scene, self._models.records)
+            fitted = fit_smaller(self.best, self._models.of(kept), self._models.records)
             if self._firm and fitted.attempt is not None and PLAUSIBLE < statistic(self.best, fitted) < PLAIN:
-                fitted = self._shaken([e for e in self.kept if e not in losers], fitted)
-            self._smaller[lacking] = fitted
-        return self._smaller[lacking]
+                fitted = self._shaken(kept, fitted)
+            self._nearby[key] = fitted
+        return self._nearby[key]
+
+    def _from_best(self, kept: Sequence[str]) -> Fitted:
+        """Another model from the motion of the best one; fitted once."""
+        if (key := frozenset(kept)) not in self._nearby:
+            self._nearby[key] = fit_larger(self.best, self._models.of(kept), self._models.records)
+        return self._nearby[key]
+
+    def _from_data(self, kept: Sequence[str]) -> Fitted:
+        """Another model from the data alone; fitted once."""
+        if (key := frozenset(kept)) not in self._alone:
+            self._alone[key] = self._models.simulated(kept)
+        return self._alone[key]
 
     def _move(self, kept: list[str], fitted: Fitted) -> None:
         """Go on from another subset; what was plain there and has a mimic may not be here."""
         changed, mimics = set(kept) ^ set(self.kept), {effect for pair in MIMICS for effect in pair}
         if changed & mimics:
             self._statistics = {e: s for e, s in self._statistics.items() if e not in mimics}
-        self.kept, self.best, self._smaller = kept, fitted, {}
+        self.kept, self.best, self._nearby = kept, fitted, {}
 
     def _ask_held_out(self, effects: Sequence[str], smaller: Fitted) -> None:
         if not any(self._statistics[e] > TELLING[0] for e in effects):
@@ -361,9 +376,9 @@ class Selection:
             if law not in self.kept:
                 continue
             kept = [simpler if e == law else e for e in self.kept]
-            other = fit_larger(self.best, self._models.of(kept), self._models.records)
+            other = self._from_best(kept)
             if not np.isfinite(other.excess):  # the motion under the one is none under the other
-                other = self._models.simulated(kept)
+                other = self._from_data(kept)
             loss = statistic(self.best, other)
             if better(other, self.best) > 0.0:
                 self.notes[law] = f"{simpler} says the same with fewer parameters (it loses {loss:.3g})"
