@@ -123,11 +123,13 @@ def fit_joined(fitted: Fitted) -> Fitted:
     return fitted if joined is attempt else replace(fitted, attempt=joined, excess=_excess(joined))
 
 
-def fit_shaken(fitted: Fitted) -> Fitted:
-    """The same model at the best answer that other starts lead to."""
+def fit_shaken(fitted: Fitted, around: Fitted | None = None) -> Fitted:
+    """The same model at the best answer that other starts lead to; around: a model whose values are a start where
+    there is no answer yet."""
     if fitted.attempt is None:
         return fitted
-    best = shaken(fitted.attempt, fitted.prepared, fitted.unknowns)
+    theta = None if around is None or around.attempt is None else _values_of(around, fitted.unknowns)
+    best = shaken(fitted.attempt, fitted.prepared, fitted.unknowns, around=theta)
     return fitted if best is fitted.attempt else replace(fitted, attempt=best, excess=_excess(best))
 
 

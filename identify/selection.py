@@ -222,7 +222,7 @@ class Selection:
         key = frozenset(kept), fitted.logs
         known = self._found.get(key)
         if known is None or fitted.excess < known.excess:
-            known = self._found[key] = fit_shaken(fitted) if known is None else fitted
+            known = self._found[key] = fit_shaken(fitted, self.best) if known is None else fitted
         return known
 
     def _begin(self, sure: list[str]) -> None:

@@ -24,17 +24,24 @@ Array = NDArray[np.float64]
 
 FEATURES, WIDE = 32, 2.0  # starts whose cycles are fitted without the vibration, and how far they are drawn, in spreads
 APART = 0.15  # of that reach between two of them that are solved both
-REDRAWN, NEAR = 6, 0.5  # starts drawn around the best answer, and how far
+NEAR = (0.5, 0.2, 0.1, 0.05) * 2  # how far starts are drawn around the best answer: valleys lie close by and far
 READ_OFF = ("mu_s",)  # the onsets show it
 HOPELESS = 200.0  # cost above that of the best with which a start is not followed further
 SAME, AGAIN = 1.0, 3  # answers so near in the sum of squares are one; found so often, it is the best there is
 
 
-def shaken(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unknowns, seed: int = 0) -> Attempt:
+def shaken(
+    attempt: Attempt,
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    seed: int = 0,
+    around: Array | None = None,
+) -> Attempt:
     """Return the best answer that other starts lead to; the attempt itself where none is better, or nothing vibrates.
 
     Args:
         attempt: an answer, or where a search ended; prepared: all logs of the fit; unknowns: its search space.
+        around: theta (n_p,) to draw starts around as long as there is no answer; default where the attempt ended.
     """
     free = unknowns.free
     if not unknowns.model.vibrates or not np.all(np.isfinite(attempt.solved.theta[free])):
@@ -43,10 +50,13 @@ def shaken(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unknowns, s
     drawn = free & ~rhythmic(unknowns) & ~np.isin(unknowns.names, READ_OFF)
     spread = np.where(drawn, unknowns.spread, 0.0)
 
+    def centre() -> Array:
+        return best.solved.theta if around is None or np.isfinite(best.excess) else around
+
     def starts() -> Iterator[Array]:
-        yield from _by_features(attempt, prepared, unknowns, WIDE * spread, random)
-        for _ in range(REDRAWN):
-            yield best.solved.theta + NEAR * spread * random.standard_normal(spread.size)
+        yield from _by_features(attempt, prepared, unknowns, centre(), WIDE * spread, random)
+        for near in NEAR:
+            yield centre() + near * spread * random.standard_normal(spread.size)
 
     for theta in starts():
         start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
@@ -66,13 +76,21 @@ def _rank(attempt: Attempt) -> tuple[bool, float]:
 
 
 def _by_features(
-    attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unknowns, reach: Array, random: np.random.Generator
+    attempt: Attempt,
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    theta: Array,
+    reach: Array,
+    random: np.random.Generator,
 ) -> Iterator[Array]:
-    """Starts (n_p,) whose settled cycles are those of the logs, the best first; vibrations as they were found."""
+    """Starts (n_p,) whose settled cycles are those of the logs, the best first; vibrations as they were found.
+
+    Args:
+        theta, reach: where draws lie (n_p,), and how far around (n_p,).
+    """
     features, bases = features_of([prepared[i] for i in attempt.logs])
     if not features:
         return
-    theta = attempt.solved.theta
     draws = theta + reach * random.standard_normal((FEATURES, theta.size))
     calm = quieted(unknowns)
     found = (np.where(calm.free, start.theta, theta) for start in fit_features(calm, features, bases, draws))

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 
 STANDSTILL = 1e-3  # of half chi^2 per iteration
+QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,9 @@ def solve(
         "ipopt.acceptable_obj_change_tol": STANDSTILL / max(1.0, problem.samples / 2),
         "ipopt.mu_init": barrier,
         "ipopt.nlp_scaling_method": "none",
+        # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
+        "ipopt.mumps_pivot_order": QAMD,
+        "ipopt.mumps_permuting_scaling": 0,
         "ipopt.bound_push": 1e-8,
         "ipopt.bound_frac": 1e-8,
         "ipopt.max_iter": iterations,
