@@ -298,7 +298,7 @@ def information_at(attempt: Attempt, unknowns: Unknowns) -> Information:
 
 def noise_colours(attempt: Attempt) -> list[Colour]:
     """The colour of the residuals of every log of an attempt."""
-    fitted = attempt.solved.problem.fitted(attempt.solved.solution.z)
+    fitted = attempt.solved.fitted
     return [
         colour(np.where(log.data.weight > 0, log.data.force - curve, np.nan))
         for log, curve in zip(attempt.prepared, fitted, strict=True)

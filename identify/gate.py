@@ -72,7 +72,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     status, message = _judge(solved, chi2, allowed, z, log, cycle, names)
     levels = np.ones(len(names))
     slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and 1.0 < chi2 < 1.0 + MORE
-    fitted = solved.problem.fitted(solved.solution.z) if slow or status is Status.CONVERGED else []
+    fitted = solved.fitted if slow or status is Status.CONVERGED else []
     if slow:
         known = remembered(solved.problem.logs, solved.guesses, fitted, noise_estimated, squares, counts, log)
         if known is not None:

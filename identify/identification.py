@@ -315,7 +315,7 @@ def _curves(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | Non
     if attempt is None:
         return tuple(curves)
     solved = attempt.solved
-    fitted = solved.problem.fitted(solved.solution.z)
+    fitted = solved.fitted
     for place, number in enumerate(attempt.logs):
         z = attempt.gate.z[attempt.gate.log == place + 1]
         curves[number] = fitted_curves(

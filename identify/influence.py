@@ -129,7 +129,8 @@ def sample_moves(problem: Problem, z: Array, columns: Array) -> list[Array]:
         along = np.where((family.slots >= 0)[..., None], columns[family.slots], 0.0)
         count, cells, order, n_slots = d_curve.shape
         slope = np.matmul(d_curve.reshape(count, cells * order, n_slots), along).reshape(count * cells, order, -1)
-        for number, sample, cell, u in problem.assigned(family):
+        for number, cells, lengths, sample, u in problem.assigned(family):
+            cell = np.repeat(cells, lengths)
             value = slope[cell, order - 1]
             for power in range(order - 2, -1, -1):
                 value = value * u[:, None] + slope[cell, power]

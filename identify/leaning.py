@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 LONGEST = 512  # samples of a window
 CHANCE = 1e-7  # that noise leans so far somewhere in a log
 QUARTILE = float(norm.ppf(0.75))
+ENOUGH = 1 << 15  # sums that tell their spread
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
     out = []
     for width in lengths:
         sums = (summed[width:] - summed[:-width]) / np.sqrt(width)
-        low, high = np.quantile(sums, (0.25, 0.75))
+        low, high = np.quantile(sums[:: max(sums.size // ENOUGH, 1)], (0.25, 0.75))
         spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
         first = int(np.argmax(np.abs(sums)))
         limit = float(norm.isf(0.5 * CHANCE / (residual.size * len(lengths))))

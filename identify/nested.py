@@ -309,7 +309,7 @@ def held_out_error(fitted: Fitted) -> float:
     if not solved.solution.success:
         return float("inf")
     total, count = 0.0, 0
-    for log, mask, force in zip(attempt.prepared, masks, solved.problem.fitted(solved.solution.z), strict=True):
+    for log, mask, force in zip(attempt.prepared, masks, solved.fitted, strict=True):
         inside = mask & np.isfinite(force) & (log.data.weight > 0)
         total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
         count += int(np.count_nonzero(inside))

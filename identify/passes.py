@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits
 LONGEST = 40  # passes where slips last no longer than samples lie apart: an event comes a share of a slip nearer
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
+MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, and iterations until then
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 OVERTIME = 80  # iterations more where a load trembles and
 ALMOST = 1.5  # times the noise variance is what is left
@@ -56,6 +58,11 @@ class Solved:
     iterations: int
     passes: int
     forming: float
+
+    @cached_property
+    def fitted(self) -> list[Array]:
+        """What the load cell sees according to the solution, as `Problem.fitted`."""
+        return self.problem.fitted(self.solution.z)
 
 
 @dataclass(frozen=True)
@@ -197,7 +204,9 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
         if solution.success:
             return _Tried(solution, solution.iterations, True)
         iterations = solution.iterations
-    solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE)
+    slips = sum(place.onset.size for place in problem.layout.places)
+    plain = PATIENCE if slips < MANY else BRIEF
+    solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=plain)
     iterations += solution.iterations
     if solution.success or not solution.infeasibility < NEAR:
         return _Tried(solution, iterations, False)

@@ -206,16 +206,18 @@ class Selection:
         self._bend()
 
     def _bend(self) -> None:
-        """Add what has no parameters of its own if other starts show that it describes the data better: it bends all
-        the others, so that the motion of the model without it tells nothing of what it gains."""
+        """Take in what has no parameters of its own, beside the others or in the place of one that mimics it, if other
+        starts show that it describes the data better: it bends all the others, so that the motion of the model without
+        it tells nothing of what it gains."""
         for effect in (e for e in self._models.asked if e not in self.kept):
             kept = [*self.kept, effect]
             if self._models.searched(kept) > self._models.searched(self.kept):
                 continue
-            other = self._shaken(kept, self._from_best(kept))
-            self.gains[effect] = Gain(statistic(other, self.best), penalty(other, self.best), float("nan"))
-            if better(other, self.best) > CLEARER:
-                self._move(kept, other)
+            mimics = {e for pair in MIMICS if effect in pair for e in pair} - {effect}
+            for some in (kept, *([e for e in kept if e != mimic] for mimic in self.kept if mimic in mimics)):
+                other = self._shaken(some, self._from_best(some))
+                if better(other, self.best) > self._least(other):
+                    self._move(some, other)
 
     def _shaken(self, kept: Sequence[str], fitted: Fitted) -> Fitted:
         """The best answer that other starts lead to; looked for once per model, as long as the same logs take part."""
@@ -302,9 +304,13 @@ class Selection:
                     other = self._from_data(kept)
                 if self._firm and not better(other, self.best) > CLEARER and statistic(self.best, other) < PLAIN:
                     other = self._shaken(kept, other)
-                if better(other, self.best) > (CLEARER if other.searched >= self.best.searched else 0.0):
+                if better(other, self.best) > self._least(other):
                     self.gains[out] = Gain(0.0, ENOUGH, float("nan"))
                     self._move(kept, other)
+
+    def _least(self, other: Fitted) -> float:
+        """By how much another model must be better than the best one to stand in its place."""
+        return CLEARER if other.searched >= self.best.searched else 0.0
 
     def _leave_out(self) -> None:
         """Leave out what is not worth its parameters, until all that stays is."""

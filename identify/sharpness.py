@@ -19,6 +19,7 @@ BEFORE, AFTER = 1.0, 2.0  # of a slip, that are looked at about its middle
 OF_STICK = 0.6  # of a stick, that may follow the slip
 PER_SAMPLE = 2  # points of the mean slip
 MOST_CYCLES = 60  # that are compared with a sine
+MOST_SAMPLES = 1000  # of each of them
 START = 0.15  # of a slip: the lag from which the search starts
 SETTLED = 1e-4  # relative: a lag is told to two digits
 MOST_POINTS = 160  # of the mean slip
@@ -64,7 +65,8 @@ def harmonic_share(time: Array, force: Array, found: Segmentation) -> float | No
     fall = found.cycles.fall
     shares = []
     for i in range(0, fall.size - 1, max(fall.size // MOST_CYCLES, 1)):
-        rows = slice(*np.searchsorted(time, [fall[i], fall[i + 1]]).tolist())
+        first, last = np.searchsorted(time, [fall[i], fall[i + 1]]).tolist()
+        rows = slice(first, last, max((last - first) // MOST_SAMPLES, 1))
         good = np.isfinite(force[rows]) & ~found.spikes[rows]
         t, swing = time[rows][good], force[rows][good]
         if swing.size < 2 * FEWEST_SAMPLES:
@@ -85,11 +87,12 @@ def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> t
     stick = float(np.median(cycles.onset[1:] - cycles.arrest[:-1]))
     grid = np.arange(-BEFORE * slip, min(AFTER * slip, 0.5 * slip + OF_STICK * stick), step)
     good = np.isfinite(force) & ~found.spikes
+    sound, there = time[good], force[good]
     falls = [t for t in cycles.fall[1:] if t + grid[0] >= time[0] and t + grid[-1] <= time[-1]]
     if len(falls) < FEWEST_SLIPS - 1:
         return None
     slope = found.stick_slope[0] if found.stick_slope else 0.0
-    mean = np.mean([np.interp(t + grid, time[good], force[good]) for t in falls], axis=0)
+    mean = np.mean([np.interp(t + grid, sound, there) for t in falls], axis=0)
     return grid, mean - slope * grid, len(falls)
 
 

@@ -111,8 +111,9 @@ class Problem:
     def _slots(self, family: Family, x: Array) -> Array:
         return np.where(family.slots >= 0, x[family.slots], family.fixed)
 
-    def assigned(self, family: Family) -> Iterator[tuple[int, Indices, Indices, Array]]:
-        """Per log: its number, and for each sample in a cell of the family its index, cell and u in [0, 1]."""
+    def assigned(self, family: Family) -> Iterator[tuple[int, Indices, Indices, Indices, Array]]:
+        """Per log: its number, its cells (k,) of the family that hold samples, how many each holds (k,), and of these
+        samples, cell by cell, the index and u in [0, 1]."""
         n_cells = family.block.n_cells
         flat = family.edges.reshape(-1, 2)
         for number, log in enumerate(self.logs):
@@ -122,12 +123,14 @@ class Problem:
             first, last = np.searchsorted(log.time, flat[cells].T, side="left")
             final = flat[cells, 1] >= log.end
             last = np.where(final, np.searchsorted(log.time, log.end, side="right"), last)
-            lengths = last - first
+            full = last > first
+            cells, first, lengths = cells[full], first[full], (last - first)[full]
+            if cells.size == 0:
+                continue
             before = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-            cell = np.repeat(cells, lengths)
             sample = np.arange(int(lengths.sum())) + np.repeat(first - before, lengths)
-            t0, t1 = flat[cell].T
-            yield number, sample, cell, (log.time[sample] - t0) / (t1 - t0)
+            t0, t1 = (np.repeat(edge, lengths) for edge in flat[cells].T)
+            yield number, cells, lengths, sample, (log.time[sample] - t0) / (t1 - t0)
 
     def _compress(self, family: Family) -> Moments:
         order, n_cells, count = family.block.order, family.block.n_cells, family.slots.shape[0]
@@ -136,16 +139,19 @@ class Problem:
         n = count * n_cells
         powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
         square, number = np.zeros(n), np.zeros(n)
-        for log, sample, cell, u in self.assigned(family):
+        for log, cells, lengths, sample, u in self.assigned(family):
             weight, force = self.logs[log].weight[sample], self.logs[log].force[sample]
-            r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order), cell, u), 0.0)
-            square += np.bincount(cell, weights=weight * r * r, minlength=n)
-            number += np.bincount(cell, weights=(weight > 0).astype(float), minlength=n)
+            r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order)[cells], lengths, u), 0.0)
+            first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+            pulled = weight * r
+            square[cells] = np.add.reduceat(pulled * r, first)
+            number[cells] = np.add.reduceat((weight > 0).astype(float), first)
             for i in range(2 * order - 1):
-                powers[:, i] += np.bincount(cell, weights=weight, minlength=n)
+                powers[cells, i] = np.add.reduceat(weight, first)
+                weight *= u
                 if i < order:
-                    pull[:, i] += np.bincount(cell, weights=weight * r, minlength=n)
-                weight = weight * u
+                    pull[cells, i] = np.add.reduceat(pulled, first)
+                    pulled *= u
         hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
         shape = (count, n_cells)
         return Moments(
@@ -164,8 +170,8 @@ class Problem:
         for family in self.layout.families:
             _, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
             flat = curve.reshape(-1, family.block.order)
-            for log, sample, cell, u in self.assigned(family):
-                out[log][sample] = _polynomial(flat, cell, u)
+            for log, cells, lengths, sample, u in self.assigned(family):
+                out[log][sample] = _polynomial(flat[cells], lengths, u)
         return out
 
     def _pattern(self) -> None:
@@ -287,11 +293,12 @@ class Problem:
         return Point(cost, rows, gradient, jacobian, hessian_matrix)
 
 
-def _polynomial(coefficients: Array, cell: Indices, u: Array) -> Array:
-    """The polynomial of each cell (cells, order) at u, by Horner's rule."""
+def _polynomial(coefficients: Array, lengths: Indices, u: Array) -> Array:
+    """The polynomial of each cell (k, order) at u, of which it holds so many (k,), by Horner's rule."""
     value = np.zeros_like(u)
-    for i in range(coefficients.shape[1] - 1, -1, -1):
-        value = value * u + coefficients[cell, i]
+    for column in coefficients.T[::-1]:
+        value *= u
+        value += np.repeat(column, lengths)
     return value
 
 

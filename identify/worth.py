@@ -121,7 +121,7 @@ def logs_left_out(fitted: Fitted) -> float:
         solved = solve_in_passes(data, attempt.solved.guesses, start)
         if not solved.solution.success:
             return float("inf")
-        force = solved.problem.fitted(solved.solution.z)[number]
+        force = solved.fitted[number]
         inside = hidden & np.isfinite(force) & (log.data.weight > 0)
         total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
         count += int(np.count_nonzero(inside))

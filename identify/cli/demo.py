@@ -47,7 +47,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         progress("writing the reports")
         write_report(joint, folder)
         write_report(slow, folder / SECOND)
-    terminal.say("Four example logs, 0.1 mm/min to 5 mm/s, fitted together (simulated: the truth is known)")
+    terminal.say("Four simulated example logs, 0.1 mm/min to 5 mm/s, fitted together")
     say_fit(joint, terminal)
     _say_truth(joint, json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"], terminal)
     terminal.say(f"report: {out / 'report.html'}")

@@ -23,6 +23,7 @@ from identify.report.words import VERDICT_MARK, plain_symbol
 MOST_LABELS = 6
 MOST_PARAMETERS = 8
 MOST_PICTURES = 400
+PLAIN = "identified"  # a verdict that is not marked
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,15 @@ def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
         return Cell(DASH)
     error = number(told.get("standard_error"))
     places = places_for(error / factor, value / factor) if error else places_for(None, value / factor) - 1
-    mark = VERDICT_MARK.get(str(told.get("verdict")), "")
+    verdict = str(told.get("verdict"))
+    mark = VERDICT_MARK.get(verdict, "")
     note = f"± {decimals(error / factor, places)}" if error else str(told.get("verdict") or "")
-    return Cell(decimals(value / factor, places) + (f" {mark}" if mark not in ("", "✓") else ""), note, sort=value)
+    return Cell(decimals(value / factor, places) + (f" {mark}" if mark and verdict != PLAIN else ""), note, sort=value)
+
+
+def marks() -> str:
+    """What stands beside a value, in words."""
+    return ", ".join(f"{mark} {verdict}" for verdict, mark in VERDICT_MARK.items() if verdict != PLAIN)
 
 
 def without_result(entries: Sequence[FitEntry], home: Path) -> Table:

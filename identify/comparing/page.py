@@ -82,6 +82,7 @@ def render(
         digest=digest,
         counts=_counts(entries, comparison),
         fits=fit_views.fits(entries, home, comparison),
+        marks=fit_views.marks(),
         pictures=fit_views.pictures(entries, home, comparison),
         more_pictures=max(len(entries) - fit_views.MOST_PICTURES, 0),
         without_result=fit_views.without_result(entries, home),
