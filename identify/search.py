@@ -251,8 +251,9 @@ def apart(thetas: Iterable[Array], reach: Array) -> Iterator[Array]:
     """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before, in one parameter at least;
     infinite: not compared."""
     seen: list[Array] = []
+    compared = np.isfinite(reach)  # a parameter that is held at nought has no logarithm
     for theta in thetas:
-        if all(np.any(np.abs(theta - other) > reach) for other in seen):
+        if all(np.any(np.abs(theta[compared] - other[compared]) > reach[compared]) for other in seen):
             seen.append(theta)
             yield theta
 
