@@ -120,7 +120,7 @@ def _from_logs(
         ahead = [] if known is None else [known.solved.theta]
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
     unequal = not way.thorough or not alike([prepared[i] for i in first])
-    solved = 0
+    solved, wandered = 0, list[Array]()
     worst = np.inf if way.thorough else HOPELESS
     starts = _starts([prepared[i] for i in first], unknowns, way.sources, way.seed, unequal, worst, clock)
     for theta in chain(ahead, starts):
@@ -143,11 +143,33 @@ def _from_logs(
             told("joining the other logs", 0.8)
             attempt = join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
         best = _better(best, attempt)
+        if attempt is not None and not attempt.solved.solution.success:
+            wandered.append(theta)
         # What passes as noise with a memory may yet be a misfit that another start has not.
         white = best is not None and best.gate.status is Status.CONVERGED and best.gate.level == 1.0
         if best is not None and white and set(first) <= set(best.logs):
             break
+    if way.thorough and not unequal and best is not None and best.gate.status is not Status.CONVERGED:
+        told("holding what the logs do not tell", 0.7)
+        best = _better(best, _held_from(wandered, prepared, first, able, unknowns, clock))
     return None if best is None else _disowned(best, prepared, first)
+
+
+def _held_from(
+    starts: Sequence[Array],
+    prepared: list[Prepared],
+    first: list[int],
+    able: list[int],
+    unknowns: Unknowns,
+    clock: Clock,
+) -> Attempt | None:
+    """From the first of these starts from which the solver finds its way if what the logs do not tell is held: where
+    they tell little, one drive speed say, it wanders off along that before it comes near."""
+    for theta in starts:
+        found = solve_held(prepared, first, replace(unknowns, start=theta), clock)
+        if found is not None:
+            return join(found, prepared, [i for i in able if i not in found.logs], unknowns, clock)
+    return None
 
 
 def alike(prepared: Sequence[Prepared]) -> bool:
