@@ -352,6 +352,7 @@ def test_the_page_of_a_batch_that_cannot_be_compared(tmp_path):
     write_fit(tmp_path / "only", document(one.y[0], one.noise[0], {}))
     text = write_batch_report(tmp_path).read_text(encoding="utf-8")
     assert 'href="only/report.html"' in text and 'id="fits"' in text and 'id="different"' not in text
+    assert "≈ weak" in text and "✓" not in text
     assert "missing" in text  # what ASTM G115 asks for
     empty = tmp_path / "nothing"
     empty.mkdir()

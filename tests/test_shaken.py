@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from experiments.run_effect_selection import NOISE, RIG, draw
 from experiments.study_problem import DEMO, scene_of, simulated_case
+from identify import shaken as room
 from identify.nested import Fitted, fit_model, fit_shaken
 from identify.outcome import Status
 from identify.scene import Scene
@@ -21,11 +23,18 @@ def _values(fitted: Fitted) -> dict[str, float]:
     return dict(zip(fitted.unknowns.names, values.tolist(), strict=True))
 
 
-def test_other_starts_lead_to_the_answer_that_the_first_one_misses():
-    effects, truth, records, _ = draw(VIBRATING)
+@lru_cache
+def _first() -> Fitted:
+    """The answer of the generating model from the data alone."""
+    effects, _, records, _ = draw(VIBRATING)
     logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, speed in enumerate((1e-4, 1e-3), 1)]
     scene = Scene.from_document({"effects": [*effects], "rig": RIG | {"noise": NOISE}, "logs": logs}, ".")
-    first = fit_model(scene, records, thorough=False)
+    return fit_model(scene, records, thorough=False)
+
+
+def test_other_starts_lead_to_the_answer_that_the_first_one_misses():
+    _, truth, _, _ = draw(VIBRATING)
+    first = _first()
     assert first.attempt is not None and first.attempt.gate.status is Status.CONVERGED  # nothing tells that it is wrong
     assert abs(_values(first)["mu_k0"] / truth["mu_k0"] - 1.0) > 0.3
     found = fit_shaken(first)
@@ -41,3 +50,21 @@ def test_where_nothing_vibrates_the_answer_stands():
     scene, records = replace(scene, logs=scene.logs[2:3]), case.records[2:3]
     first = fit_model(scene, records, thorough=False)
     assert np.isfinite(first.excess) and fit_shaken(first) is first
+
+
+def test_starts_lie_around_a_neighbour_where_there_is_no_answer(monkeypatch):
+    first = _first()
+    assert first.attempt is not None
+    tried: list[np.ndarray] = []
+    monkeypatch.setattr(room, "solve_from", lambda _prepared, _logs, unknowns, *_, **__: tried.append(unknowns.start))
+    solved = first.attempt.solved
+    lost = replace(solved.solution, success=False, infeasibility=1.0)
+    failed = replace(first.attempt, solved=replace(solved, solution=lost))
+    a = first.unknowns.names.index("a")
+    here, there = solved.theta, solved.theta.copy()
+    there[a] += 3.0  # friction that weakens twenty times as fast
+    for attempt, centre in ((failed, there), (first.attempt, here)):
+        tried.clear()
+        assert room.shaken(attempt, first.prepared, first.unknowns, around=there) is attempt
+        near = [abs(start[a] - centre[a]) for start in tried[-len(room.NEAR) :]]
+        assert len(near) == len(room.NEAR) and float(np.median(near)) < 0.5
