@@ -140,18 +140,15 @@ class Problem:
         powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
         square, number = np.zeros(n), np.zeros(n)
         for log, cells, lengths, sample, u in self.assigned(family):
-            weight, force = self.logs[log].weight[sample], self.logs[log].force[sample]
+            weight, force, cell = self.logs[log].weight[sample], self.logs[log].force[sample], np.repeat(cells, lengths)
             r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order)[cells], lengths, u), 0.0)
-            first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-            pulled = weight * r
-            square[cells] = np.add.reduceat(pulled * r, first)
-            number[cells] = np.add.reduceat((weight > 0).astype(float), first)
+            square += np.bincount(cell, weights=weight * r * r, minlength=n)
+            number += np.bincount(cell, weights=(weight > 0).astype(float), minlength=n)
             for i in range(2 * order - 1):
-                powers[cells, i] = np.add.reduceat(weight, first)
-                weight *= u
+                powers[:, i] += np.bincount(cell, weights=weight, minlength=n)
                 if i < order:
-                    pull[cells, i] = np.add.reduceat(pulled, first)
-                    pulled *= u
+                    pull[:, i] += np.bincount(cell, weights=weight * r, minlength=n)
+                weight = weight * u
         hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
         shape = (count, n_cells)
         return Moments(
