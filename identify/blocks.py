@@ -17,12 +17,11 @@ from identify.mapped import Mapped
 from identify.model import Model
 
 Array = NDArray[np.float64]
-CHUNK = 32  # blocks per call: small enough to stay in cache, large enough to hide the call
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """One kind of block, mapped over CHUNK instances.
+    """One kind of block, mapped over many instances.
 
     Slots, in order: state at the start (n_x,), state at the end (n_x,; absent in a rest), offset of the
     start time [s], offset of the end time [s], deviation of the normal force in this cycle from its measured
@@ -78,7 +77,7 @@ def _second(made: Block, used: tuple[int, ...]) -> Mapped:
     moving = ca.vertcat(*(slots[i] for i in used))
     second, _ = ca.hessian(weighted, moving)
     function = ca.Function(f"{made.kind}_second", [slots, constants, on_rows, on_curve], [ca.densify(second)])
-    return Mapped(function, CHUNK)
+    return Mapped(function)
 
 
 @lru_cache(maxsize=64)
@@ -98,8 +97,8 @@ def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
         rows.numel(),
         cells,
         order,
-        Mapped(values, CHUNK),
-        Mapped(derivatives, CHUNK),
+        Mapped(values),
+        Mapped(derivatives),
         (slots, s.constants, rows, curve),
         len(model.parameters) + len(model.states),
     )

@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
-CHUNK = 64
 LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
 NEWTON_STEPS = 40
 TREMBLING = 3.0  # times the swing of the drive: a shorter slip is a tremble of the contact, and the stick goes on
@@ -113,7 +112,7 @@ def _functions(model: Model) -> dict[str, Mapped]:
         ca.Function("lane_force", [x, p, u], [model.load_cell(x, p, u)]),
         ca.Function("lane_at_force", [t, p, u], [model.at_force(t, p, u)]),
     )
-    return {f.name().removeprefix("lane_"): Mapped(f, CHUNK) for f in made}
+    return {f.name().removeprefix("lane_"): Mapped(f) for f in made}
 
 
 def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.cutting import Account, account, cut_and_correct
-from identify.drive import Drive
+from identify.drive import Drive, NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
 from identify.judgement import Judgement, judge
@@ -32,6 +32,7 @@ SHORT_LOADING = 2.0  # half periods: nor of one that may end in a swing
 LOW = 0.15  # of such a rise: the fit begins at the last sample below
 CLEAR = 0.1  # of the loading line after the bend that is left out
 SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
+UNTOLD = NormalForce.of(1.0)  # [N], of a rejected log whose normal force is none
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
@@ -136,15 +137,16 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         begin, end = _window(record.time[inner], shown[inner], found, noise, entry.skip_cycles)
     else:
         begin, end = _course(record.time[inner], shown[inner], found, noise, manner, drive, half_period)
-    load, load_sd = smooth(record.time[used], record.normal_force[used], name, found.count)
-    hidden = 0.0
-    if not unknowns.model.follows_load:
-        hidden = swing(load, begin, end)
-        hidden = hidden if hidden > SEEN * load_sd / float(np.mean(load.values)) else 0.0
-        inside = np.flatnonzero(used & (record.time >= begin) & (record.time <= end))
-        load, load_sd = level(record.time[inside], record.normal_force[inside], name, found.count)
-    programme = speed if drive.constant else tuple(zip(drive.starts, drive.speeds, strict=True))
-    scene.check_ranges(entry, programme, (min(load.values), max(load.values)))
+    reason = _reason(manner, falls, name) or _rejected(judgement, name)
+    try:
+        load, load_sd, hidden = _load(record, used, name, found.count, (begin, end), unknowns.model.follows_load)
+    except FitError:
+        if judgement.verdict != "reject":
+            raise
+        load, load_sd, hidden = UNTOLD, 0.0, 0.0  # the log is left out: nothing is computed with it
+    else:
+        programme = speed if drive.constant else tuple(zip(drive.starts, drive.speeds, strict=True))
+        scene.check_ranges(entry, programme, (min(load.values), max(load.values)))
     load_sd = float(np.hypot(load_sd, REPEATABLE * np.mean(load.values)))
     data = LogData(
         np.ascontiguousarray(record.time),
@@ -160,7 +162,6 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         tuple("" if by is None or by == EACH_LOG else entry.labels[by] for by in unknowns.per),
         None if drive.constant else drive,
     )
-    reason = _reason(manner, falls, name) or _rejected(judgement, name)
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
     counted = used & ~spikes
     estimated = rig.noise is None
@@ -182,6 +183,20 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         manner,
     )
     return replace(made, pieces=_pieces(made, noise, half_period)) if manner.name == "course" else made
+
+
+def _load(
+    record: Record, used: NDArray[np.bool_], name: str, cycles: int, window: tuple[float, float], follows: bool
+) -> tuple[NormalForce, float, float]:
+    """The normal force as the model takes it, its standard deviation [N], and the swing its mean hides (share)."""
+    load, load_sd = smooth(record.time[used], record.normal_force[used], name, cycles)
+    if follows:
+        return load, load_sd, 0.0
+    begin, end = window
+    hidden = swing(load, begin, end)
+    hidden = hidden if hidden > SEEN * load_sd / float(np.mean(load.values)) else 0.0
+    inside = np.flatnonzero(used & (record.time >= begin) & (record.time <= end))
+    return *level(record.time[inside], record.normal_force[inside], name, cycles), hidden
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:

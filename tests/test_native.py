@@ -1,5 +1,10 @@
 """Machine code: the same numbers as the virtual machine, found again, and never needed."""
 
+import os
+import signal
+import time
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -92,6 +97,31 @@ def test_what_costs_much_is_compiled_while_it_runs(cache, monkeypatch):
     native.wait()
     run(LANES)
     assert run.native
+
+
+def ignores(process: int, what: signal.Signals) -> bool:
+    status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
+    ignored = next(line for line in status.splitlines() if line.startswith("SigIgn:"))
+    return bool(int(ignored.split()[1], 16) >> (what - 1) & 1)
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/status").exists(), reason="signals of a process are looked up as Linux has them"
+)
+def test_the_compiler_steps_back_for_the_fit_and_outlives_its_terminal(cache):
+    """Nice counts within a session only; an interrupt from the keyboard reaches the foreground's process group."""
+    f = function(7.0)
+    native.start([(f, native.key(f))])
+    (compiling,) = native._running
+    assert os.getsid(compiling.pid) == os.getsid(0)
+    assert os.getpgid(compiling.pid) != os.getpgid(0)
+    until = time.monotonic() + 10.0
+    while compiling.poll() is None and not ignores(compiling.pid, signal.SIGHUP) and time.monotonic() < until:
+        time.sleep(0.001)
+    assert compiling.poll() is None, "compiling takes longer than setting a trap"
+    os.killpg(compiling.pid, signal.SIGHUP)
+    native.wait()
+    assert native.find(native.key(f), "sample") is not None
 
 
 def test_a_damaged_library_is_as_good_as_none(cache):

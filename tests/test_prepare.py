@@ -14,6 +14,7 @@ from experiments.study_problem import DEMO, RIG
 from identify.diagnosis import wrong_unit
 from identify.effects import MAIN
 from identify.errors import FitError, SceneError
+from identify.identification import fit
 from identify.loads import level, smooth
 from identify.model import assemble
 from identify.prepare import prepare
@@ -210,6 +211,21 @@ def test_a_rejected_log_is_left_out_with_its_reason_and_a_threshold_lets_it_in()
     document = scene.as_document()
     assert document["quality"] == {"load_ripple_reject": 0.5}
     assert Scene.from_document(document).thresholds == scene.thresholds
+
+
+@pytest.mark.parametrize("load", [0.0, -1.0])
+def test_a_log_without_a_load_is_left_out_and_the_others_are_not_lost(load):
+    record = _record()
+    bad = Record(record.time, np.full(record.time.size, load), record.friction_force)
+    scene = Scene.from_document(_scene().as_document() | {"logs": [{"path": "a.csv"}, {"path": "b.csv"}]}, Path())
+    made = fit(scene, [record, bad]).result
+    assert made["logs"][0]["reason_left_out"] is None
+    assert (
+        "b.csv is rejected by the quality gate: the normal force is zero or pulls" in made["logs"][1]["reason_left_out"]
+    )
+    assert made["logs"][1]["normal_force_N"] == load
+    alone = fit(_scene(), [bad]).result
+    assert alone["status"] != "converged" and "the normal force is zero or pulls" in alone["logs"][0]["reason_left_out"]
 
 
 def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():
