@@ -36,7 +36,8 @@ SCRIPT = """
 trap '' HUP
 for work in "$@"; do
   name=$(cat "$work/name")
-  nice -n 3 "$CC" $(cat "$work/level") $FLAGS -o "$work/function.so" "$work/function.c" -lm && mv "$work/function.so" "$CACHE/$name.so"
+  nice -n 3 "$CC" $(cat "$work/level") $FLAGS -o "$work/function.so" "$work/function.c" -lm &&
+    mv "$work/function.so" "$CACHE/$name.so"
   rm -rf "$work" "$CACHE/$name.lock"
 done
 """
