@@ -18,23 +18,24 @@ Array = NDArray[np.float64]
 
 MANY = 32  # lanes per call: small enough to stay in cache, large enough to hide the call
 WORK = 10_000  # instructions that hide the call as well: of a large function fewer lanes are called for at the end
-WORTH = 1e-5  # seconds in the virtual machine per instruction from which on a function is compiled
+WORTH = 0.3  # of what compiling takes: a function that has cost so much as it is now is compiled
 RETRY = 0.1  # seconds more before it is asked again whether the machine code is there
-USED = 0.02  # seconds in the virtual machine that make a function worth keeping for later processes
+USED = 0.02  # seconds that make a function worth keeping for later processes
 
 _all: weakref.WeakSet[Mapped] = weakref.WeakSet()
 
 
 def keep() -> None:
     """Have everything compiled, in the background, that this process used and others will use again."""
-    _compile([mapped for mapped in list(_all) if mapped.used])
-
-
-def _compile(some: Sequence[Mapped]) -> None:
-    """Have functions compiled in the background, those first that cost most."""
     if not native.busy():
-        some = sorted(some, key=lambda mapped: mapped.spent, reverse=True)
-        native.start([job for mapped in some if (job := mapped.job) is not None])
+        native.start([job for mapped in list(_all) if mapped.used for job in mapped.jobs[-1:]])
+
+
+def _compile() -> None:
+    """Have all functions compiled in the background that have earned it, those first that cost most."""
+    if not native.busy():
+        some = sorted((mapped for mapped in list(_all) if mapped.earned), key=lambda mapped: mapped.spent, reverse=True)
+        native.start([job for mapped in some for job in mapped.jobs[:1]])
 
 
 @dataclass(frozen=True)
@@ -89,17 +90,17 @@ class Mapped:
         """many: lanes per call where there are so many; what is left of them is called for in smaller chunks."""
         self._function, self._many = function, many
         self._few = min(max(WORK // max(function.n_instructions(), 1), 1), many)
-        self.spent, self._ask = 0.0, 0.0  # seconds in the virtual machine
-        self._key: str | None = None
+        self.spent, self._ask = 0.0, 0.0  # seconds, since it runs as it runs now
+        self._keys: tuple[str, ...] = ()
         self._local = threading.local()
         self._version = 0
         self._runs = function
-        self._settled = False
+        self._asked = self._settled = False
         _all.add(self)
 
     @property
     def native(self) -> bool:
-        """Whether machine code runs."""
+        """Whether machine code runs, of whatever level."""
         return self._version > 0
 
     def __call__(self, arguments: Sequence[Array]) -> list[Array]:
@@ -130,33 +131,37 @@ class Mapped:
         return bench
 
     def _look(self) -> None:
-        """Take the machine code if it is there; have it made if the function has earned it."""
-        if self._key is None:
-            self._key = native.key(self._function)
-        if self._key is None:
-            self._settled = True
-            return
-        found = native.find(self._key, self._function.name())
-        if found is not None:
-            self._runs, self._settled = found, True
-            self._version += 1
-        elif not self.earned:
-            self._ask = WORTH * self._function.n_instructions()
-        else:
-            self._ask = self.spent + RETRY
-            _compile([mapped for mapped in list(_all) if mapped.earned])
+        """Take the best machine code that is there; have better made if the function has earned it."""
+        if not self._asked:
+            self._keys, self._asked = native.keys(self._function), True
+        for place in reversed(range(len(self._keys))):
+            found = native.find(self._keys[place], self._function.name())
+            if found is not None:
+                self._runs, self._keys = found, self._keys[place + 1 :]
+                self._version += 1
+                self.spent = 0.0
+                break
+        self._settled = not self._keys
+        if self.earned:
+            _compile()
+        worth = self._worth if self._keys else 0.0
+        self._ask = worth if self.spent < worth else self.spent + RETRY
+
+    @property
+    def _worth(self) -> float:
+        return WORTH * native.seconds(self._function, self._keys[0])
 
     @property
     def earned(self) -> bool:
-        """Whether it has cost so much in the virtual machine that it is compiled while others wait for its numbers."""
-        return self.spent >= WORTH * self._function.n_instructions()
+        """Whether it has cost so much that it is compiled, or compiled better, while others wait for its numbers."""
+        return bool(self._keys) and self.spent >= self._worth
 
     @property
     def used(self) -> bool:
         """Whether it was used enough to be kept for later processes."""
-        return self.spent >= USED
+        return self.native or self.spent >= USED
 
     @property
-    def job(self) -> tuple[ca.Function, str] | None:
-        """Function and key, where it can be compiled and is not yet."""
-        return None if self.native or self._key is None else (self._function, self._key)
+    def jobs(self) -> list[tuple[ca.Function, str]]:
+        """The function with the key of each way to compile it that is better than it runs now."""
+        return [(self._function, key) for key in self._keys]

@@ -24,9 +24,9 @@ from pathlib import Path
 import casadi as ca
 
 FLAGS = ("-ffp-contract=off", "-fPIC", "-shared")
-# Instructions up to which the compiler improves the code, some 70 us each, and up to which it compiles at all: as it
-# stands, a tenth of the time and four times as slow, which is still some five times as fast as the virtual machine.
-IMPROVED, LARGEST = 90_000, 200_000
+# How the compiler is asked, quick and plain first: by name, its flag, the seconds it takes per instruction, and the
+# largest number of instructions. Plain code is some five times as fast as the virtual machine, improved code fifteen.
+LEVELS = {"plain": ("-O0", 3e-5, 200_000), "improved": ("-O1", 1.5e-4, 90_000)}
 STALE = 900.0  # seconds after which another process's unfinished work is taken for dead
 # Compiles every folder given, one after the other. A finished library appears under its name at once or not at all;
 # the lock goes whatever happens.
@@ -36,7 +36,7 @@ SCRIPT = """
 trap '' HUP
 for work in "$@"; do
   name=$(cat "$work/name")
-  nice -n 3 "$CC" $(cat "$work/level") $FLAGS -o "$work/function.so" "$work/function.c" -lm &&
+  nice -n 3 "$CC" $(cat "$work/flag") $FLAGS -o "$work/function.so" "$work/function.c" -lm &&
     mv "$work/function.so" "$CACHE/$name.so"
   rm -rf "$work" "$CACHE/$name.lock"
 done
@@ -77,15 +77,29 @@ def _translator() -> str:
     return "\n".join([str(path), str(path.stat().st_mtime_ns), *FLAGS, ca.__version__, platform.machine()])
 
 
+def keys(function: ca.Function) -> tuple[str, ...]:
+    """What the function computes as a hash, with the level at which it would be compiled before it: one key for every
+    level, the quick one first; none where nothing is compiled here."""
+    size = function.n_instructions()
+    if compiler() is None or folder() is None:
+        return ()
+    levels = [name for name, (_, _, largest) in LEVELS.items() if size <= largest]
+    computes = hashlib.sha256((_translator() + function.serialize()).encode()).hexdigest()[:40] if levels else ""
+    return tuple(f"{name}-{computes}" for name in levels)
+
+
 def key(function: ca.Function) -> str | None:
-    """What the function computes and how it would be compiled, as a hash; None where nothing is compiled here."""
-    if compiler() is None or folder() is None or function.n_instructions() > LARGEST:
-        return None
-    return hashlib.sha256((_translator() + _level(function) + function.serialize()).encode()).hexdigest()[:40]
+    """The key of its best machine code."""
+    return next(reversed(keys(function)), None)
 
 
-def _level(function: ca.Function) -> str:
-    return "-O1" if function.n_instructions() <= IMPROVED else "-O0"
+def seconds(function: ca.Function, identity: str) -> float:
+    """What compiling it takes, roughly."""
+    return LEVELS[_level(identity)][1] * float(function.n_instructions())
+
+
+def _level(identity: str) -> str:
+    return identity.partition("-")[0]
 
 
 def find(identity: str, name: str) -> ca.Function | None:
@@ -143,7 +157,7 @@ def _prepared(base: Path, function: ca.Function, identity: str) -> Path | None:
         return None
     work = Path(tempfile.mkdtemp(prefix="build-", dir=base))
     (work / "name").write_text(identity, encoding="ascii")
-    (work / "level").write_text(_level(function), encoding="ascii")
+    (work / "flag").write_text(LEVELS[_level(identity)][0], encoding="ascii")
     code = ca.CodeGenerator("function.c")
     code.add(function)
     code.generate(f"{work}{os.sep}")

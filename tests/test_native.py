@@ -88,15 +88,57 @@ def test_shooting_blocks_agree_to_ten_digits(cache, kind):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10 * np.max(np.abs(a)))
 
 
-def test_what_costs_much_is_compiled_while_it_runs(cache, monkeypatch):
+def test_what_costs_much_is_compiled_while_it_runs_at_first_quickly_then_well(cache, monkeypatch):
     monkeypatch.setattr(mapped, "WORTH", 0.0)
     monkeypatch.setattr(mapped, "RETRY", 0.0)
-    run = Mapped(function(5.0), 4)
+    run, levels = Mapped(function(5.0), 4), []
+    before = run(LANES)
+    for _ in range(3):
+        native.wait()
+        after = run(LANES)
+        levels.append(sorted(library.name.partition("-")[0] for library in cache.glob("*.so")))
+        for a, b in zip(before, after, strict=True):
+            np.testing.assert_array_equal(a, b)
+    assert run.native and not run.jobs
+    assert levels == [["plain"], ["improved", "plain"], ["improved", "plain"]]
+
+
+def test_what_is_kept_for_later_is_compiled_well_at_once(cache, monkeypatch):
+    monkeypatch.setattr(mapped, "USED", 0.0)
+    run = Mapped(function(9.0), 4)
     run(LANES)
-    run(LANES)
+    mapped.keep()
     native.wait()
-    run(LANES)
-    assert run.native
+    assert native.find(native.key(function(9.0)), "sample") is not None
+    again = Mapped(function(9.0), 4)
+    again(LANES)
+    assert again.native and not again.jobs, "the best there is"
+
+
+def test_the_larger_a_function_the_less_is_done_to_it(cache, monkeypatch):
+    size = function().n_instructions()
+    monkeypatch.setattr(native, "LEVELS", {"plain": ("-O0", 1.0, size), "improved": ("-O1", 2.0, size - 1)})
+    (only,) = native.keys(function())
+    assert only.startswith("plain-") and native.seconds(function(), only) == size
+    monkeypatch.setattr(native, "LEVELS", {"plain": ("-O0", 1.0, size - 1)})
+    assert native.keys(function()) == () and native.key(function()) is None
+
+
+@pytest.mark.parametrize("lanes", [1, 3, 31, 32, 33, 70])
+def test_lanes_beyond_the_last_full_call_are_not_filled_up(lanes, monkeypatch):
+    monkeypatch.setattr(mapped, "WORK", 2 * function().n_instructions())  # two lanes hide a call
+    run, x = Mapped(function()), np.linspace(0.1, 2.0, 2 * lanes).reshape(lanes, 2)
+    calls = []
+    really = mapped._Bench.run
+
+    def noted(bench, given):
+        calls.append((bench.chunk, given[0].shape[0]))
+        return really(bench, given)
+
+    monkeypatch.setattr(mapped._Bench, "run", noted)
+    scaled, _ = run([x, np.zeros(lanes)])
+    np.testing.assert_array_equal(scaled, 2 * x)
+    assert calls == [(size, n) for size, n in ((32, lanes - lanes % 32), (2, lanes % 32)) if n]
 
 
 def ignores(process: int, what: signal.Signals) -> bool:
