@@ -90,6 +90,7 @@ class Mapped:
         """many: lanes per call where there are so many; what is left of them is called for in smaller chunks."""
         self._function, self._many = function, many
         self._few = min(max(WORK // max(function.n_instructions(), 1), 1), many)
+        self._sizes = [function.numel_out(i) for i in range(function.n_out())]
         self.spent, self._ask = 0.0, 0.0  # seconds, since it runs as it runs now
         self._keys: tuple[str, ...] = ()
         self._local = threading.local()
@@ -111,7 +112,7 @@ class Mapped:
         count = arguments[0].shape[0]
         whole = count - count % self._many
         arguments = [given.reshape(count, -1) for given in arguments]
-        results = [np.empty((count, self._function.numel_out(i))) for i in range(self._function.n_out())]
+        results = [np.empty((count, size)) for size in self._sizes]
         for chunk, lanes in ((self._many, slice(0, whole)), (self._few, slice(whole, count))):
             if lanes.stop > lanes.start:
                 bench = self._bench(chunk, lanes.stop - lanes.start)
