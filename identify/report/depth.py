@@ -86,7 +86,7 @@ def accuracy_rows(result: Entries) -> Table | None:
     shifts = [entry.get("shift_in_standard_errors") or {} for entry in table]
     names = list(dict.fromkeys(name for shift in shifts for name in shift))
     heads = (
-        *(Cell(head) for head in ("seconds", "iterations", "steps", "largest error left")),
+        *(Cell(head) for head in ("seconds", "iterations", "steps", "error left")),
         *(Cell(plain_symbol(name)) for name in names),
     )
     rows = []
