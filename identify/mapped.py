@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 
 MANY = 32  # lanes per call: small enough to stay in cache, large enough to hide the call
 WORK = 10_000  # instructions that hide the call as well: of a large function fewer lanes are called for at the end
-WORTH = 0.3  # of what compiling takes: a function that has cost so much as it is now is compiled
+WORTH = 1.0  # of what compiling takes: a function that has cost so much as it is now is compiled
+AT_ONCE = 10.0  # seconds of compiling that are asked for at once: later others may have earned it more
 RETRY = 0.1  # seconds more before it is asked again whether the machine code is there
 USED = 0.02  # seconds that make a function worth keeping for later processes
 
@@ -32,10 +33,15 @@ def keep() -> None:
 
 
 def _compile() -> None:
-    """Have all functions compiled in the background that have earned it, those first that cost most."""
-    if not native.busy():
-        some = sorted((mapped for mapped in list(_all) if mapped.earned), key=lambda mapped: mapped.spent, reverse=True)
-        native.start([job for mapped in some for job in mapped.jobs[:1]])
+    """Have functions compiled in the background that have earned it, as many as are soon done, the dearest first."""
+    if native.busy():
+        return
+    jobs, needed = [], 0.0
+    for mapped in sorted((m for m in list(_all) if m.earned), key=lambda m: m.spent, reverse=True):
+        if needed < AT_ONCE:
+            jobs += mapped.jobs[:1]
+            needed += native.seconds(*mapped.jobs[0])
+    native.start(jobs)
 
 
 @dataclass(frozen=True)
