@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+import weakref
 from pathlib import Path
 
 import casadi as ca
@@ -113,6 +114,24 @@ def test_what_is_kept_for_later_is_compiled_well_at_once(cache, monkeypatch):
     again = Mapped(function(9.0), 4)
     again(LANES)
     assert again.native and not again.jobs, "the best there is"
+
+
+def test_the_dearest_is_compiled_first_and_no_more_than_is_soon_done(cache, monkeypatch):
+    started = []
+    monkeypatch.setattr(mapped, "_all", weakref.WeakSet())
+    monkeypatch.setattr(mapped, "WORTH", 0.0)
+    monkeypatch.setattr(native, "start", started.append)
+    cheap, dear = Mapped(function(2.0), 4), Mapped(function(3.0), 4)
+    monkeypatch.setattr(mapped, "AT_ONCE", 0.0)
+    cheap(LANES), dear(LANES)
+    assert started == [[], []]
+    takes = native.seconds(*cheap.jobs[0])
+    for limit, expected in ((0.5 * takes, [dear]), (1.5 * takes, [dear, cheap])):
+        monkeypatch.setattr(mapped, "AT_ONCE", limit)
+        dear.spent, cheap.spent = 2.0, 1.0
+        started.clear()
+        mapped._compile()
+        assert started == [[one.jobs[0] for one in expected]]
 
 
 def test_the_larger_a_function_the_less_is_done_to_it(cache, monkeypatch):
