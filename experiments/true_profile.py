@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 OBJECTS = float(chi2.ppf(0.95, 1))
 LOGARITHMS = (0.05, 0.17, 0.4, 0.75, 1.12, 1.38)  # steps of a logarithm
+FARTHER = (2.4, 3.4, 4.4, 5.4)  # more steps of a logarithm that is open: another may be free only out there
 SHARES = (0.02, 0.08, 0.19, 0.35, 0.55, 0.7, 0.84)  # steps of a coefficient, of its size
 STEPS = 4  # RK4 steps per interval: their error is common to all points
 PATIENCE = 30
@@ -260,6 +261,19 @@ class _Walks:
             here = point
             if 2.0 * (point.cost - self.best.cost) > OBJECTS:
                 return
+        self._follow(sign, here)
+
+    def _follow(self, sign: float, here: _Point) -> None:
+        """Go on past an open end of a logarithm as long as the data do not object: its verdict is known, but these
+        points show other parameters ways on."""
+        for step in FARTHER if self.unknowns.logarithmic[self.index] and self._agrees(here) else ():
+            if step <= self._off(here, sign):
+                continue
+            point = self._held(here, self.best.theta[self.index] + sign * step)
+            if point is None or not self._agrees(point):
+                return
+            self.points.append(point)
+            here = point
 
     def _held(self, near: _Point, value: float) -> _Point | None:
         theta = near.theta.copy()
