@@ -23,7 +23,7 @@ from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
 from identify.passes import solve_in_passes
 from identify.profile import LEVEL, Profiles, profile
-from identify.ridge_ends import better_course, other_sign
+from identify.ridge_ends import better_course, other_sign, strengthened
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import Estimate, Information, Interval, estimates, information
 from identify.unknowns import Unknowns
@@ -86,6 +86,8 @@ def certainty(
         base: (n_p,) of the rig the values are given for; at_bound: sentence per parameter that sits at a bound, from
             theta; speed_tolerance: relative error of all drive speeds together.
     """
+    if attempt.gate.status is Status.CONVERGED:
+        attempt = strengthened(attempt, unknowns) or attempt
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None

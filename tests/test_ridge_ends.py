@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from data_io import Record
+from experiments import run_design_study
 from experiments.run_recovery_study import Study
 from experiments.study_problem import NAMES, RIG, scene_of
 from identify.attempt import Clock, solve_from, usable
@@ -17,7 +18,7 @@ from identify.model import assemble
 from identify.outcome import Status
 from identify.parting import parted
 from identify.prepare import prepare
-from identify.ridge_ends import better_course, other_sign
+from identify.ridge_ends import better_course, other_sign, strengthened
 from identify.scene import Scene
 from identify.simulate import run
 from identify.unknowns import from_scene
@@ -91,3 +92,29 @@ def test_friction_that_rises_is_tried_with_friction_that_falls():
     assert found is not None and found.solved.theta[delta] < 0.0
     assert abs(2 * (found.solved.solution.cost - right.solved.solution.cost)) < 1
     assert other_sign(right, unknowns) is None
+
+
+WEAKENING = {"mu_s": 0.47084, "mu_k0": 0.48411, "delta_mu_k": -0.339895, "a": 218.157, "D": 1.3183e-05, "t_cr": 959.3}
+
+
+def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
+    """Slips of six samples. Settled, which takes the search more than one start, an answer whose static friction is
+    below its kinetic one is 48 in chi^2 above the right one, passes the gate and calls mu_k0 = 0.4841 identified."""
+    made = run_design_study.design(68)
+    scene = run_design_study.scene_of(made)
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, made.records, strict=True)]
+
+    def answer(values):
+        theta = unknowns.theta(np.array([(values | made.rig)[n] for n in unknowns.names]), unknowns.base(made.rig))
+        return solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock())
+
+    weakening, right = answer(WEAKENING), answer(made.truth)
+    mu_s, mu_k0 = (unknowns.names.index(name) for name in ("mu_s", "mu_k0"))
+    wrong = weakening.solved.theta
+    assert wrong[mu_s] < wrong[mu_k0] and weakening.gate.chi2_per_sample < 1.03
+    assert 2 * (weakening.solved.solution.cost - right.solved.solution.cost) > 40
+    found = strengthened(weakening, unknowns)
+    assert found is not None and found.solved.theta[mu_s] > found.solved.theta[mu_k0]
+    assert abs(2 * (found.solved.solution.cost - right.solved.solution.cost)) < 1
+    assert strengthened(right, unknowns) is None
