@@ -107,9 +107,11 @@ def _shape(samples: Sequence[float], slips: Sequence[float], speeds: Sequence[fl
     best = int(np.argmax(samples))
     if samples[best] < RESOLVED:
         rate = WANTED / min(slips)
+        # With some samples more it may be the speeds as well: which of both, only a profile of other designs would say.
+        faster = ", and add a faster log" if samples[best] > RESOLVED / 2 else ""
         return (
             f"slips hold at most {samples[best]:.0f} samples, so their shape is not seen: "
-            f"sample at {_round_up(rate):.0f} Hz or more"
+            f"sample at {_round_up(rate):.0f} Hz or more{faster}"
         )
     if len(speeds) == 1:
         return (

@@ -9,6 +9,7 @@ import pytest
 import shooting_case as case
 
 from identify.guess import Grid
+from identify.hints import _shape
 from identify.passes import COARSE, solve_in_passes
 from identify.shooting import transcribe
 from identify.uncertainty import Interval, estimates, information
@@ -222,3 +223,15 @@ def test_bound_and_fixed_have_no_interval():
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     mass = _told(unknowns, 1e-8 * np.eye(6))[unknowns.names.index("mass")]
     assert (mass.verdict, mass.value, mass.standard_error) == ("fixed", pytest.approx(0.2), None)
+
+
+def test_slips_that_are_nearly_resolved_ask_for_another_speed_as_well():
+    def asks(samples, speeds):
+        return _shape([samples], [samples / 200.0], speeds)
+
+    assert asks(3.0, [1e-5, 1e-4]).endswith("sample at 2000 Hz or more")
+    assert asks(11.0, [1e-6, 1e-5]).endswith("sample at 500 Hz or more, and add a faster log")
+    assert "Hz" not in asks(13.0, [1e-6, 1e-5]) and asks(13.0, [1e-6, 1e-5]).endswith(
+        "add a faster log, or more cycles"
+    )
+    assert "add a log at 1 mm/s or more" in asks(13.0, [1e-4])
