@@ -32,6 +32,7 @@ BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
 BEYOND = 1.15  # of a side: where others are asked whether they know a way on
 OTHERS = 2  # how many are asked
 FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
+HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
 PAST, FARTHEST = 1.7, 4.0  # of a side, and standard deviations: where the truth may lie, once in a while
@@ -209,7 +210,7 @@ def _walk(
     """Walk one way from `begin` until the data object; the end by interpolation of the root of what they lose."""
     centre = float(line.best.theta[index])
     reach, walled = _room(line, index, sign)
-    here, failures = begin, 0
+    here, failures, objects = begin, 0, np.inf
     done = float(sign * (begin.theta[index] - centre))
     done_root = line.loss_root(begin)
     limit = float(np.sqrt(CRITICAL * wait))
@@ -226,19 +227,23 @@ def _walk(
             failures += 1
             length *= 0.4
             if failures > 4:
-                return _Walk(Side(None, True), here)
+                break
             continue
         root = line.loss_root(point)
         if root >= limit:
             if root < CLOSE * limit or target - done < tight:
                 return _Walk(Side(centre + sign * _crossing(done, done_root, target, root, limit), False), here)
             length = (target - done) * max(0.3, (limit - done_root) / (root - done_root))
+            objects = min(objects, target)
             continue
         if target >= reach:
             return _Walk(Side(centre + sign * reach if walled else None, False, walled), point)
         slope = (root - done_root) / (target - done)
         length = float(np.clip(1.1 * (limit - root) / max(slope, 1e-9), 0.05 * length, min(2.5 * length, longest)))
         done, done_root, here = target, root, point
+    # The solver may fail on the way to an end that is hemmed in already: the far side of it is the cautious one.
+    if objects - done < HEMMED * _reach(line, index):
+        return _Walk(Side(centre + sign * objects, False), here)
     return _Walk(Side(None, True), here)
 
 

@@ -1,0 +1,56 @@
+"""The ends of a profile on made-up likelihoods: where the solver fails on the way, and where it does not."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identify.profile import CRITICAL, _walk
+
+STEP = 0.2  # mu_s - mu_k0 of the answer
+
+
+class Line:
+    """A line whose likelihood is a parabola of one coefficient, a wall beyond `cliff`, and between `first` and `last`
+    nothing that the solver settles on."""
+
+    def __init__(self, sd: float, cliff: float = np.inf, first: float = np.inf, last: float = np.inf) -> None:
+        open_ = np.full(2, np.inf)
+        self.unknowns = SimpleNamespace(
+            names=["mu_s", "mu_k0"], logarithmic=[False, False], lower=-open_, upper=open_, walls=np.zeros((2, 2), bool)
+        )
+        self.best = SimpleNamespace(theta=np.array([0.5, 0.5 - STEP]))
+        self._sd, self._cliff, self._gap = sd, cliff, (first, last)
+
+    def point(self, _near, index, value):
+        off = value - self.best.theta[index]
+        theta = self.best.theta.copy()
+        theta[index] = value
+        return None if self._gap[0] < off < self._gap[1] else SimpleNamespace(theta=theta)
+
+    def loss_root(self, point):
+        off = point.theta[0] - self.best.theta[0]
+        return abs(off) / self._sd + (20.0 if off >= self._cliff else 0.0)
+
+
+def side(line: Line):
+    return _walk(line, 0, 1.0, line._sd, line.best, 1.0).side
+
+
+@pytest.mark.parametrize("sd", [1e-4, 3e-3, 0.02])
+def test_a_parabola_ends_where_the_data_object(sd):
+    found = side(Line(sd))
+    assert found.end == pytest.approx(0.5 + sd * np.sqrt(CRITICAL), rel=1e-6) and not found.failed
+
+
+def test_a_wall_that_the_solver_cannot_come_near_is_an_end_on_its_far_side():
+    # the data hardly object up to 0.012; the solver fails just before the wall
+    found = side(Line(sd=0.01, cliff=0.0135, first=0.0125, last=0.0135))
+    assert not found.failed
+    assert 0.5 + 0.012 < found.end < 0.5 + 0.02
+
+
+def test_where_nothing_beyond_was_solved_or_only_far_away_the_side_stays_open():
+    for line in (Line(0.01, first=0.012), Line(0.08, cliff=0.14, first=0.05, last=0.14)):
+        found = side(line)
+        assert found.end is None and found.failed
