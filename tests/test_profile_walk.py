@@ -51,6 +51,6 @@ def test_a_wall_that_the_solver_cannot_come_near_is_an_end_on_its_far_side():
 
 
 def test_where_nothing_beyond_was_solved_or_only_far_away_the_side_stays_open():
-    for line in (Line(0.01, first=0.012), Line(0.08, cliff=0.14, first=0.05, last=0.14)):
+    for line in (Line(0.01, first=0.012), Line(0.02, cliff=0.03, first=0.004, last=0.03)):
         found = side(line)
         assert found.end is None and found.failed
