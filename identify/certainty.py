@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from identify.accuracy import AccuracyRow, accuracy_table
 from identify.agreement import contradiction, pulls_of_logs
@@ -25,7 +25,7 @@ from identify.passes import solve_in_passes
 from identify.profile import LEVEL, Profiles, profile
 from identify.ridge_ends import better_course, other_sign, strengthened
 from identify.shares import Share, share_estimates, shares
-from identify.uncertainty import Estimate, Information, Interval, estimates, information
+from identify.uncertainty import IDENTIFIED, Estimate, Information, Interval, estimates, information, sizes
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
 from identify.widened import widened
@@ -36,6 +36,7 @@ Progress = Callable[[str, float | None], None]
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
 DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
 CURVED = 0.012  # standard error of a logarithm beyond which the ridge along it may bend
+NEAR = 0.4  # of the longest side of a coefficient that is identified: a bent ridge may add what is missing
 CURVE_STEPS = 4  # of each side of a profile that is drawn
 
 
@@ -128,7 +129,7 @@ def certainty(
             if other is not None:
                 attempt, known, walked = other, information_at(other, unknowns), None
                 continue
-        along = None if asks else ridge(unknowns, covariance) if tells else []
+        along = None if asks else ridge(unknowns, covariance, solved.theta, base) if tells else []
         if walked is not None or not accepted or along == [] or tries == BETTER_TRIES:
             break
         steps = CURVE_STEPS if asked.profile else 1
@@ -257,11 +258,15 @@ def doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bo
     )
 
 
-def ridge(unknowns: Unknowns, covariance: Array) -> list[int]:
-    """The parameters that are so uncertain that the others may follow each of them on a bent path."""
-    free = np.flatnonzero(unknowns.free)
-    asked = (unknowns.logarithmic & ~rhythmic(unknowns))[free]
-    return free[asked & (np.sqrt(np.diag(covariance)) > CURVED)].tolist()
+def ridge(unknowns: Unknowns, covariance: Array, theta: Array, base: Array) -> list[int]:
+    """The parameters that are so uncertain that the others may follow each of them on a bent path; and with these the
+    coefficients whose verdict may hang on what that path adds to their intervals."""
+    free, sd = np.flatnonzero(unknowns.free), np.sqrt(np.diag(covariance))
+    asked, logarithmic = ~rhythmic(unknowns)[free], unknowns.logarithmic[free]
+    bent = asked & logarithmic & (sd > CURVED)
+    side = norm.ppf(0.5 + LEVEL / 2) * sd / sizes(unknowns, unknowns.values(theta, base))[free]
+    near = asked & ~logarithmic & (side > NEAR * IDENTIFIED)
+    return free[bent | near].tolist() if np.any(bent) else []
 
 
 def fine_enough(attempt: Attempt, unknowns: Unknowns, asked: Asked) -> tuple[Attempt, Information, dict[str, float]]:
