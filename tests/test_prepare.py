@@ -214,17 +214,15 @@ def test_a_rejected_log_is_left_out_with_its_reason_and_a_threshold_lets_it_in()
 
 
 @pytest.mark.parametrize("load", [0.0, -1.0])
-def test_a_log_without_a_load_is_left_out_and_the_others_are_not_lost(load):
+def test_a_log_without_a_load_is_left_out_and_the_fit_is_not_lost(load):
     record = _record()
     bad = Record(record.time, np.full(record.time.size, load), record.friction_force)
-    scene = Scene.from_document(_scene().as_document() | {"logs": [{"path": "a.csv"}, {"path": "b.csv"}]}, Path())
-    made = fit(scene, [record, bad]).result
-    assert made["logs"][0]["reason_left_out"] is None
-    assert (
-        "b.csv is rejected by the quality gate: the normal force is zero or pulls" in made["logs"][1]["reason_left_out"]
-    )
-    assert made["logs"][1]["normal_force_N"] == load
+    log = _prepared(bad)
+    assert log.left_out is not None
+    assert "a.csv is rejected by the quality gate: the normal force is zero or pulls" in log.left_out
+    assert _prepared(record).left_out is None
     alone = fit(_scene(), [bad]).result
+    assert alone["logs"][0]["normal_force_N"] == load
     assert alone["status"] != "converged" and "the normal force is zero or pulls" in alone["logs"][0]["reason_left_out"]
 
 
