@@ -9,7 +9,7 @@ by friction that rises, and no walk leads across. And where slips are hardly sam
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -41,99 +41,84 @@ def better_course(attempt: Attempt, unknowns: Unknowns, likely: Array) -> Attemp
     if likely.size == 0:
         return None
     widest = int(np.argmax(np.ptp(likely, axis=0) / unknowns.spread[free]))
-    best: Attempt | None = None
+    starts = []
     for end in {int(np.argmin(likely[:, widest])), int(np.argmax(likely[:, widest]))}:
         theta = attempt.solved.theta.copy()
         theta[free] += likely[end]
-        there = replace(unknowns, start=theta)
-        logs = list(attempt.prepared)
-        placed = place_on(logs, usable(logs), there)
-        if len(placed) < len(logs) or [g.course for *_, g in placed] == [g.course for g in attempt.solved.guesses]:
-            continue
-        tried = solve_placed(logs, placed, there, Clock())
-        if tried.gate.status is not Status.CONVERGED:
-            continue
-        limit = attempt.solved.solution.cost - CLEAR / 2 if best is None else best.solved.solution.cost
-        if tried.solved.solution.cost < limit:
-            best = replace(tried, logs=attempt.logs)
-    return best
+        starts.append(replace(unknowns, start=theta))
+    return _better(attempt, starts, other_course=True)
 
 
 def other_sign(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Return the better answer whose friction changes with the sliding speed the other way; None if there is none."""
-    start = _mirrored(attempt, unknowns)
-    logs = list(attempt.prepared)
-    placed = [] if start is None else place_on(logs, usable(logs), start)
-    if start is None or len(placed) < len(logs):
-        return None
-    tried = solve_placed(logs, placed, start, Clock())
-    better = tried.solved.solution.cost < attempt.solved.solution.cost - CLEAR / 2
-    return replace(tried, logs=attempt.logs) if better and tried.gate.status is Status.CONVERGED else None
+    return _better(attempt, _mirrored(attempt, unknowns))
 
 
 def strengthened(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Return the better answer whose contact strengthens at rest, where that of the answer weakens; None if there is
     none."""
-    best: Attempt | None = None
-    for start in _stronger(attempt, unknowns):
-        logs = list(attempt.prepared)
+    return _better(attempt, _stronger(attempt, unknowns))
+
+
+def _better(attempt: Attempt, starts: Iterable[Unknowns], *, other_course: bool = False) -> Attempt | None:
+    """The best accepted answer from any of these starts, if it is clearly better than this one; only from starts whose
+    motion takes another course, if that is asked for."""
+    logs = list(attempt.prepared)
+    best, limit = None, attempt.solved.solution.cost - CLEAR / 2
+    for start in starts:
         placed = place_on(logs, usable(logs), start)
-        if len(placed) < len(logs):
+        same = other_course and [g.course for *_, g in placed] == [g.course for g in attempt.solved.guesses]
+        if len(placed) < len(logs) or same:
             continue
         tried = solve_placed(logs, placed, start, Clock())
-        limit = attempt.solved.solution.cost - CLEAR / 2 if best is None else best.solved.solution.cost
         if tried.gate.status is Status.CONVERGED and tried.solved.solution.cost < limit:
-            best = replace(tried, logs=attempt.logs)
+            best, limit = replace(tried, logs=attempt.logs), tried.solved.solution.cost
     return best
 
 
-def _mirrored(attempt: Attempt, unknowns: Unknowns) -> Unknowns | None:
+def _mirrored(attempt: Attempt, unknowns: Unknowns) -> Iterator[Unknowns]:
     """A start with the friction coefficient that the fastest slip of the answer has, and with it about its motion, but
-    with a change of the other sign that is over at once; None where not all of this is searched."""
-    places, (fastest, level) = _searched(unknowns), _at_the_fastest(attempt, unknowns)
-    if places is None or not fastest > 0.0:
-        return None
-    mu_s, mu_k0, delta_mu_k, a = places
+    with a change of the other sign that is over at once; none where not all of this is searched."""
+    told = _at_the_fastest(attempt, unknowns)
+    if told is None:
+        return
+    (mu_s, mu_k0, delta_mu_k, a), fastest, level = told
     theta = attempt.solved.theta.copy()
     change = -float(np.copysign(SHARE * abs(theta[mu_s] - level), theta[delta_mu_k]))
     theta[[mu_k0, delta_mu_k, a]] = level - change, change, np.log(FULL / fastest)
-    return replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
+    yield replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
 
 
 def _stronger(attempt: Attempt, unknowns: Unknowns) -> Iterator[Unknowns]:
     """Starts with the same friction coefficient of the fastest slip, and the larger one of the answer's as that of a
     contact that has rested; none where the answer has mu_s above mu_k0, or not all of this is searched."""
-    places, (fastest, level) = _searched(unknowns), _at_the_fastest(attempt, unknowns)
-    ageing = [unknowns.names.index(name) for name in ("D", "t_cr") if name in unknowns.names]
-    sticks = np.concatenate([[np.inf], *(g.onset[1:] - g.arrest[: g.onset.size - 1] for g in attempt.solved.guesses)])
-    shortest = float(np.min(sticks))
-    if places is None or len(ageing) < 2 or not fastest > 0.0 or not 0.0 < shortest < np.inf:
+    told, names = _at_the_fastest(attempt, unknowns), unknowns.names
+    if told is None or "D" not in names or "t_cr" not in names:
         return
-    answer, (mu_s, mu_k0, delta_mu_k, a), (D, t_cr) = attempt.solved.theta, places, ageing
-    if answer[mu_s] >= answer[mu_k0]:
+    (mu_s, mu_k0, delta_mu_k, a), fastest, level = told
+    answer = attempt.solved.theta
+    sticks = np.concatenate([g.onset[1:] - g.arrest[: g.onset.size - 1] for g in attempt.solved.guesses])
+    if answer[mu_s] >= answer[mu_k0] or sticks.size == 0 or not np.min(sticks) > 0.0:
         return
     for share, turns in STRONGER:
         theta = answer.copy()
         change = -share * float(answer[mu_k0] - level)
         theta[[mu_s, mu_k0]] = answer[mu_k0], level - change
         theta[[delta_mu_k, a]] = change, np.log(turns / fastest)
-        theta[[D, t_cr]] = unknowns.start[D], np.log(AGED * shortest)
+        theta[names.index("D")] = unknowns.start[names.index("D")]
+        theta[names.index("t_cr")] = np.log(AGED * float(np.min(sticks)))
         yield replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
 
 
-def _searched(unknowns: Unknowns) -> list[int] | None:
-    """The places of the friction coefficients in theta, where all of them are searched and common to all logs."""
-    names = unknowns.names
-    asked = [names.index(name) for name in ("mu_s", "mu_k0", "delta_mu_k", "a") if name in names]
-    whole = len(asked) == 4 and np.all(unknowns.free[asked]) and not np.any(unknowns.own[asked])
-    return asked if whole else None
-
-
-def _at_the_fastest(attempt: Attempt, unknowns: Unknowns) -> tuple[float, float]:
-    """The highest sliding speed [m/s] of an answer, and its friction coefficient there; (0, 0) where nothing slides."""
-    places, theta = _searched(unknowns), attempt.solved.theta
+def _at_the_fastest(attempt: Attempt, unknowns: Unknowns) -> tuple[list[int], float, float] | None:
+    """The places of the friction coefficients in theta, the highest sliding speed [m/s] of an answer, and its friction
+    coefficient there; None where not all of them are searched and common to all logs, or nothing slides."""
+    names, theta = unknowns.names, attempt.solved.theta
+    places = [names.index(name) for name in ("mu_s", "mu_k0", "delta_mu_k", "a") if name in names]
+    if len(places) < 4 or not np.all(unknowns.free[places]) or np.any(unknowns.own[places]):
+        return None
     fastest = max((float(np.nanmax(g.slip[..., SPEED], initial=0.0)) for g in attempt.solved.guesses), default=0.0)
-    if places is None or not fastest > 0.0:
-        return 0.0, 0.0
+    if not fastest > 0.0:
+        return None
     _, mu_k0, delta_mu_k, a = places
-    return fastest, float(theta[mu_k0] - theta[delta_mu_k] * np.expm1(-fastest * np.exp(theta[a])))
+    return places, fastest, float(theta[mu_k0] - theta[delta_mu_k] * np.expm1(-fastest * np.exp(theta[a])))
