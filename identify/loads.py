@@ -10,11 +10,13 @@ from scipy.fft import dct, idct
 from scipy.interpolate import make_lsq_spline
 from scipy.ndimage import uniform_filter1d
 
+from data_io import Record
 from identify.drive import NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 SEGMENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 BINS = 2048  # means of samples a spline is fitted to: enough for the finest one
@@ -28,6 +30,32 @@ PER_PERIOD = 20  # straight pieces per period of the fastest rhythm
 MOST_DRAWN = 60_000
 CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course
 TREMBLES = 1e-3  # of the load: less is left in
+SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
+
+
+def as_modelled(
+    record: Record, used: Bools, window: tuple[float, float], *, follows: bool, name: str, cycles: int
+) -> tuple[NormalForce, float, float]:
+    """The normal force of a log as the model takes it: its course where the model follows it, else its mean.
+
+    Args:
+        used: (n,) samples that count; window: times [s] that are fitted; follows: what the model does; cycles: how
+            many will use it.
+
+    Returns:
+        the force, its standard deviation [N], and the swing that its mean hides (half its range, as a share).
+
+    Raises:
+        FitError: no finite value, or a force that is not positive throughout.
+    """
+    load, load_sd = smooth(record.time[used], record.normal_force[used], name, cycles)
+    if follows:
+        return load, load_sd, 0.0
+    begin, end = window
+    hidden = swing(load, begin, end)
+    hidden = hidden if hidden > SEEN * load_sd / float(np.mean(load.values)) else 0.0
+    inside = used & (record.time >= begin) & (record.time <= end)
+    return *level(record.time[inside], record.normal_force[inside], name, cycles), hidden
 
 
 def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> tuple[NormalForce, float]:

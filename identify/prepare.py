@@ -13,7 +13,7 @@ from identify.drive import Drive, NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
 from identify.judgement import Judgement, judge
-from identify.loads import level, smooth, swing
+from identify.loads import as_modelled
 from identify.manner import FEW, Manner, manner_of, moving_pieces
 from identify.parting import name_of
 from identify.scene import Scene
@@ -31,7 +31,6 @@ SHORT_RISE = 40  # samples: of a shorter first rise no line is drawn,
 SHORT_LOADING = 2.0  # half periods: nor of one that may end in a swing
 LOW = 0.15  # of such a rise: the fit begins at the last sample below
 CLEAR = 0.1  # of the loading line after the bend that is left out
-SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
 UNTOLD = NormalForce.of(1.0)  # [N], of a rejected log whose normal force is none
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
@@ -139,7 +138,9 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         begin, end = _course(record.time[inner], shown[inner], found, noise, manner, drive, half_period)
     reason = _reason(manner, falls, name) or _rejected(judgement, name)
     try:
-        load, load_sd, hidden = _load(record, used, name, found.count, (begin, end), unknowns.model.follows_load)
+        load, load_sd, hidden = as_modelled(
+            record, used, (begin, end), follows=unknowns.model.follows_load, name=name, cycles=found.count
+        )
     except FitError:
         if judgement.verdict != "reject":
             raise
@@ -183,20 +184,6 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         manner,
     )
     return replace(made, pieces=_pieces(made, noise, half_period)) if manner.name == "course" else made
-
-
-def _load(
-    record: Record, used: NDArray[np.bool_], name: str, cycles: int, window: tuple[float, float], follows: bool
-) -> tuple[NormalForce, float, float]:
-    """The normal force as the model takes it, its standard deviation [N], and the swing its mean hides (share)."""
-    load, load_sd = smooth(record.time[used], record.normal_force[used], name, cycles)
-    if follows:
-        return load, load_sd, 0.0
-    begin, end = window
-    hidden = swing(load, begin, end)
-    hidden = hidden if hidden > SEEN * load_sd / float(np.mean(load.values)) else 0.0
-    inside = np.flatnonzero(used & (record.time >= begin) & (record.time <= end))
-    return *level(record.time[inside], record.normal_force[inside], name, cycles), hidden
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
