@@ -26,6 +26,7 @@ BlockKind = Literal[
     "hold_reaged",
     "reageing",
     "slip",
+    "slip_trembling",
     "saturated",
     "released",
     "rest",
@@ -36,7 +37,8 @@ BlockKind = Literal[
 
 
 REST_CELLS = 6  # cubics per block of a rest that is no straight line
-SLIDES: tuple[BlockKind, ...] = ("slip", "saturated", "released")
+SLIDES: tuple[BlockKind, ...] = ("slip", "slip_trembling", "saturated", "released")
+TREMBLING: tuple[BlockKind, ...] = ("slip_trembling",)  # the deviation of the normal force goes over to another one
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Symbols:
     offset_start: ca.SX
     offset_end: ca.SX
     deviation: ca.SX
+    deviation_end: ca.SX
     theta: ca.SX
     base: ca.SX
     row_scale: ca.SX
@@ -67,10 +70,11 @@ class Symbols:
         sizes = {"start": n_x, "end": n_x, "theta": n_p, "base": n_p, "row_scale": n_x}
         return Symbols(**{name: ca.SX.sym(name, sizes.get(name, 1)) for name in Symbols.__annotations__})
 
-    def slots(self, with_end: bool) -> ca.SX:
-        """The local unknowns in their order (n_slots,); see `blocks.Block`."""
-        end = [self.end] if with_end else []
-        return ca.vertcat(self.start, *end, self.offset_start, self.offset_end, self.deviation, self.theta)
+    def slots(self, kind: BlockKind) -> ca.SX:
+        """The local unknowns of a kind in their order (n_slots,); see `blocks.Block`."""
+        end = [] if kind.startswith("rest") else [self.end]
+        deviations = [self.deviation, *([self.deviation_end] if kind in TREMBLING else [])]
+        return ca.vertcat(self.start, *end, self.offset_start, self.offset_end, *deviations, self.theta)
 
     @property
     def constants(self) -> ca.SX:
@@ -169,18 +173,22 @@ def _cells(s: Symbols, points: list[tuple[ca.SX, ca.SX]], fractions: list[ca.SX]
     return ca.vertcat(*curves)
 
 
-def _slip(model: Model, saturated: bool, steps: int, released: bool = False) -> tuple[Symbols, ca.SX, ca.SX]:
+def _slip(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca.SX]:
     """One shooting interval of a slip: RK4 steps, their defect at the end, a cubic Hermite curve per step.
 
-    Released: at its end the bounded state is about to leave its bound, one more row.
+    Released: at its end the bounded state is about to leave its bound, one more row. Trembling: the deviation of the
+    normal force is one at the onset and another in the end; its rate is none at the onset, where the pull would fall
+    behind the grip otherwise.
     """
     s = Symbols.of(model)
     p = s.parameters(model)
+    saturated = kind in ("saturated", "released")
     field = model.saturated if saturated else model.slip
+    swing = s.deviation_end - s.deviation if kind in TREMBLING else ca.SX(0)
     held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
 
     def inputs(t: ca.SX) -> ca.SX:
-        force = s.force_start + s.force_slope * (s.offset_start + t) + s.deviation
+        force = s.force_start + s.force_slope * (s.offset_start + t) + s.deviation + swing * (t / s.duration) ** 2
         return ca.vertcat(s.drive_speed, force, 1, s.since + s.offset_start + t)
 
     seed, state, inner = (
@@ -211,7 +219,7 @@ def _slip(model: Model, saturated: bool, steps: int, released: bool = False) -> 
 
     fractions = [s.first + (s.last - s.first) * j / steps for j in range(steps)]
     rows = [(s.end[i] - x[i]) / s.row_scale[i] for i in range(len(model.states)) if i not in held]
-    if released:
+    if kind == "released":
         freed = held[0]  # held rows are not used: the place of its scale holds that of its rate
         rows.append(model.slip(x, p, inputs(t))[freed] / s.row_scale[freed])
     return s, ca.vertcat(*rows), _cells(s, points, fractions, h)
@@ -259,7 +267,7 @@ def _composed(c: list[ca.SX], stretch: ca.SX, shift: ca.SX) -> ca.SX:
 def equations(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca.SX]:
     """Symbols, rows and curve of a block; `steps` RK4 steps per interval (slips only)."""
     if kind in SLIDES:
-        return _slip(model, kind != "slip", steps, kind == "released")
+        return _slip(model, kind, steps)
     if kind.startswith("steady"):
         return _steady(model, kind.endswith("saturated"))
     if kind == "reageing":

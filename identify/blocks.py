@@ -25,8 +25,8 @@ class Block:
 
     Slots, in order: state at the start (n_x,), state at the end (n_x,; absent in a rest), offset of the
     start time [s], offset of the end time [s], deviation of the normal force in this cycle from its measured
-    course [N], then the search variables (n_p,). Constants, in order:
-    base values of the parameters (n_p,), row scales (n_x,), drive speed, normal force at the start and at the
+    course [N] (of a trembling slip two: at its onset, in its end), then the search variables (n_p,). Constants, in
+    order: base values of the parameters (n_p,), row scales (n_x,), drive speed, normal force at the start and at the
     end of the phase and its slope, time of its start, reference duration of it, first and last fraction of it.
     """
 
@@ -84,7 +84,7 @@ def _second(made: Block, used: tuple[int, ...]) -> Mapped:
 def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
     """The block functions of one kind; `steps` RK4 steps per interval (slips only)."""
     s, rows, curve = equations(model, kind, steps)
-    slots = s.slots(with_end=not kind.startswith("rest"))
+    slots = s.slots(kind)
     values = ca.Function(f"{kind}_values", [slots, s.constants], [rows, curve])
     jacobians = [ca.densify(ca.jacobian(rows, slots)), ca.densify(ca.jacobian(curve, slots))]
     derivatives = ca.Function(f"{kind}_derivatives", [slots, s.constants], [rows, curve, *jacobians])

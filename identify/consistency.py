@@ -62,7 +62,7 @@ def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tup
     count = times.size
     if count == 0:
         return np.empty(0), np.empty(0)
-    load = np.asarray(log.normal_force.at(times)) + guess.deviation[parts]
+    load = np.asarray(log.normal_force.at(times)) + guess.sliding_deviation[parts]
     drive = np.array([log.speed_at(t) for t in times.tolist()])
     u = np.column_stack([drive, load, np.ones(count), times])
     lanes = [ends.T, np.repeat(p[:, None], count, axis=1), u.T]

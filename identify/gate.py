@@ -119,13 +119,14 @@ def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
     for data, guess, name in zip(solved.problem.logs, solved.guesses, names, strict=True):
         if not data.normal_force_sd > 0.0 or not guess.deviation.size:
             continue
-        off = guess.deviation / data.normal_force_sd
+        off = np.concatenate([guess.deviation, guess.slip_deviation]) / data.normal_force_sd
         excess = (float(off @ off) - off.size) / np.sqrt(2.0 * off.size)
         worst = int(np.argmax(np.abs(off)))
+        cycle = worst % guess.deviation.size
         if max(excess, abs(float(off[worst]))) > PER_CYCLE:
             return (
                 f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
-                f"errors of its measured course (cycle {worst + 1}): another start may fit, or friction drifts or "
+                f"errors of its measured course (cycle {cycle + 1}): another start may fit, or friction drifts or "
                 "differs from cycle to cycle; give start values, or add occlusion to effects"
             )
     return None

@@ -31,8 +31,9 @@ class LogData:
     time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked;
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
-    normal_force_sd [N] (0: exact); the fitted window [s]; groups (n_p): the group of logs it shares each parameter
-    with, "" for none; programme: the drive where it changes its speed within the window (None: drive_speed throughout).
+    normal_force_sd [N] (0: exact), tremor_sd [N] of it in fast rhythms (0: none); the fitted window [s]; groups (n_p):
+    the group of logs it shares each parameter with, "" for none; programme: the drive where it changes its speed
+    within the window (None: drive_speed throughout).
     """
 
     time: Array
@@ -47,6 +48,7 @@ class LogData:
     own: Array = field(default_factory=lambda: np.empty(0))
     groups: tuple[str, ...] = ()
     programme: Drive | None = None
+    tremor_sd: float = 0.0
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""
@@ -103,6 +105,7 @@ class Guess:
 
     start (n_x,): state at the begin of the window; onset, saturation, arrest (c,) [s], saturation NaN where
     the bounded state never reaches its bound; deviation (c,) of the normal force from its measured course [N];
+    slip_deviation (c,): that in the slip, where it has one of its own (empty: as at the onset);
     slip (c, n1 + 1, n_x) nodes from onset to
     saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest; own (n_p,): search variables
     this log has for itself (NaN: shared with the others; empty: all are); tail: what follows the last cycle where that
@@ -118,6 +121,7 @@ class Guess:
     saturated: Array
     own: Array = field(default_factory=lambda: np.empty(0))
     tail: tuple[Stretch, ...] = ()
+    slip_deviation: Array = field(default_factory=lambda: np.empty(0))
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log."""
@@ -151,6 +155,12 @@ class Guess:
     def saturates(self) -> NDArray[np.bool_]:
         """Per cycle, whether the bounded state reaches its bound."""
         return np.isfinite(self.saturation)
+
+    @property
+    def sliding_deviation(self) -> Array:
+        """Deviation of the normal force in every part (p,) [N] while the mass slides."""
+        own = self.slip_deviation
+        return np.concatenate([own, self.deviation[own.size :]])
 
     @property
     def course(self) -> tuple[tuple[bool, ...], tuple[tuple[str, str], ...]]:

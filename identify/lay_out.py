@@ -45,6 +45,7 @@ class _LogWalk:
         self.own = np.full(len(model.parameters), KNOWN)
         self.events = {name: np.full(guess.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
         self.loads = np.full(guess.parts, KNOWN)
+        self.loads_in_slips: list[int] = []
         self.tail: list[StretchPlaces] = []
         self.slip = np.full(guess.slip.shape, KNOWN)
         self.saturated = np.full(guess.saturated.shape, KNOWN)
@@ -88,6 +89,7 @@ class _LogWalk:
             self.saturated,
             self.own,
             tuple(self.tail),
+            np.array(self.loads_in_slips, dtype=np.int64),
         )
 
     def _last_rest(self, cycle: int) -> None:
@@ -131,6 +133,22 @@ class _LogWalk:
             self.loads[cycle] = self.c.add(self.guess.deviation[[cycle]], sd, mean=ZERO, sd=sd)[0]
         self.load = np.array([self.loads[cycle]])
         self.load_value = self.guess.deviation[[cycle]] if sd[0] > 0.0 else ZERO
+
+    def _falling(self, cycle: int, span: tuple[float, float], end: int, known_at_end: tuple[int, ...]) -> None:
+        """The slip until the bounded state is at its bound, or all of it.
+
+        Where the measured normal force misses fast rhythms, its deviation becomes another one on the way: a tremor goes
+        through half a period while a slip lasts.
+        """
+        kind: BlockKind = "slip"
+        if self.log.tremor_sd > 0.0:
+            kind = "slip_trembling"
+            sd, value = np.array([self.log.normal_force_sd]), self.guess.sliding_deviation[[cycle]]
+            index = self.c.add(value, sd, mean=ZERO, sd=sd)
+            self.loads_in_slips.append(int(index[0]))
+            self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
+        self._part(kind, cycle, self.slip, self.guess.slip[cycle], span, end, (), known_at_end)
+        self.load, self.load_value = self.load[-1:], self.load_value[-1:]
 
     def _constants(self, rows: Array, start: float, end: float, slope_at: float) -> Array:
         force_start, force_end = self.log.normal_force.at([start, end])
@@ -223,7 +241,7 @@ class _LogWalk:
         if self.guess.saturates[cycle] and self.held:
             index = self.c.event(self.tick, middle - on, arrest - middle)
             self.events["saturation"][cycle] = index
-            self._part("slip", cycle, self.slip, self.guess.slip[cycle], (on, middle), index, (), self.held)
+            self._falling(cycle, (on, middle), index, self.held)
             index = self.c.event(self.tick, arrest - middle, room)
             both = (*self.held, SPEED)
             self._part(
@@ -239,7 +257,7 @@ class _LogWalk:
             self.reaged = True
         else:
             index = self.c.event(self.tick, arrest - on, room)
-            self._part("slip", cycle, self.slip, self.guess.slip[cycle], (on, arrest), index, (), (SPEED,))
+            self._falling(cycle, (on, arrest), index, (SPEED,))
             self.reaged = False
         self.events["arrest"][cycle] = index
         self.since = arrest

@@ -6,7 +6,7 @@ otherwise rows become redundant and the multipliers never converge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,7 @@ class Places:
     saturated: Indices
     own: Indices
     tail: tuple[StretchPlaces, ...] = ()
+    slip_deviation: Indices = field(default_factory=lambda: np.empty(0, np.int64))
 
     @property
     def events(self) -> Indices:
@@ -94,6 +95,7 @@ class Places:
             state(self.saturated, guess.saturated),
             state(self.own, guess.own) if guess.own.size else guess.own,
             tuple(place.read(stretch, x) for place, stretch in zip(self.tail, guess.tail, strict=True)),
+            x[self.slip_deviation],
         )
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.interpolate import make_lsq_spline
 from scipy.ndimage import uniform_filter1d
+from scipy.stats import chi2
 
 from data_io import Record
 from identify.drive import NormalForce
@@ -22,20 +23,32 @@ SEGMENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 BINS = 2048  # means of samples a spline is fitted to: enough for the finest one
 WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaike's 2, so that noise stays out
 DRAWN = 8  # straight pieces per spline segment
-NEIGHBOURS = 9  # frequencies over which a spectrum is averaged
-STANDS_OUT = 6.0  # times the noise: white noise reaches it in one of ten million means over so many neighbours
-FEWEST_FOR_SPECTRUM = 256
+NEIGHBOURS = (3, 9, 27)  # frequencies over which a spectrum is averaged: a pulse is a line, a tremor a band
+SKIRT = 55  # lines about one that stands out in which more of its rhythm may hide
+FALSE_ALARMS = 0.01  # rhythms per log that white noise alone may show
+FEWEST_FOR_SPECTRUM = 64
 EVEN = 0.05  # of a sampling interval that intervals may differ, where a spectrum is taken
 PER_PERIOD = 20  # straight pieces per period of the fastest rhythm
 MOST_DRAWN = 60_000
 CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course
+BLURRED = 0.25  # of a tremor: error of its measured course from which on it is not followed
 TREMBLES = 1e-3  # of the load: less is left in
 SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
 
 
+@dataclass(frozen=True)
+class Course:
+    """A measured normal force as a line over time; sd [N] by which it may be off (0: exact); tremor_sd [N], the part of
+    it that lies in fast rhythms and is another one at the end of a slip than at its onset."""
+
+    force: NormalForce
+    sd: float = 0.0
+    tremor_sd: float = 0.0
+
+
 def as_modelled(
     record: Record, used: Bools, window: tuple[float, float], *, follows: bool, name: str, cycles: int
-) -> tuple[NormalForce, float, float]:
+) -> tuple[Course, float]:
     """The normal force of a log as the model takes it: its course where the model follows it, else its mean.
 
     Args:
@@ -43,22 +56,22 @@ def as_modelled(
             many will use it.
 
     Returns:
-        the force, its standard deviation [N], and the swing that its mean hides (half its range, as a share).
+        the force, and the swing that its mean hides (half its range, as a share).
 
     Raises:
         FitError: no finite value, or a force that is not positive throughout.
     """
-    load, load_sd = smooth(record.time[used], record.normal_force[used], name, cycles)
+    course = smooth(record.time[used], record.normal_force[used], name, cycles)
     if follows:
-        return load, load_sd, 0.0
+        return course, 0.0
     begin, end = window
-    hidden = swing(load, begin, end)
-    hidden = hidden if hidden > SEEN * load_sd / float(np.mean(load.values)) else 0.0
+    hidden = swing(course.force, begin, end)
+    hidden = hidden if hidden > SEEN * course.sd / float(np.mean(course.force.values)) else 0.0
     inside = used & (record.time >= begin) & (record.time <= end)
-    return *level(record.time[inside], record.normal_force[inside], name, cycles), hidden
+    return level(record.time[inside], record.normal_force[inside], name, cycles), hidden
 
 
-def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> tuple[NormalForce, float]:
+def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> Course:
     """The course of a measured normal force: level, or a cubic spline fitted by least squares; and its rhythms.
 
     The number of spline segments is the one with the best information criterion: noise is averaged away, drift
@@ -72,14 +85,14 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
             course is.
 
     Returns:
-        the course, and its standard deviation [N] as the noise leaves it; 0 where the file says one number.
+        the course, with its standard deviation as the noise leaves it; 0 where the file says one number.
 
     Raises:
         FitError: no finite value, or a force that is not positive throughout.
     """
     t, f = _finite(time, normal_force, name)
     if np.ptp(f) == 0.0 or t.size < 16:
-        return _checked(NormalForce.of(float(np.mean(f))), name), 0.0
+        return Course(_checked(NormalForce.of(float(np.mean(f))), name))
     centres, means, weights, noise = _binned(t, f)
     level = float(np.average(means, weights=weights))
     best, count = NormalForce.of(level), 1
@@ -96,10 +109,11 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
             drawn = np.linspace(centres[0], centres[-1], DRAWN * segments + 1)
             best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
     best, more = _with_rhythms(best, t, f)
-    return _checked(best, name), noise * float(np.sqrt(max(count + more, cycles) / t.size))
+    one = noise / float(np.sqrt(t.size))
+    return Course(_checked(best, name), one * float(np.sqrt(max(count + more, cycles))), one * float(np.sqrt(more)))
 
 
-def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, int]:
+def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, float]:
     """The course with what stands out of the noise in the spectrum of the rest, and how many numbers that took.
 
     Every frequency keeps the share of its amplitude that is not noise (Wiener's filter); none where the clock is
@@ -110,9 +124,7 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, i
     if t.size < FEWEST_FOR_SPECTRUM or float(np.max(np.abs(intervals - step))) > EVEN * step:
         return slow, 0
     lines = dct(f - slow.at(t), norm="ortho")
-    power = uniform_filter1d(lines**2, NEIGHBOURS, mode="nearest")
-    noise = float(np.median(power))
-    kept = np.where(power > STANDS_OUT * noise, 1.0 - noise / np.maximum(power, 1e-300), 0.0)
+    kept, lost = _standing_out(lines**2)
     if not np.any(kept):
         return slow, 0
     fastest = int(np.flatnonzero(kept)[-1]) + 1  # half periods in the record
@@ -125,10 +137,28 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, i
     inside = (at >= t[0]) & (at <= t[-1])
     places = np.unique(np.concatenate([at[inside], [t[0], t[-1]]]))
     course = slow.at(places) + np.interp(places, at, wave)
-    return NormalForce.of((places, np.maximum(course, 1e-9))), int(np.count_nonzero(kept))
+    return NormalForce.of((places, np.maximum(course, 1e-9))), float(np.sum(kept)) + lost
 
 
-def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> tuple[NormalForce, float]:
+def _standing_out(power: Array) -> tuple[Array, float]:
+    """Of every line of a spectrum (n,) the share of its amplitude that is no noise, 0 where it does not stand out; and
+    what is lost of the rhythms between the lines that do, in lines of noise.
+
+    The narrowest mean that stands out of what white noise reaches counts, and is left out of the wider ones.
+    """
+    noise = float(np.median(power)) / float(chi2.median(1))
+    kept, rest = np.zeros(power.size), power.copy()
+    for width in NEIGHBOURS:
+        mean = uniform_filter1d(rest, width, mode="nearest")
+        limit = float(chi2.isf(FALSE_ALARMS / (power.size * len(NEIGHBOURS)), width)) / width
+        high = (mean > limit * noise) & (kept == 0.0)
+        kept[high] = 1.0 - noise / mean[high]
+        rest[high] = noise
+    near = uniform_filter1d((kept > 0.0).astype(float), SKIRT, mode="constant") > 0.0
+    return kept, max(float(np.sum(rest[near])) / max(noise, 1e-300) - float(np.count_nonzero(near)), 0.0)
+
+
+def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> Course:
     """The mean of a measured normal force, and its standard error [N] as the white noise leaves it.
 
     Arguments and errors as `smooth`.
@@ -136,8 +166,8 @@ def level(time: Array, normal_force: Array, name: str = "the log", cycles: int =
     t, f = _finite(time, normal_force, name)
     mean = _checked(NormalForce.of(max(float(np.mean(f)), 1e-9)), name)
     if np.ptp(f) == 0.0 or t.size < 16:
-        return mean, 0.0
-    return mean, _binned(t, f)[3] * float(np.sqrt(max(cycles, 1) / t.size))
+        return Course(mean)
+    return Course(mean, _binned(t, f)[3] * float(np.sqrt(max(cycles, 1) / t.size)))
 
 
 def calmed(log: LogData) -> LogData:
@@ -156,7 +186,14 @@ def calmed(log: LogData) -> LogData:
     if not taken > TREMBLES * float(np.mean(force)):
         return log
     sd = float(np.hypot(log.normal_force_sd, taken))
-    return replace(log, normal_force=NormalForce.of((fine, calm)), normal_force_sd=sd)
+    return replace(log, normal_force=NormalForce.of((fine, calm)), normal_force_sd=sd, tremor_sd=taken)
+
+
+def as_far_as_seen(log: LogData) -> LogData:
+    """The log without the tremor of its normal force where the measurement blurs it: a tremor that is known badly
+    puts onsets where the pull falls behind the grip, and one that is counted as unknown does not."""
+    calm = calmed(log)
+    return calm if log.tremor_sd > BLURRED * calm.tremor_sd else log
 
 
 def swing(course: NormalForce, begin: float, end: float) -> float:

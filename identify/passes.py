@@ -157,7 +157,7 @@ def _in_passes(
         guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
         if coarse:  # what stood in for the tremor of the load is no error of its measurement
             guesses = [
-                g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation))
+                g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation), slip_deviation=np.empty(0))
                 for g, quiet, log in zip(guesses, calm, logs, strict=True)
             ]
         shift = _shift_in_samples(problem, solution, logs, formed_from)

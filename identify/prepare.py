@@ -13,7 +13,7 @@ from identify.drive import Drive, NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
 from identify.judgement import Judgement, judge
-from identify.loads import as_modelled
+from identify.loads import Course, as_far_as_seen, as_modelled
 from identify.manner import FEW, Manner, manner_of, moving_pieces
 from identify.parting import name_of
 from identify.scene import Scene
@@ -31,7 +31,7 @@ SHORT_RISE = 40  # samples: of a shorter first rise no line is drawn,
 SHORT_LOADING = 2.0  # half periods: nor of one that may end in a swing
 LOW = 0.15  # of such a rise: the fit begins at the last sample below
 CLEAR = 0.1  # of the loading line after the bend that is left out
-UNTOLD = NormalForce.of(1.0)  # [N], of a rejected log whose normal force is none
+UNTOLD = Course(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
@@ -138,31 +138,34 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         begin, end = _course(record.time[inner], shown[inner], found, noise, manner, drive, half_period)
     reason = _reason(manner, falls, name) or _rejected(judgement, name)
     try:
-        load, load_sd, hidden = as_modelled(
+        course, hidden = as_modelled(
             record, used, (begin, end), follows=unknowns.model.follows_load, name=name, cycles=found.count
         )
     except FitError:
         if judgement.verdict != "reject":
             raise
-        load, load_sd, hidden = UNTOLD, 0.0, 0.0  # the log is left out: nothing is computed with it
+        course, hidden = UNTOLD, 0.0  # the log is left out: nothing is computed with it
     else:
         programme = speed if drive.constant else tuple(zip(drive.starts, drive.speeds, strict=True))
-        scene.check_ranges(entry, programme, (min(load.values), max(load.values)))
-    load_sd = float(np.hypot(load_sd, REPEATABLE * np.mean(load.values)))
+        scene.check_ranges(entry, programme, (min(course.force.values), max(course.force.values)))
+    repeatable = float(REPEATABLE * np.mean(course.force.values))
+    load_sd = float(np.hypot(course.sd, repeatable))
     data = LogData(
         np.ascontiguousarray(record.time),
         np.nan_to_num(force),
         weight,
         unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
         speed,
-        load,
+        course.force,
         load_sd,
         begin,
         end,
         np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
         tuple("" if by is None or by == EACH_LOG else entry.labels[by] for by in unknowns.per),
         None if drive.constant else drive,
+        course.tremor_sd if course.tremor_sd > repeatable else 0.0,
     )
+    data = as_far_as_seen(data)
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
     counted = used & ~spikes
     estimated = rig.noise is None

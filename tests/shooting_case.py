@@ -70,12 +70,25 @@ def _simulated(pair: tuple[tuple[str, float], ...], speed: float, duration: floa
     return Log(truth, time, truth.force(time), speed)
 
 
-def log_data(log: Log, unknowns: Unknowns, *, noise_seed: int | None = None, load_sd: float = 0.0) -> LogData:
+def log_data(
+    log: Log, unknowns: Unknowns, *, noise_seed: int | None = None, load_sd: float = 0.0, tremor_sd: float = 0.0
+) -> LogData:
     """The log as the estimator sees it, with white noise drawn from `noise_seed`."""
     noise = 0.0 if noise_seed is None else NOISE * np.random.default_rng(noise_seed).standard_normal(log.time.size)
     weight = np.full(log.time.size, NOISE**-2)
     base, load = unknowns.base(RIG), NormalForce.of(LOAD)
-    return LogData(log.time, log.force + noise, weight, base, log.drive_speed, load, load_sd, 0.0, log.end)
+    return LogData(
+        log.time,
+        log.force + noise,
+        weight,
+        base,
+        log.drive_speed,
+        load,
+        load_sd,
+        0.0,
+        log.end,
+        tremor_sd=tremor_sd,
+    )
 
 
 def search_space(

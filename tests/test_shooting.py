@@ -20,11 +20,17 @@ FINE = Grid(slip=16, saturated=16, steps=4)
 
 
 def _problem(
-    pair=case.PAIR, free=case.FRICTION, load_sd=0.0, noise_seed=1, grid=SMALL, speeds=(case.SLOW, case.MIDDLE)
+    pair=case.PAIR,
+    free=case.FRICTION,
+    load_sd=0.0,
+    noise_seed=1,
+    grid=SMALL,
+    speeds=(case.SLOW, case.MIDDLE),
+    tremor_sd=0.0,
 ):
     logs = [case.simulated(pair, *speed) for speed in speeds]
     unknowns = case.search_space(pair, free)
-    data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd) for log in logs]
+    data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd, tremor_sd=tremor_sd) for log in logs]
     guesses = case.placed(unknowns, logs, data, grid)
     return transcribe(data, guesses, unknowns, grid), logs
 
@@ -48,6 +54,8 @@ def test_every_further_freedom_is_counted():
     problem, logs = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3)
     cycles = sum(log.cycles for log in logs)
     assert problem.layout.size - problem.layout.rows == 8 + 2 * len(logs) + cycles
+    trembling, _ = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3, tremor_sd=1e-3)
+    assert trembling.layout.size - trembling.layout.rows == 8 + 2 * len(logs) + 2 * cycles
 
 
 def test_rows_are_independent():
@@ -60,9 +68,11 @@ def test_rows_are_independent():
     assert np.linalg.svd(twice, compute_uv=False)[-1] < 1e-10, "a redundant row would be seen"
 
 
+@pytest.mark.parametrize("tremor", [0.0, 1e-3], ids=["calm", "trembling"])
 @pytest.mark.parametrize("pair", [case.PAIR, MIXED], ids=["saturating", "both types"])
-def test_derivatives_agree_with_central_differences(pair):
-    problem, _ = _problem(pair, free=(*case.FRICTION, "mass", "stiffness", "damping"), load_sd=1e-3)
+def test_derivatives_agree_with_central_differences(pair, tremor):
+    free = (*case.FRICTION, "mass", "stiffness", "damping")
+    problem, _ = _problem(pair, free=free, load_sd=1e-3, tremor_sd=tremor)
     z = _somewhere(problem)
     point = problem.evaluate(z, derivatives=True)
     random, h = np.random.default_rng(5), 1e-6
@@ -91,8 +101,9 @@ def test_hessian_is_that_of_the_linearised_residuals():
         assert direction @ hessian @ direction == pytest.approx(curvature, rel=1e-6)
 
 
-def test_exact_hessian_agrees_with_differences_of_the_gradient():
-    problem, _ = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)
+@pytest.mark.parametrize("tremor", [0.0, 1e-3], ids=["calm", "trembling"])
+def test_exact_hessian_agrees_with_differences_of_the_gradient(tremor):
+    problem, _ = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3, tremor_sd=tremor)
     z, h = _somewhere(problem, 1e-2), 1e-5
     multipliers = 30.0 * np.random.default_rng(7).standard_normal(problem.layout.rows)
 
