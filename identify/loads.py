@@ -31,7 +31,7 @@ EVEN = 0.05  # of a sampling interval that intervals may differ, where a spectru
 PER_PERIOD = 20  # straight pieces per period of the fastest rhythm
 MOST_DRAWN = 60_000
 CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course
-BLURRED = 0.25  # of a tremor: error of its measured course from which on it is not followed
+BLURRED = 0.5  # of a tremor: error of its measured course from which on it is not followed
 TREMBLES = 1e-3  # of the load: less is left in
 SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
 
@@ -108,13 +108,15 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
         if score < best_score:
             drawn = np.linspace(centres[0], centres[-1], DRAWN * segments + 1)
             best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
-    best, more = _with_rhythms(best, t, f)
+    best, more, fast = _with_rhythms(best, t, f)
+    fast += max(count - (t[-1] - t[0]) / CALM, 0.0)  # a spline of short segments
     one = noise / float(np.sqrt(t.size))
-    return Course(_checked(best, name), one * float(np.sqrt(max(count + more, cycles))), one * float(np.sqrt(more)))
+    return Course(_checked(best, name), one * float(np.sqrt(max(count + more, cycles))), one * float(np.sqrt(fast)))
 
 
-def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, float]:
-    """The course with what stands out of the noise in the spectrum of the rest, and how many numbers that took.
+def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, float, float]:
+    """The course with what stands out of the noise in the spectrum of the rest, how many numbers that took, and how
+    many of them are of rhythms faster than a calm course.
 
     Every frequency keeps the share of its amplitude that is not noise (Wiener's filter); none where the clock is
     uneven.
@@ -122,11 +124,11 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, f
     intervals = np.diff(t)
     step = float(np.median(intervals))
     if t.size < FEWEST_FOR_SPECTRUM or float(np.max(np.abs(intervals - step))) > EVEN * step:
-        return slow, 0
+        return slow, 0.0, 0.0
     lines = dct(f - slow.at(t), norm="ortho")
     kept, lost = _standing_out(lines**2)
     if not np.any(kept):
-        return slow, 0
+        return slow, 0.0, 0.0
     fastest = int(np.flatnonzero(kept)[-1]) + 1  # half periods in the record
     finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
     padded = np.concatenate([kept * lines, np.zeros((finer - 1) * t.size)])
@@ -136,13 +138,15 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, f
     at, wave = at[::coarser], wave[::coarser]
     inside = (at >= t[0]) & (at <= t[-1])
     places = np.unique(np.concatenate([at[inside], [t[0], t[-1]]]))
+    calm = int(2.0 * (t[-1] - t[0]) / CALM)  # lines of slower rhythms
     course = slow.at(places) + np.interp(places, at, wave)
-    return NormalForce.of((places, np.maximum(course, 1e-9))), float(np.sum(kept)) + lost
+    whole, fast = (float(np.sum(kept[first:]) + max(np.sum(lost[first:]), 0.0)) for first in (0, calm))
+    return NormalForce.of((places, np.maximum(course, 1e-9))), whole, fast
 
 
-def _standing_out(power: Array) -> tuple[Array, float]:
+def _standing_out(power: Array) -> tuple[Array, Array]:
     """Of every line of a spectrum (n,) the share of its amplitude that is no noise, 0 where it does not stand out; and
-    what is lost of the rhythms between the lines that do, in lines of noise.
+    by how much its power, lost near a line that does, exceeds the noise, as a share of it.
 
     The narrowest mean that stands out of what white noise reaches counts, and is left out of the wider ones.
     """
@@ -155,7 +159,7 @@ def _standing_out(power: Array) -> tuple[Array, float]:
         kept[high] = 1.0 - noise / mean[high]
         rest[high] = noise
     near = uniform_filter1d((kept > 0.0).astype(float), SKIRT, mode="constant") > 0.0
-    return kept, max(float(np.sum(rest[near])) / max(noise, 1e-300) - float(np.count_nonzero(near)), 0.0)
+    return kept, np.where(near, rest / max(noise, 1e-300) - 1.0, 0.0)
 
 
 def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> Course:

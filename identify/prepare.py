@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
+SWINGS = 3.0  # times that: error of the load in fast rhythms from which on a slip has one of its own
 RISE = (0.4, 0.9)  # of the first rise: the stretch its straight line is taken from
 SHORT_RISE = 40  # samples: of a shorter first rise no line is drawn,
 SHORT_LOADING = 2.0  # half periods: nor of one that may end in a swing
@@ -163,7 +164,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
         tuple("" if by is None or by == EACH_LOG else entry.labels[by] for by in unknowns.per),
         None if drive.constant else drive,
-        course.tremor_sd if course.tremor_sd > repeatable else 0.0,
+        course.tremor_sd if course.tremor_sd > SWINGS * repeatable else 0.0,
     )
     data = as_far_as_seen(data)
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
