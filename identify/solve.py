@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 STANDSTILL = 1e-3  # of half chi^2 per iteration
 QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
+OUT_OF_ORDER = "Events_Out_Of_Order"
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,12 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
     }
 
 
+def _not_begun(problem: Problem) -> Solution:
+    """Of a guess whose events do not follow each other no solve can begin: a failure like others, at its start."""
+    n = problem.layout.size
+    return Solution(problem.start, problem.layout.start, np.zeros(n), OUT_OF_ORDER, False, 0, np.inf, np.inf)
+
+
 def solve(
     problem: Problem,
     *,
@@ -140,9 +147,14 @@ def solve(
         exact: with the exact Hessian instead of Gauss-Newton: dearer per iteration, but it does not creep along
             ridges; only near a solution.
         log: file for the solver's own words; default none.
+
+    Returns:
+        what the solver gave back; a failure with infinite cost where the events of the guess do not follow each other.
     """
-    ports = _ports(problem, exact)
     layout = problem.layout
+    if np.any(layout.lower > layout.upper):
+        return _not_begun(problem)
+    ports = _ports(problem, exact)
     options: dict[str, Any] = {
         "print_time": False,
         "no_nlp_grad": True,

@@ -233,6 +233,19 @@ def test_the_passes_end_where_the_noise_is():
     assert abs(chi2 - 1.0) < 5 * np.sqrt(2 / solved.problem.samples)
 
 
+def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
+    # It ended a fit with CasADi's own error: "Ill-posed problem detected".
+    problem, logs = _problem(load_sd=1e-4)
+    unknowns = problem.layout.unknowns
+    guesses = case.placed(unknowns, logs, problem.logs, COARSE)
+    late = guesses[0].arrest.copy()
+    late[0] = guesses[0].onset[1] + 0.01
+    solved = solve_in_passes(problem.logs, [replace(guesses[0], arrest=late), guesses[1]], unknowns)
+    assert not solved.solution.success and solved.solution.cost == np.inf
+    assert solved.solution.words == "Events_Out_Of_Order"
+    assert solve_in_passes(problem.logs, guesses, unknowns).solution.success
+
+
 @pytest.mark.parametrize("wrong", ["nothing", "no contact ageing", "mass", "drive speed"])
 def test_a_wrong_model_does_not_fit(wrong):
     """Exact data: what remains of half chi^2 is the model's own error in units of the noise."""
