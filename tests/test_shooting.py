@@ -239,7 +239,7 @@ def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
     unknowns = problem.layout.unknowns
     guesses = case.placed(unknowns, logs, problem.logs, COARSE)
     late = guesses[0].arrest.copy()
-    late[0] = guesses[0].onset[1] + 0.01
+    late[0] = guesses[0].onset[1] + 0.5
     solved = solve_in_passes(problem.logs, [replace(guesses[0], arrest=late), guesses[1]], unknowns)
     assert not solved.solution.success and solved.solution.cost == np.inf
     assert solved.solution.words == "Events_Out_Of_Order"
