@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify import window
 from identify.cutting import Account, account, cut_and_correct
 from identify.drive import Drive, NormalForce
 from identify.errors import FitError
@@ -18,7 +19,7 @@ from identify.manner import FEW, Manner, manner_of, moving_pieces
 from identify.parting import name_of
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
-from identify.segment import STICK, Segmentation, segment
+from identify.segment import Segmentation, segment
 from identify.slip_quality import Part
 from identify.unknowns import Unknowns
 
@@ -27,13 +28,7 @@ Array = NDArray[np.float64]
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 SWINGS = 3.0  # times that: error of the load in fast rhythms from which on a slip has one of its own
-RISE = (0.4, 0.9)  # of the first rise: the stretch its straight line is taken from
-SHORT_RISE = 40  # samples: of a shorter first rise no line is drawn,
-SHORT_LOADING = 2.0  # half periods: nor of one that may end in a swing
-LOW = 0.15  # of such a rise: the fit begins at the last sample below
-CLEAR = 0.1  # of the loading line after the bend that is left out
 UNTOLD = Course(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
-ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
 @dataclass(frozen=True)
@@ -134,9 +129,9 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         found, record.time[inner], shown[inner], falls, noise=noise, half_period=half_period, drive=drive
     )
     if manner.name == "cycles":
-        begin, end = _window(record.time[inner], shown[inner], found, noise, entry.skip_cycles)
+        begin, end = window.of_cycles(record.time[inner], shown[inner], found, noise, entry.skip_cycles)
     else:
-        begin, end = _course(record.time[inner], shown[inner], found, noise, manner, drive, half_period)
+        begin, end = window.of_a_course(record.time[inner], shown[inner], found, noise, manner, drive, half_period)
     reason = _reason(manner, falls, name) or _rejected(judgement, name)
     try:
         course, hidden = as_modelled(
@@ -215,79 +210,6 @@ def _sign(entry: LogEntry, force: Array) -> int:
     return -1 if float(np.nanmedian(force)) < 0.0 else 1
 
 
-def _window(time: Array, force: Array, found: Segmentation, noise: float, skip: int) -> tuple[float, float]:
-    """The part of the record the estimator takes: from the first stick that is a straight line on.
-
-    A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip`
-    cycles (running-in) it starts in the stick that follows them.
-    """
-    cycles = found.cycles
-    begin, end = float(time[0]), float(time[-1])
-    if cycles.count == 0:
-        return begin, end
-    if skip and skip < cycles.count:
-        begin = float(cycles.arrest[skip - 1] + 0.3 * (cycles.onset[skip] - cycles.arrest[skip - 1]))
-        return begin, end
-    onset = float(cycles.onset[0])
-    if found.begins_in_slip:
-        resting = np.flatnonzero((found.phase == STICK) & (time < onset))
-        begin = float(time[resting[0]]) if resting.size else begin
-        begin += 0.3 * (onset - begin)
-    return max(begin, _line_start(time, force, begin, onset, noise)), end
-
-
-def _line_start(time: Array, force: Array, begin: float, onset: float, noise: float) -> float:
-    """Where the straight loading line of the first stick begins: earlier samples do not lie on it."""
-    first, last = np.searchsorted(time, [begin, onset])
-    t, f = time[first:last], force[first:last]
-    good = np.isfinite(f)
-    t, f = t[good], f[good]
-    if t.size < 12:
-        return begin
-    # The upper part of the rise, by force and not by time: however long the machine waited before it.
-    width = max(min(t.size // 10, 25), 1)
-    flat = np.convolve(f, np.ones(width) / width, mode="same")[width // 2 : t.size - width // 2]
-    low, high = float(np.min(flat)), float(np.max(flat))
-    below = [int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE]
-    late = slice(below[0], max(below[1], below[0] + 3))
-    slope, level = np.polyfit(t[late], f[late], 1)
-    off = np.convolve(f - (slope * t + level), np.ones(width) / width, mode="valid")
-    centre = t[width // 2 : width // 2 + off.size]
-    # The line itself is uncertain where it is extrapolated: twice the late stretch away, about three times as much.
-    n = max(late.stop - late.start, 3)
-    reach = np.abs(centre - np.mean(t[late])) / max(np.std(t[late]), 1e-300)
-    sd = noise * np.sqrt(1.0 / width + (1.0 + reach**2) / n)
-    wrong = np.flatnonzero((np.abs(off) > ONSET_MARGIN * sd) & (centre < t[late][0]))
-    if wrong.size == 0:
-        return begin
-    # Where the difference was last seen it had become small, not nought: a little of the line is left out as well.
-    bend = float(centre[wrong[-1]] + width * np.median(np.diff(t)))
-    return bend + CLEAR * max(float(t[late][0]) - bend, 0.0)
-
-
-def _course(
-    time: Array, force: Array, found: Segmentation, noise: float, manner: Manner, drive: Drive, half_period: float
-) -> tuple[float, float]:
-    """The part of a record without a train of cycles that the estimator takes."""
-    begin, end = float(time[0]), float(time[-1])
-    if manner.name == "sliding":
-        return (begin if manner.settled is None else manner.settled), end
-    if manner.begins_sliding:
-        return begin, end
-    resting = found.phase == STICK
-    first = float(time[int(np.argmin(resting))]) if not np.all(resting) else end
-    first = min([first, *found.cycles.onset[:1].tolist()])
-    rising = np.flatnonzero((time <= first) & np.isfinite(force))
-    rising = rising[: int(np.argmax(force[rising])) + 1] if rising.size else rising
-    brief = rising.size and time[rising[-1]] - time[rising[0]] < SHORT_LOADING * half_period
-    if 0 < rising.size < SHORT_RISE or brief:
-        low, high = float(np.min(force[rising])), float(force[rising[-1]])
-        return float(time[rising[np.flatnonzero(force[rising] <= low + LOW * (high - low))[-1]]]), end
-    # While the drive stands, or starts anew, a force that only rises is no straight line.
-    moving = max((a for a, _, _ in moving_pieces(drive, begin, end) if a < first), default=begin)
-    return (_line_start(time, force, begin, first, noise) if moving == begin else begin), end
-
-
 def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, ...]:
     """The stretches of constant speed of a course in which cycles repeat, or the mass slides steadily, as logs of their
     own: what a start is taken from."""
@@ -300,7 +222,7 @@ def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, 
         manner = manner_of(found, time, force, found.cycles.fall, noise=noise, half_period=half_period, drive=drive)
         falls = np.empty(0)
         if manner.name == "cycles" and found.count >= FEW:
-            begin, end = _window(time, force, found, noise, 0)
+            begin, end = window.of_cycles(time, force, found, noise, 0)
             falls = found.cycles.fall
         elif manner.name != "cycles" and manner.settled is not None:
             begin, end, manner = manner.settled, float(time[-1]), replace(manner, name="sliding")

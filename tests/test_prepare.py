@@ -162,8 +162,8 @@ def test_the_mean_of_noise_alone_is_as_certain_as_noise_lets_it_be():
     errors = []
     for seed in range(200):
         noise = 1e-2 * np.random.default_rng(seed).standard_normal(400)
-        force, sd = level(np.arange(400) / 100.0, 2.0 + noise)
-        errors.append((force.values[0] - 2.0) / sd)
+        made = level(np.arange(400) / 100.0, 2.0 + noise)
+        errors.append((made.force.values[0] - 2.0) / made.sd)
     assert 0.85 < np.std(errors) < 1.15
 
 
