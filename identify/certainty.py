@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from identify.accuracy import AccuracyRow, accuracy_table
 from identify.agreement import contradiction, pulls_of_logs
@@ -20,9 +20,10 @@ from identify.discretisation import discretisation_error
 from identify.gate import Gate
 from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
+from identify.level import LEVEL, NORMAL
 from identify.outcome import Status
 from identify.passes import solve_in_passes
-from identify.profile import LEVEL, Profiles, profile
+from identify.profile import Profiles, profile
 from identify.ridge_ends import better_course, other_sign, strengthened
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import IDENTIFIED, Estimate, Information, Interval, estimates, information, sizes
@@ -264,7 +265,7 @@ def ridge(unknowns: Unknowns, covariance: Array, theta: Array, base: Array) -> l
     free, sd = np.flatnonzero(unknowns.free), np.sqrt(np.diag(covariance))
     asked, logarithmic = ~rhythmic(unknowns)[free], unknowns.logarithmic[free]
     bent = asked & logarithmic & (sd > CURVED)
-    side = norm.ppf(0.5 + LEVEL / 2) * sd / sizes(unknowns, unknowns.values(theta, base))[free]
+    side = NORMAL * sd / sizes(unknowns, unknowns.values(theta, base))[free]
     near = asked & ~logarithmic & (side > NEAR * IDENTIFIED)
     return free[bent | near].tolist() if np.any(bent) else []
 

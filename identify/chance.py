@@ -17,6 +17,7 @@ from scipy.stats import beta, norm
 
 from identify.cycle import CycleMap
 from identify.drawn import POINT, Drawn, draw, unknown
+from identify.level import LEVEL
 from identify.model import Model
 from identify.orbit import Orbit, close, settle
 from identify.prospect import Outcome, Prospect, long_enough
@@ -26,7 +27,6 @@ from identify.spread import Interval, Spread
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.95
 DRAWS = 400
 LEAST_DRAWS = 40  # that stick and slip, for an interval of their jumps
 ALIKE = 0.1  # of a half width, by which ends of a linear and a sampled interval may differ to be called alike

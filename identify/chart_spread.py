@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from identify.axes import Axis, Site, axis
 from identify.chart import Boundary
+from identify.level import NORMAL
 from identify.plane import Plane
 
 Array = NDArray[np.float64]
 
 LEVEL = 5.991464547107979  # chi-square of two dimensions, 95 %
-NORMAL = 1.959963984540054  # half width of a 95 % interval in standard deviations
 STEP = 1e-6  # relative, of what the covariance names
 WIDEST = 0.5  # half width of a band, as a share of the map, beyond which nothing is drawn
 CORNERS = 181  # of an ellipse

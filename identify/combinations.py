@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.level import NORMAL
+
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 SHARPER = 1.5  # times: how much better a combination must be known than its worst part to be listed
 SHOWN = 0.2  # of the largest part of a direction: smaller parts are not named
-QUANTILE = 1.959964
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Combination:
     def interval(self) -> tuple[float, float]:
         """The 95 % interval, in the logarithm: a combination keeps its sign."""
         with np.errstate(over="ignore"):
-            wide = float(np.exp(QUANTILE * self.standard_error / abs(self.value)))
+            wide = float(np.exp(NORMAL * self.standard_error / abs(self.value)))
         low, high = sorted((self.value / wide, self.value * wide))
         return low, high
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.certainty import Certainty
+from identify.level import LEVEL
 from identify.profile import CRITICAL
-from identify.uncertainty import LEVEL, parameter_value
+from identify.uncertainty import parameter_value
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from identify.level import LEVEL
 from identify.passes import Solved
 from identify.prepare import Prepared
 from identify.profile_line import ProfileLine, ProfilePoint
-from identify.uncertainty import LEVEL, WEAK
+from identify.uncertainty import WEAK
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
 

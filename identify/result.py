@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from data_io import Record
 from data_io.record import within
@@ -19,13 +18,14 @@ from identify.classical import classical_table
 from identify.depth import depth_document, noise_note, profile_ends
 from identify.findings import Findings
 from identify.held import held_document
+from identify.level import LEVEL, NORMAL
 from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Status
 from identify.parting import part_of
 from identify.prepare import Prepared
 from identify.scene import Scene
-from identify.uncertainty import LEVEL, Estimate
+from identify.uncertainty import Estimate
 from identify.unknowns import Unknowns, stated_rig
 
 Array = NDArray[np.float64]
@@ -215,7 +215,7 @@ def _derived(found: Findings) -> dict[str, Any]:
     log_ratio = float(theta[names.index("D")] - theta[names.index("t_cr")])
     free = np.flatnonzero(found.unknowns.free)
     slope = (free == names.index("D")).astype(float) - (free == names.index("t_cr")).astype(float)
-    half = float(norm.ppf(0.5 + LEVEL / 2)) * math.sqrt(float(slope @ found.covariance @ slope))
+    half = NORMAL * math.sqrt(float(slope @ found.covariance @ slope))
     ends = [_finite(_exp(log_ratio - half)), _finite(_exp(log_ratio + half))]
     validity = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
     if open_:

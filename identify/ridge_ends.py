@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from identify.attempt import Attempt, Clock, place_on, solve_placed, usable
+from identify.level import LEVEL
 from identify.model import SPEED
 from identify.outcome import Status
-from identify.uncertainty import LEVEL
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.level import NORMAL
 from identify.model import Model
 
 Array = NDArray[np.float64]
 
-NORMAL = 1.959963984540054  # half width of a 95 % interval in standard deviations
 UNRESOLVED = 0.5  # standard deviation of a direction, in sizes of its parameters
 NOTICED = 0.02  # share of a quantity that an unresolved direction may move without opening its interval
 DEPENDS = 1e-9  # share of a quantity per size of a parameter of unknown variance

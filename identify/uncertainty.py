@@ -14,16 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from identify.equilibrated import solve_equilibrated
 from identify.layout import kept_parameters
+from identify.level import NORMAL
 from identify.shooting import Problem
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.95
 SPEED_STEP = 1e-5  # relative, of the drive speed
 IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
 
@@ -167,7 +166,7 @@ def estimates(
     values = unknowns.values(theta, base)
     sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
     size_of = sizes(unknowns, values)
-    quantile = float(norm.ppf(0.5 + LEVEL / 2))
+    quantile = NORMAL
     out = []
     source = unknowns.source.tolist()
     for i, declared in enumerate(unknowns.model.parameters):

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 from scipy.stats import t as student
 
 from identify.comparing.compare import Comparison
 from identify.comparing.points import Common
+from identify.level import LEVEL, NORMAL
 from identify.outlook import OperatingPoint, outlooks
 from identify.pooling.joint import Joint, Together
-from identify.pooling.pooled import LEVEL, predictive
+from identify.pooling.pooled import predictive
 from identify.sliding import slidings
 
 Array = NDArray[np.float64]
@@ -135,7 +135,7 @@ def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence
     for k, name in enumerate(names):
         values[name] = quantities[name].shown(float(found.mean[k]))
         slope[k] = values[name] if quantities[name].logarithmic else 1.0
-    normal = float(norm.ppf(0.5 + LEVEL / 2))
+    normal = NORMAL
     wide = student.ppf(0.5 + LEVEL / 2, np.maximum(found.df, LEAST_DF)) / normal
     ahead = [predictive(comparison.answered[name], group) for name in names]
     further = student.ppf(0.5 + LEVEL / 2, np.maximum([a[2] for a in ahead], LEAST_DF)) / normal
@@ -247,6 +247,6 @@ def _friction(ground: Common, spreads: _Spreads) -> Curve:
     found = slidings(ground.model, everything, np.tile(speeds, len(moved)), load)
     mu = np.array([s.force for s in found]).reshape(len(moved), len(speeds)) / ground.normal_force
     slopes = (mu[1::2] - mu[2::2]) / (2.0 * steps[:, None])
-    half = float(norm.ppf(0.5 + LEVEL / 2))
+    half = NORMAL
     bands = [half * np.sqrt(np.einsum("kv,kl,lv->v", slopes, C, slopes)) for C in (spreads.mean, spreads.people)]
     return Curve(speeds, mu[0], mu[0] - bands[0], mu[0] + bands[0], mu[0] - bands[1], mu[0] + bands[1])

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from identify.comparing.fits import FitEntry
 from identify.effects import ALL
-from identify.pooling.pooled import LEVEL
+from identify.level import NORMAL
 
 Array = NDArray[np.float64]
 
 TOLD = ("identified", "weak")
-NORMAL = 1.959963984540054
 DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
-assert LEVEL == 0.95
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from identify.level import LEVEL
 from identify.pooling.design import RUN, SUBJECT, SUBJECT_BY_GROUP, Design, Setting, design
 from identify.pooling.mixed import Mixed, fit_mixed
 from identify.pooling.simultaneous import below, critical
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.95
 DIFFERENT, NOT_TOLD_APART, NOT_TESTED = "different", "not told apart", "not tested"
 LEAST_DF = 0.9  # below this an interval says nothing
 MOST_GROUPS = 30  # beyond these, pairs are too many to be told apart, and to be looked at
