@@ -133,6 +133,11 @@ class Guess:
         return self.onset.size
 
     @property
+    def sticks(self) -> Array:
+        """How long the mass sticks between slips (c - 1,) [s]."""
+        return self.onset[1:] - self.arrest[:-1]
+
+    @property
     def arrests(self) -> int:
         """How often the mass comes to rest."""
         return self.cycles + sum(stretch.ended_by == "arrest" for stretch in self.tail)

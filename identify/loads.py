@@ -31,7 +31,8 @@ EVEN = 0.05  # of a sampling interval that intervals may differ, where a spectru
 PER_PERIOD = 20  # straight pieces per period of the fastest rhythm
 MOST_DRAWN = 60_000
 CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course
-BLURRED = 0.5  # of a tremor: error of its measured course from which on it is not followed
+OUTRUN = 3.0  # times the pull: rate of a trembling grip from which on a contact slips a little before it slips
+BLURRED = 0.4  # of a tremor: error of its measured course from which on it is not followed
 TREMBLES = 1e-3  # of the load: less is left in
 SEEN = 5.0  # standard errors of its course from which on a normal force is said to vary
 
@@ -193,11 +194,24 @@ def calmed(log: LogData) -> LogData:
     return replace(log, normal_force=NormalForce.of((fine, calm)), normal_force_sd=sd, tremor_sd=taken)
 
 
-def as_far_as_seen(log: LogData) -> LogData:
-    """The log without the tremor of its normal force where the measurement blurs it: a tremor that is known badly
-    puts onsets where the pull falls behind the grip, and one that is counted as unknown does not."""
+def as_far_as_told(log: LogData, coefficient: float, pull: float) -> LogData:
+    """The log without the tremor of its normal force where no fit can follow it.
+
+    One that the measurement blurs puts onsets where the pull falls behind the grip. And where the grip trembles much
+    faster than the drive pulls, it dips below the pull again and again before a slip: the mass moves a little each time, which
+    is not seen in the force and renews the contact. What is taken out counts to the error of the load.
+
+    Args:
+        coefficient: friction over normal force at an onset; pull [N/s]: by which a stick loads.
+    """
     calm = calmed(log)
-    return calm if log.tremor_sd > BLURRED * calm.tremor_sd else log
+    if calm is log:
+        return log
+    times, values = np.asarray(log.normal_force.times), np.asarray(log.normal_force.values)
+    steps = np.diff(times)
+    rates = np.diff(values - calm.normal_force.at(times)) / steps
+    fastest = float(np.sqrt(2.0 * np.average(rates**2, weights=steps)))
+    return calm if log.tremor_sd > BLURRED * calm.tremor_sd or coefficient * fastest > OUTRUN * pull else log
 
 
 def swing(course: NormalForce, begin: float, end: float) -> float:

@@ -14,7 +14,7 @@ from identify.drive import Drive, NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
 from identify.judgement import Judgement, judge
-from identify.loads import Course, as_far_as_seen, as_modelled
+from identify.loads import Course, as_far_as_told, as_modelled
 from identify.manner import FEW, Manner, manner_of, moving_pieces
 from identify.parting import name_of
 from identify.scene import Scene
@@ -161,7 +161,9 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         None if drive.constant else drive,
         course.tremor_sd if course.tremor_sd > SWINGS * repeatable else 0.0,
     )
-    data = as_far_as_seen(data)
+    if found.count and found.stick_slope is not None:
+        coefficient = float(np.median(found.cycles.onset_force)) / float(np.mean(course.force.values))
+        data = as_far_as_told(data, coefficient, found.stick_slope[0])
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
     counted = used & ~spikes
     estimated = rig.noise is None

@@ -17,7 +17,7 @@ from identify.drive import NormalForce
 from identify.effects import MAIN
 from identify.guess import LogData
 from identify.identification import find
-from identify.loads import as_far_as_seen, smooth
+from identify.loads import as_far_as_told, smooth
 from identify.local_fits import noise_on_lines
 from identify.model import assemble
 from identify.outcome import Status
@@ -158,8 +158,9 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
     assert costs[0.0] > costs[5e-3] + 20.0, "a load that is one number per cycle cannot say it"
 
 
-def test_a_tremor_is_followed_only_where_it_is_seen_well():
-    for rate, followed in ((50.0, False), (1000.0, True)):
+def test_a_tremor_is_followed_only_where_it_is_seen_well_and_slower_than_the_drive_pulls():
+    # 0.62 times 1.3 N times 0.005 times 2 pi 9.7 Hz: the grip trembles by 0.25 N/s.
+    for rate, pull, followed in ((50.0, 0.5, False), (1000.0, 0.5, True), (1000.0, 0.05, False)):
         times = np.arange(int(5 * rate)) / rate
         seen = _load(times) + NOISE * np.random.default_rng(2).standard_normal(times.size)
         course = smooth(times, seen, cycles=3)
@@ -176,7 +177,7 @@ def test_a_tremor_is_followed_only_where_it_is_seen_well():
             5.0,
             tremor_sd=course.tremor_sd,
         )
-        taken = as_far_as_seen(log)
+        taken = as_far_as_told(log, 0.62, pull)
         assert (taken is log) == followed
         off = taken.normal_force.at(times) - _load(times)
         assert float(np.std(off)) < 1.3 * taken.normal_force_sd
