@@ -198,8 +198,8 @@ def as_far_as_told(log: LogData, coefficient: float, pull: float) -> LogData:
     """The log without the tremor of its normal force where no fit can follow it.
 
     One that the measurement blurs puts onsets where the pull falls behind the grip. And where the grip trembles much
-    faster than the drive pulls, it dips below the pull again and again before a slip: the mass moves a little each time, which
-    is not seen in the force and renews the contact. What is taken out counts to the error of the load.
+    faster than the drive pulls, it dips below the pull again and again before a slip: the mass moves a little each
+    time, which is not seen in the force and renews the contact. What is taken out counts to the error of the load.
 
     Args:
         coefficient: friction over normal force at an onset; pull [N/s]: by which a stick loads.
