@@ -31,9 +31,9 @@ class LogData:
     time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked;
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
-    normal_force_sd [N] (0: exact), tremor_sd [N] of it in fast rhythms (0: none); the fitted window [s]; groups (n_p):
-    the group of logs it shares each parameter with, "" for none; programme: the drive where it changes its speed
-    within the window (None: drive_speed throughout).
+    normal_force_sd [N] (0: exact), tremor_sd [N] of it in fast rhythms (0: none), calm: these were taken out; the
+    fitted window [s]; groups (n_p): the group of logs it shares each parameter with, "" for none; programme: the drive
+    where it changes its speed within the window (None: drive_speed throughout).
     """
 
     time: Array
@@ -49,6 +49,7 @@ class LogData:
     groups: tuple[str, ...] = ()
     programme: Drive | None = None
     tremor_sd: float = 0.0
+    calm: bool = False
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""

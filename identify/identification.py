@@ -21,6 +21,7 @@ from identify.findings import Findings
 from identify.grouped import search_grouped
 from identify.held import Held, against_data
 from identify.hints import what_is_held
+from identify.loads import calmed
 from identify.nested import as_it_ended, described
 from identify.outcome import Fit, LogCurves, Status
 from identify.parting import parted
@@ -40,6 +41,7 @@ from identify.worth import worth, worth_document
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
+_Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
 
 ANSWERS = 3  # of one model, each better than the one before, that are looked into
 AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
@@ -123,7 +125,11 @@ def find(
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
     sources = starts or ("both" if user_start(scene) else "data")
-    attempt, left_out = search_grouped(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+
+    def searched(logs: list[Prepared]) -> _Searched:
+        return logs, *search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+
+    prepared, attempt, left_out = _calm_if_need_be(searched(prepared), searched)
     if attempt is not None and unknowns.model.vibrates:
         progress("solving from other starts", 0.85)
         since = time.perf_counter()
@@ -139,6 +145,18 @@ def find(
         attempt = better
     clock.add("intervals", since)
     return prepared, findings
+
+
+def _calm_if_need_be(found: _Searched, searched: Callable[[list[Prepared]], _Searched]) -> _Searched:
+    """What a search found; where no motion follows a tremor of the load, one that counts it as unknown if there is."""
+    prepared, attempt, _ = found
+    if attempt is None or attempt.gate.status is Status.CONVERGED:
+        return found
+    calm = [replace(log, data=calmed(log.data)) for log in prepared]
+    if all(log.data is own.data for log, own in zip(calm, prepared, strict=True)):
+        return found
+    other = searched(calm)
+    return other if other[1] is not None and other[1].gate.status is Status.CONVERGED else found
 
 
 def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:

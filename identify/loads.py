@@ -191,7 +191,7 @@ def calmed(log: LogData) -> LogData:
     if not taken > TREMBLES * float(np.mean(force)):
         return log
     sd = float(np.hypot(log.normal_force_sd, taken))
-    return replace(log, normal_force=NormalForce.of((fine, calm)), normal_force_sd=sd, tremor_sd=taken)
+    return replace(log, normal_force=NormalForce.of((fine, calm)), normal_force_sd=sd, tremor_sd=taken, calm=True)
 
 
 def as_far_as_told(log: LogData, coefficient: float, pull: float) -> LogData:

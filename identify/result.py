@@ -283,6 +283,8 @@ def _quality(log: Prepared) -> dict[str, Any]:
     if log.hidden_swing:
         findings.append({"code": "load_varies", "severity": "warning", "message": _load_varies(log)})
         verdict = "accept with warnings" if verdict == "accept" else verdict
+    if log.data.calm:
+        findings.append({"code": "load_trembles", "severity": "info", "message": _load_trembles(log)})
     return {"verdict": verdict, "findings": findings, "figures": {**told["figures"], **figures}}
 
 
@@ -290,6 +292,14 @@ def _load_varies(log: Prepared) -> str:
     return (
         f"the normal force varies by ±{100 * log.hidden_swing:.2g} % beyond its noise, and the fit takes its mean; "
         'add "varying_normal_force" to effects'
+    )
+
+
+def _load_trembles(log: Prepared) -> str:
+    return (
+        f"the normal force trembles by {1e3 * log.data.tremor_sd:.2g} mN (standard deviation), faster or seen worse "
+        "than a fit can follow: it is counted as unknown from slip to slip; for more certainty measure the normal "
+        "force with less noise, drive faster, or let the hand rest"
     )
 
 

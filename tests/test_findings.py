@@ -10,6 +10,7 @@ from tests import finding_cases, verdict_cases
 BY_THRESHOLD = {code for *_, code in verdict_cases.CASES.values()}
 ELSEWHERE = {
     "read_in_part": "tests/test_partly_read.py",
+    "load_trembles": "tests/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/test_prepare.py",  # a warning of the fit: the scene's effects decide it
     "unreadable": "tests/test_inspect.py",  # the reader's sentence as a verdict, see tests/refusal_cases.py
 }

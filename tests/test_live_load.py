@@ -23,9 +23,12 @@ from identify.model import assemble
 from identify.outcome import Status
 from identify.passes import COARSE, solve_in_passes
 from identify.placing import place
+from identify.prepare import prepare
+from identify.result import _quality
 from identify.scene import Scene
 from identify.segment import segment
 from identify.simulate import run
+from identify.unknowns import from_scene
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.1, "a": 480.0, "D": 40e-6, "t_cr": 5.0}
 RIG = {"mass": 0.206, "stiffness": 1433.0, "damping": 140.0}
@@ -181,3 +184,18 @@ def test_a_tremor_is_followed_only_where_it_is_seen_well_and_slower_than_the_dri
         assert (taken is log) == followed
         off = taken.normal_force.at(times) - _load(times)
         assert float(np.std(off)) < 1.3 * taken.normal_force_sd
+
+
+@pytest.mark.parametrize(("speed", "told"), [(4e-5, True), (1e-4, False)])
+def test_a_log_says_that_its_tremor_counts_as_unknown(speed, told):
+    knots, times = np.arange(2602) / 100.0, np.arange(25 * 500) / 500.0
+    motion, random = run(assemble(MAIN), PAIR | RIG, speed, (knots, _load(knots)), 26.0), np.random.default_rng(3)
+    force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
+    load = np.interp(times, knots, _load(knots)) + NOISE * random.standard_normal(times.size)
+    logs = [{"path": "log.csv", "drive_speed": speed}]
+    document = {"effects": [*MAIN, "varying_normal_force"], "rig": RIG, "logs": logs}
+    scene = Scene.from_document(document, Path())
+    made = prepare(scene, scene.logs[0], Record(times, load, force), from_scene(scene))
+    assert made.typical >= 2 and made.data.calm == told
+    findings = [f["message"] for f in _quality(made)["findings"] if f["code"] == "load_trembles"]
+    assert len(findings) == told and all("mN" in message and "counted as unknown" in message for message in findings)
