@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.interpolate import make_lsq_spline
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import butter, sosfiltfilt
 from scipy.stats import chi2
 
 from data_io import Record
@@ -30,7 +31,8 @@ FEWEST_FOR_SPECTRUM = 64
 EVEN = 0.05  # of a sampling interval that intervals may differ, where a spectrum is taken
 PER_PERIOD = 20  # straight pieces per period of the fastest rhythm
 MOST_DRAWN = 60_000
-CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course
+CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course; a pulse stays in it
+ORDER = 4  # of the filter that does
 OUTRUN = 3.0  # times the pull: rate of a trembling grip from which on a contact slips a little before it slips
 BLURRED = 0.4  # of a tremor: error of its measured course from which on it is not followed
 TREMBLES = 1e-3  # of the load: less is left in
@@ -182,11 +184,11 @@ def calmed(log: LogData) -> LogData:
     no solver finds its way from events that are still off by more; from the events of a calm load it does.
     """
     times = np.asarray(log.normal_force.times)
-    if times.size < FEWEST_FOR_SPECTRUM:
+    if log.calm or times.size < FEWEST_FOR_SPECTRUM or float(np.min(np.diff(times))) > CALM / 2.0:
         return log
     fine = np.linspace(times[0], times[-1], int(np.ceil((times[-1] - times[0]) / CALM * PER_PERIOD)) + 2)
     force = log.normal_force.at(fine)
-    calm = uniform_filter1d(uniform_filter1d(force, PER_PERIOD, mode="nearest"), PER_PERIOD // 2, mode="nearest")
+    calm = sosfiltfilt(butter(ORDER, 2.0 / PER_PERIOD, output="sos"), force)  # 1 is half the rate of the fine grid
     taken = float(np.std(force - calm))
     if not taken > TREMBLES * float(np.mean(force)):
         return log

@@ -17,7 +17,7 @@ from identify.drive import NormalForce
 from identify.effects import MAIN
 from identify.guess import LogData
 from identify.identification import find
-from identify.loads import as_far_as_told, smooth
+from identify.loads import as_far_as_told, calmed, smooth
 from identify.local_fits import noise_on_lines
 from identify.model import assemble
 from identify.outcome import Status
@@ -184,6 +184,24 @@ def test_a_tremor_is_followed_only_where_it_is_seen_well_and_slower_than_the_dri
         assert (taken is log) == followed
         off = taken.normal_force.at(times) - _load(times)
         assert float(np.std(off)) < 1.3 * taken.normal_force_sd
+
+
+def test_a_calm_load_keeps_its_pulse_and_loses_its_tremor():
+    times = np.arange(3000) / 100.0
+    unknowns = case.search_space(PAIR, ())
+    whole, pulse = NormalForce.of((times, _load(times))), _load(times, tremor=0.0)
+    ones, base = np.ones(times.size), unknowns.base(case.RIG)
+    log = LogData(times, ones, ones, base, 1e-4, whole, 1e-3, 0.0, 29.0)
+    calm = calmed(log)
+    inner = (times > 1.0) & (times < 29.0)
+    off = (calm.normal_force.at(times) - pulse)[inner]
+    tremor = (_load(times) - pulse)[inner]
+    assert np.std(off) < 0.05 * np.std(tremor)
+    assert calm.tremor_sd == pytest.approx(np.std(tremor), rel=0.05)
+    assert calm.normal_force_sd == pytest.approx(np.hypot(1e-3, np.std(tremor)), rel=0.05)
+    assert calm.calm and calmed(calm) is calm
+    level = replace(log, normal_force=NormalForce.of((times, pulse)))
+    assert calmed(level) is level, "a pulse is no tremor"
 
 
 @pytest.mark.parametrize(("speed", "told"), [(4e-5, True), (1e-4, False)])
