@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
-ELSEWHERE = {"run_in_vivo_study"}  # test_live_load.py runs it and looks at what it finds
-SCRIPTS = sorted(path for path in FOLDER.glob("run_*.py") if path.stem not in ELSEWHERE)
+SCRIPTS = sorted(FOLDER.glob("run_*.py"))
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

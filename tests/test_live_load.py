@@ -11,7 +11,7 @@ import shooting_case as case
 from scipy.signal import lfilter
 
 from data_io import Record
-from experiments import run_in_vivo_study
+from experiments import in_vivo
 from identify.attempt import Clock
 from identify.drive import NormalForce
 from identify.effects import MAIN
@@ -113,13 +113,31 @@ def test_a_fit_follows_a_load_that_trembles_while_the_mass_slips():
         assert values[name].value == pytest.approx(PAIR[name], rel=0.15)
 
 
-def test_half_of_an_in_vivo_twin_is_no_false_success():
-    # With one deviation of the load per cycle it was: mu_k0 "identified" at 0.74 where 0.65 is true.
-    (line,) = run_in_vivo_study.main(fast=True)
-    assert line["status"] == "converged", line["message"]
-    assert line["distance"] < 20.0 and not run_in_vivo_study.false_success(line)
-    assert all(run_in_vivo_study.covers(line, name) and run_in_vivo_study.right(line, name) for name in line["told"])
-    assert line["told"]["mu_k0"]["verdict"] != "identified"
+def test_the_true_values_of_an_in_vivo_twin_describe_its_records():
+    # With one deviation of the load per cycle they lay 877 in chi^2 above the best answer: half of this twin at 50 Hz
+    # was a false success, mu_k0 "identified" at 0.745 where 0.651 is true.
+    made = in_vivo.twin(0)
+    half = [duration / 2 for duration in made.durations]
+    scene, unknowns = made.scene(), from_scene(made.scene())
+    records = replace(made, durations=tuple(half)).records(50.0)
+    logs = [prepare(scene, e, r, unknowns) for e, r in zip(scene.logs, records, strict=True)]
+    base = unknowns.base(in_vivo.STATED)
+    truth = unknowns.theta(np.array([made.truth[name] for name in unknowns.names]), base)
+    nothing = replace(unknowns, start=truth, free=np.zeros(truth.size, bool))
+    falls = [log.falls for log in logs]
+    ends = [0.5 * (log.segmentation.cycles.arrest[-1] + end) for log, end in zip(logs, half, strict=True)]
+    whole = [replace(log.data, end=float(end)) for log, end in zip(logs, ends, strict=True)]
+    misfits = []
+    for data in (whole, [replace(log, tremor_sd=0.0) for log in whole]):
+        values = [unknowns.values(truth, log.base) for log in data]
+        placed = [g for g in place(unknowns.model, data, values, falls, COARSE).guesses if g is not None]
+        solved = solve_in_passes(data, placed, nothing)
+        assert solved.solution.success
+        misfits.append(
+            (2.0 * solved.solution.cost / solved.problem.samples - 1.0) / np.sqrt(2 / solved.problem.samples)
+        )
+    assert misfits[0] < 3.0
+    assert misfits[1] > 5.0, "one deviation per cycle does not do it"
 
 
 def _swinging(swing, which=2, end=8.0):
