@@ -55,14 +55,23 @@ def wrong_unit(prepared: Sequence[Prepared]) -> str:
     return ""
 
 
+@dataclass(frozen=True)
+class Cause:
+    """What alone explains a misfit: a sentence; better: an answer of the model as it is stated that lies nearer to the
+    data, met on the way: the misfit was at least in part the search's own."""
+
+    sentence: str
+    better: Attempt | None = None
+
+
 def diagnose(
     scene: Scene,
     records: Sequence[Record],
     prepared: Sequence[Prepared],
     unknowns: Unknowns,
     attempt: Attempt | None,
-) -> str | None:
-    """What alone would explain a misfit, in a sentence; None where nothing does.
+) -> Cause | None:
+    """What alone would explain a misfit; None where nothing does.
 
     Args:
         scene, records, prepared, unknowns: those of the fit; attempt: where it ended.
@@ -70,15 +79,26 @@ def diagnose(
     ended = as_it_ended(scene, unknowns, prepared, attempt)
     if fits(ended):
         return None
-    found: list[tuple[float, str]] = []
+    found: list[_Explanation] = []
     if attempt is not None and ended.excess < NEAR * ended.samples:
         tried = _tried(SLIGHT, scene, prepared, lambda freed: fit_from_values(ended, freed, records))
-        found = _explanations(tried, scene, ended.excess)
+        found = _explanations(tried, scene, ended)
     if not found:
         tried = _tried(GROSS, scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
-        found = _explanations(tried, scene, ended.excess)
-    least = min((misfit for misfit, _ in found), default=0.0)
-    return "; or ".join(words for misfit, words in sorted(found) if misfit < least + TOLD) or None
+        found = _explanations(tried, scene, ended)
+    if not found:
+        return None
+    found.sort(key=lambda each: each.fitted.excess)
+    sentence = "; or ".join(e.words for e in found if e.fitted.excess < found[0].fitted.excess + TOLD)
+    # What was set free may explain nothing but have led the search elsewhere.
+    back = fit_from_values(found[0].fitted, scene, records)
+    nearer = back.attempt is not None and back.logs == ended.logs and ended.excess - back.excess > _worth(ended)
+    return Cause(sentence, back.attempt if nearer else None)
+
+
+def _worth(ended: Fitted) -> float:
+    """By how much the misfit of another answer of the same model must be smaller for it to be looked into."""
+    return max(TOLD, REMAINS * ended.excess)
 
 
 def _tried(
@@ -97,18 +117,26 @@ def _tried(
     return out
 
 
-def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, excess: float) -> list[tuple[float, str]]:
-    """What is left of a misfit, and the sentence, of every suspect that explains it."""
-    found: list[tuple[float, str]] = []
+@dataclass(frozen=True)
+class _Explanation:
+    """A suspect that explains a misfit: the fit with it free, and the words that name it."""
+
+    fitted: Fitted
+    words: str
+
+
+def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, ended: Fitted) -> list[_Explanation]:
+    """Every suspect that explains a misfit, in all its logs: without one of them less is left in any case."""
+    found, excess = [], ended.excess
     for suspect, fitted in tried:
         nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess
-        if not (fits(fitted) or nearly):
+        if not (fits(fitted) or nearly) or not set(fitted.logs) >= set(ended.logs):
             continue
         value, stated = found_and_stated(suspect, fitted, scene)
         if stated > 0.0 and abs(value / stated - 1.0) < CLEAR:
             continue
         rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
-        found.append((fitted.excess, f"{suspect.words(value, stated)} explains the misfit {rest}"))
+        found.append(_Explanation(fitted, f"{suspect.words(value, stated)} explains the misfit {rest}"))
     return found
 
 

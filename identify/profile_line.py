@@ -15,7 +15,7 @@ from identify.prepare import Prepared
 from identify.shooting import Problem, transcribe
 from identify.solve import solve
 from identify.unknowns import Unknowns
-from identify.warm import Warm
+from identify.warm import Settled, Warm
 
 Array = NDArray[np.float64]
 
@@ -23,18 +23,36 @@ CLOSED = 1e-6  # largest row of a point that counts
 PATIENCE = 40
 STEPS = 4  # RK4 steps per interval
 MOVED = 2.0  # samples that an event may move before its samples must be assigned anew
+HOMES = 3  # how often on the way to one point
 FREE = -1  # no parameter is held
+
+
+@dataclass(frozen=True)
+class Home:
+    """The neighbourhood of a motion: the theta (n_p,) and guesses it was formed from, Newton's steps in it, and how far
+    each unknown (n,) may be from its start for the samples to stay where they were assigned."""
+
+    theta: Array
+    guesses: list[Guess]
+    warm: Warm
+    limits: Array
+
+    @property
+    def problem(self) -> Problem:
+        """The problem formed from the motion."""
+        return self.warm.problem
 
 
 @dataclass(frozen=True)
 class ProfilePoint:
     """A solved point: theta (n_p,), the motion there, the cost of data and user's priors; the parameter held (FREE:
-    none); z (n,) and multipliers (m,) in the problem of the line where it was reached warm, else None."""
+    none); where it was reached warm the home, z (n,) and multipliers (m,) in its problem, else None."""
 
     theta: Array
     guesses: list[Guess]
     cost: float
     held: int
+    home: Home | None = None
     z: Array | None = None
     multipliers: Array | None = None
 
@@ -46,35 +64,43 @@ class ProfileLine:
         self.logs = [log.data for log in logs]
         # Differences of cost need no finer steps than this: their error is common to all points.
         self.grid = replace(solved.grid, steps=min(solved.grid.steps, STEPS))
-        self.unknowns = unknowns
+        self.unknowns, self.size = unknowns, size
         soft = unknowns.softened()
         told = np.isfinite(unknowns.prior_sd)
         mean = np.where(told, soft.prior_mean, solved.theta)
         self.soft = replace(soft, prior_mean=mean, start=solved.theta)
-        self.guesses = solved.guesses
-        self.problem = transcribe(self.logs, solved.guesses, self.soft, self.grid)
-        self.limits = self._limits()
         self.seen: list[ProfilePoint] = []
-        layout = self.problem.layout
-        kept = kept_parameters(layout)
-        own = np.full(kept.size - layout.free.size, float(np.max(size)))
-        self.warm: Warm | None = Warm(self.problem, self.problem.start, kept, np.concatenate([size, own]))
-        settled = self.warm.settle(self.problem.start)
+        home = self._home(solved.theta, solved.guesses)
+        settled = home.warm.settle(home.problem.start)
         if settled is None:
-            self.warm = None
             known = ProfilePoint(solved.theta, solved.guesses, solved.solution.cost, FREE)
             self.best = self._solved(solved.theta, solved.guesses, FREE) or known
         else:
-            self.best = self._warm_point(settled.z, settled.multipliers, settled.cost, FREE)
+            self.best = self._seen(home, settled, FREE)
 
     def point(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
         """The best point with theta[held] = value, from a neighbour; None where nothing succeeds."""
-        if self.warm is not None and near.z is not None:
-            place = int(np.flatnonzero(self.problem.layout.free == held)[0])
-            target = value / self.problem.layout.scale[place]
-            found = self.warm.settle(near.z, multipliers=near.multipliers, held=(place, target), within=0.05)
-            if found is not None and np.all(np.abs(found.z * self.problem.layout.scale) <= self.limits):
-                return self._warm_point(found.z, found.multipliers, found.cost, held)
+        return self._warm(near, held, value) or self._from_theta(near, held, value)
+
+    def _warm(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
+        """The point by Newton's steps from a neighbour, None where they do not get there; where events move far, once
+        more with the samples assigned anew."""
+        home, z, multipliers = near.home, near.z, near.multipliers
+        for _ in range(HOMES):
+            if home is None or z is None:
+                home = self._home(near.theta, near.guesses)
+                z, multipliers = home.problem.start, home.warm.multipliers
+            problem, scale = home.problem, home.problem.layout.scale
+            place = int(np.flatnonzero(problem.layout.free == held)[0])
+            found = home.warm.settle(z, multipliers=multipliers, held=(place, value / scale[place]), within=0.05)
+            if found is None:
+                return None
+            if np.all(np.abs(found.z * scale) <= home.limits):
+                return self._seen(home, found, held)
+            near, home = self._made(problem, home.guesses, found.z, found.cost, home.theta, held), None
+        return None
+
+    def _from_theta(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
         theta = near.theta.copy()
         theta[held] = value
         return self._solved(theta, near.guesses, held)
@@ -83,17 +109,22 @@ class ProfileLine:
         """The square root of what the data lose against the best point."""
         return float(np.sqrt(max(2 * (point.cost - self.best.cost), 0.0)))
 
-    def _limits(self) -> Array:
-        """How far each unknown (n,) may be from the start for the samples to stay where they were assigned."""
-        out = np.full(self.problem.layout.size, np.inf)
-        for place, log in zip(self.problem.layout.places, self.logs, strict=True):
+    def _home(self, theta: Array, guesses: list[Guess]) -> Home:
+        """The neighbourhood of a motion."""
+        problem = transcribe(self.logs, guesses, replace(self.soft, start=theta), self.grid)
+        kept = kept_parameters(problem.layout)
+        own = np.full(kept.size - problem.layout.free.size, float(np.max(self.size)))
+        warm = Warm(problem, problem.start, kept, np.concatenate([self.size, own]))
+        limits = np.full(problem.layout.size, np.inf)
+        for place, log in zip(problem.layout.places, self.logs, strict=True):
             index = np.concatenate([place.onset, place.saturation, place.arrest])
-            out[index[index >= 0]] = MOVED * log.interval
-        return out
+            limits[index[index >= 0]] = MOVED * log.interval
+        return Home(theta, guesses, warm, limits)
 
-    def _warm_point(self, z: Array, multipliers: Array, cost: float, held: int) -> ProfilePoint:
-        made = self._made(self.problem, self.guesses, z * self.problem.layout.scale, cost, self.soft.start, held)
-        made = replace(made, z=z, multipliers=multipliers)
+    def _seen(self, home: Home, settled: Settled, held: int) -> ProfilePoint:
+        """The point that settled, kept."""
+        made = self._made(home.problem, home.guesses, settled.z, settled.cost, home.theta, held)
+        made = replace(made, home=home, z=settled.z, multipliers=settled.multipliers)
         self.seen.append(made)
         return made
 
@@ -106,20 +137,23 @@ class ProfileLine:
         solution = solve(problem, barrier=1e-6, iterations=PATIENCE, exact=True)
         if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
             return None
-        made = self._made(problem, guesses, solution.x, solution.cost, theta, held)
+        made = self._made(problem, guesses, solution.z, solution.cost, theta, held)
         self.seen.append(made)
         return made
 
     def _made(
-        self, problem: Problem, guesses: list[Guess], x: Array, cost: float, theta: Array, held: int
+        self, problem: Problem, guesses: list[Guess], z: Array, cost: float, theta: Array, held: int
     ) -> ProfilePoint:
-        """The point of the unknowns x (n,), without the cost of the priors that only keep the search in place."""
-        layout = problem.layout
+        """The point of the unknowns z (n,), without the cost of the priors that only keep the search in place, and with
+        that of the user's prior for what is held: where it is no unknown, the problem does not count it."""
+        layout, x = problem.layout, z * problem.layout.scale
         found = theta.copy()
         found[layout.free] = x[: layout.free.size]
-        mine = np.zeros(found.size, bool)
-        mine[layout.free] = True
-        mine &= ~np.isfinite(self.unknowns.prior_sd)
-        penalty = 0.5 * float(np.sum(((found - self.soft.prior_mean) / self.soft.prior_sd)[mine] ** 2))
+        counted = np.zeros(found.size, bool)
+        counted[layout.free] = True
+        told = np.isfinite(self.unknowns.prior_sd)
+        priors = 0.5 * ((found - self.soft.prior_mean) / self.soft.prior_sd) ** 2
+        missing = np.sum(priors[self.unknowns.free & told & ~counted])
+        cost += float(missing - np.sum(priors[counted & ~told]))
         moved = [place.read(guess, x) for place, guess in zip(layout.places, guesses, strict=True)]
-        return ProfilePoint(found, moved, cost - penalty, held)
+        return ProfilePoint(found, moved, cost, held)

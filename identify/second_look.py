@@ -34,7 +34,8 @@ def looked_into(
         progress("looking for what is wrong", 0.95)
         cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)
         if cause is not None:
-            return replace(findings, status=Status.MODEL_MISFIT, message=_caused(cause, findings.attempt)), None
+            message = _caused(cause.sentence, findings.attempt)
+            return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
     if findings.status is not Status.CONVERGED or not _doubtful(findings):
         return findings, None
     progress("looking for what is wrong", 0.95)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from identify.equilibrated import Factors, optimality_matrix
@@ -16,9 +17,10 @@ from identify.shooting import Point, Problem
 
 Array = NDArray[np.float64]
 
-MOST = 12  # steps
-RENEWED = 3  # times the factors are made anew on the way
-SLOW = 0.4  # of the step before: a step that shrinks less asks for new factors
+MOST = 16  # steps
+RENEWED = 8  # times the factors are made anew on the way
+SLOW = 0.2  # of the step before: a step that shrinks less asks for new factors
+BENT = 0.5  # of the step before: one that shrinks less with factors so new asks for the exact Hessian
 LONGEST = 30.0  # standard errors of one step: farther away this is no neighbourhood
 CLOSED = 1e-7  # largest row
 
@@ -67,7 +69,7 @@ class Warm:
         problem = problem or self.problem
         factors, n = self.factors, z.size
         z, dual = z.copy(), (self.multipliers if multipliers is None else multipliers).copy()
-        before, renewals = np.inf, 0
+        before, renewals, made_at, exact = np.inf, 0, 0, False
         for number in range(1, MOST + 1):
             point = problem.evaluate(z, derivatives=True)
             assert point.gradient is not None and point.jacobian is not None
@@ -78,14 +80,18 @@ class Warm:
             if not np.all(np.isfinite(left)):
                 return None
             step = _step(factors, left, n, None if held is None else (held[0], held[1] - z[held[0]]))
-            length = float(np.max(np.abs(step[self.kept]) / self.size))
-            slow = number > 1 and length > SLOW * before and length > within
-            if not np.isfinite(length) or length > LONGEST or (slow and renewals == RENEWED):
-                return None
-            if slow:
-                factors, renewals, before = _factored(point), renewals + 1, np.inf
+            length = self._length(step)
+            if number > 1 and not length <= SLOW * before:
+                if renewals == RENEWED:
+                    return None
+                # Where fresh factors do not serve either the rows bend, and the exact Hessian follows them.
+                exact = exact or (made_at == number - 1 and not length <= BENT * before)
+                factors = _factored(point, problem.exact_hessian(z, 1.0, dual) if exact else None)
+                renewals, made_at = renewals + 1, number
                 step = _step(factors, left, n, None if held is None else (held[0], held[1] - z[held[0]]))
-                length = float(np.max(np.abs(step[self.kept]) / self.size))
+                length = self._length(step)
+            if not length <= LONGEST:
+                return None
             z, dual, before = z + step[:n], dual + step[n:], length
             if length < within and number > 1:
                 ended = problem.evaluate(z, derivatives=False)
@@ -94,10 +100,15 @@ class Warm:
                     return Settled(z, dual, ended.cost, number) if inside else None
         return None
 
+    def _length(self, step: Array) -> float:
+        """The longest part of a step (n + m,) in standard errors."""
+        return float(np.max(np.abs(step[self.kept]) / self.size))
 
-def _factored(point: Point) -> Factors:
+
+def _factored(point: Point, hessian: sp.csc_matrix | None = None) -> Factors:
+    """Factors at a point, with another Hessian than that of Gauss-Newton where one is given."""
     assert point.hessian is not None and point.jacobian is not None
-    return Factors(optimality_matrix(point.hessian, point.jacobian))
+    return Factors(optimality_matrix(point.hessian if hessian is None else hessian, point.jacobian))
 
 
 def _step(factors: Factors, left: Array, n: int, held: tuple[int, float] | None) -> Array:

@@ -10,13 +10,15 @@ from scipy.signal import lfilter
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
-from identify.diagnosis import diagnose
+from identify.diagnosis import _explanations, diagnose
 from identify.effects import MAIN
 from identify.model import assemble
+from identify.nested import fit_model
 from identify.outcome import Status
 from identify.prepare import prepare
 from identify.search import search
 from identify.simulate import run
+from identify.suspects import GROSS
 from identify.unknowns import from_scene
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
@@ -52,7 +54,9 @@ def _diagnosed(scene, records):
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
     attempt, _ = search(logs, unknowns, thorough=False)
     assert attempt is not None and attempt.gate.status is not Status.CONVERGED
-    return diagnose(scene, records, logs, unknowns, attempt)
+    cause = diagnose(scene, records, logs, unknowns, attempt)
+    assert cause is not None and cause.better is None
+    return cause.sentence
 
 
 def test_a_wrong_mass_is_named_with_the_right_one(case):
@@ -87,6 +91,33 @@ def test_a_lag_of_the_sensor_is_named():
 
 
 # That a right rig is not accused: tests/test_held.py.
+
+
+def test_only_what_explains_all_logs_is_named(case):
+    """A fit that leaves out a log leaves less of the misfit in any case."""
+    scene, records = _scene(RIG | {"mass": 0.3}), [case.records[i] for i in LOGS]
+    mass = next(suspect for suspect in GROSS if suspect.parameter == "mass")
+    freed = fit_model(mass.freed(scene, []), records, thorough=False)
+    ended = replace(freed, excess=1e4)
+    assert [e.words[:16] for e in _explanations([(mass, freed)], scene, ended)] == ["a mass of 0.2 kg"]
+    partial = replace(freed, attempt=replace(freed.attempt, logs=(0,)))
+    assert partial.excess == freed.excess
+    assert not _explanations([(mass, partial)], scene, ended)
+
+
+def test_a_better_answer_that_was_met_on_the_way_is_handed_back(case):
+    """What is set free may explain nothing but lead the search out of another valley."""
+    scene, records = _scene(RIG), [case.records[i] for i in LOGS]
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    right, _ = search(logs, unknowns)
+    astray = replace(right, solved=replace(right.solved, solution=replace(right.solved.solution, cost=1e4)))
+    cause = diagnose(scene, records, logs, unknowns, astray)
+    assert cause is not None and cause.better is not None
+    assert cause.better.gate.status is Status.CONVERGED
+    np.testing.assert_allclose(
+        cause.better.solved.theta, right.solved.theta, atol=0.02
+    )  # another valley lies farther off
 
 
 def test_a_hidden_slip_is_not_blamed_on_the_rig(case):

@@ -127,7 +127,7 @@ def test_an_effect_the_scene_lacks_is_named():
     attempt, _ = search(logs, unknowns, thorough=False)
     assert 1.05 < attempt.gate.chi2_per_sample < 1.0 + MORE
     assert attempt.gate.status is Status.MODEL_MISFIT
-    assert "direct_effect" in diagnose(scene, records, logs, unknowns, attempt)
+    assert "direct_effect" in diagnose(scene, records, logs, unknowns, attempt).sentence
 
 
 def test_noise_with_a_memory_widens_what_is_said():

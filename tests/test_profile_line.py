@@ -1,0 +1,82 @@
+"""The points of a profile: Newton's steps and the solver come to the same ones, the user's prior counted in both."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
+from identify import Scene, profile_line
+from identify.certainty import information_at
+from identify.effects import MAIN
+from identify.prepare import prepare
+from identify.profile_line import ProfileLine
+from identify.search import search
+from identify.unknowns import from_scene
+
+LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
+OFF = 2.0  # standard errors
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """An answer with the mass known to 5 % and its standard errors by parameter."""
+    records = [simulated_case(DEMO, 17).records[i] for i in LOGS]
+    rig = RIG | {"mass": {"value": 0.21, "tolerance": 0.05}}
+    logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in LOGS]
+    scene = Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs})
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    attempt, _ = search(prepared, unknowns)
+    size = np.sqrt(np.diag(information_at(attempt, unknowns).covariance()))
+    return attempt, unknowns, size
+
+
+@pytest.fixture
+def line(fitted):
+    attempt, unknowns, size = fitted
+    return ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+
+
+def held(line, name, off):
+    """Index of a parameter and its value so many standard errors off the answer."""
+    index = line.unknowns.names.index(name)
+    place = np.flatnonzero(line.unknowns.free).tolist().index(index)
+    return index, float(line.best.theta[index] + off * line.size[place])
+
+
+@pytest.mark.parametrize("name", ["mu_k0", "D", "t_cr", "delta_mu_k", "a", "mass"])
+@pytest.mark.parametrize("off", [-OFF, OFF])
+def test_newtons_steps_and_the_solver_find_the_same_point(line, name, off):
+    index, value = held(line, name, off)
+    warm, cold = line._warm(line.best, index, value), line._from_theta(line.best, index, value)
+    assert warm is not None and warm.home is not None
+    assert cold is not None and cold.home is None
+    assert warm.theta[index] == pytest.approx(value, rel=1e-9) and cold.theta[index] == value
+    assert 2 * (warm.cost - line.best.cost) == pytest.approx(OFF**2, rel=0.3)
+    assert warm.cost == pytest.approx(cold.cost, abs=2e-3)
+    np.testing.assert_allclose(warm.theta[line.unknowns.free], cold.theta[line.unknowns.free], atol=0.02)
+
+
+def test_a_prior_of_what_is_held_counts(line):
+    index, value = held(line, "mass", OFF)
+    mean, sd = line.unknowns.prior_mean[index], line.unknowns.prior_sd[index]
+    with_it = line._from_theta(line.best, index, value)
+    line.unknowns = replace(line.unknowns, prior_sd=np.full_like(line.unknowns.prior_sd, np.inf))
+    without = line._from_theta(line.best, index, value)
+    prior = 0.5 * ((value - mean) / sd) ** 2
+    assert prior > 0.1
+    assert with_it.cost - without.cost == pytest.approx(prior, rel=1e-6)
+
+
+def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monkeypatch):
+    index, value = held(line, "mu_k0", OFF)
+    near = line._warm(line.best, index, value)
+    monkeypatch.setattr(profile_line, "MOVED", 1e-4)
+    attempt, unknowns, size = fitted
+    at = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    moved = at._warm(at.best, index, value)
+    assert near.home is line.best.home
+    assert moved is not None and moved.home is not at.best.home
+    # what the few samples that change their place add is all the difference
+    assert moved.cost - at.best.cost == pytest.approx(near.cost - line.best.cost, rel=0.01)
