@@ -119,10 +119,11 @@ def _from_logs(
         known, _ = search(pieces, unknowns, sources=way.sources, seed=way.seed, clock=clock, thorough=way.thorough)
         ahead = [] if known is None else [known.solved.theta]
     # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
-    unequal = not way.thorough or not alike([prepared[i] for i in first])
+    uneven = not alike([prepared[i] for i in first])
+    unequal = not way.thorough or uneven
     solved, wandered = 0, list[Array]()
     worst = np.inf if way.thorough else HOPELESS
-    starts = _starts([prepared[i] for i in first], unknowns, way.sources, way.seed, unequal, worst, clock)
+    starts = _starts([prepared[i] for i in first], unknowns, way.sources, way.seed, uneven, worst, clock)
     for theta in chain(ahead, starts):
         if solved == (1 if unequal else ATTEMPTS):
             break
@@ -203,11 +204,12 @@ def _starts(
     unknowns: Unknowns,
     sources: Sources,
     seed: int,
-    unequal: bool,
+    uneven: bool,
     worst: float,
     clock: Clock,
 ) -> Iterator[Array]:
-    """Starts (n_p,) in the order in which they deserve a try, up to a `worst` cost per residual."""
+    """Starts (n_p,) in the order in which they deserve a try, up to a `worst` cost per residual; random ones where the
+    data's own are not good, or, with such a limit, all beyond it."""
     since = time.perf_counter()
     features, bases = features_of(prepared)
     if not features:
@@ -222,9 +224,9 @@ def _starts(
     tried = np.concatenate(own + made)
     settled = quieted(unknowns)
     starts = fit_features(settled, features, bases, tried)
-    before = np.inf
+    before, enough = np.inf, GOOD if np.isinf(worst) else worst
     for count in RANDOM:
-        if starts[0].cost < GOOD or unequal or starts[0].cost > WORTH * before:
+        if starts[0].cost < enough or uneven or starts[0].cost > WORTH * before:
             break
         before = starts[0].cost
         more = random_starts(unknowns, starts[0].theta, count, seed)

@@ -8,16 +8,19 @@ import pytest
 from scipy.signal import lfilter
 
 from data_io import Record
+from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
+from identify.attempt import Clock
 from identify.diagnosis import _explanations, diagnose
 from identify.effects import MAIN
 from identify.model import assemble
 from identify.nested import fit_model
 from identify.outcome import Status
 from identify.prepare import prepare
-from identify.search import search
+from identify.search import HOPELESS, _starts, features_of, search
 from identify.simulate import run
+from identify.start import candidates, fit_features
 from identify.suspects import GROSS
 from identify.unknowns import from_scene
 
@@ -103,6 +106,21 @@ def test_only_what_explains_all_logs_is_named(case):
     partial = replace(freed, attempt=replace(freed.attempt, logs=(0,)))
     assert partial.excess == freed.excess
     assert not _explanations([(mass, partial)], scene, ended)
+
+
+def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
+    case, scene, _ = wrong("stiffness", 51)
+    suspect = next(suspect for suspect in GROSS if suspect.parameter == "stiffness")
+    freed = suspect.freed(scene, [])
+    unknowns = from_scene(freed)
+    logs = [prepare(freed, entry, record, unknowns) for entry, record in zip(freed.logs, case.records, strict=True)]
+    features, bases = features_of(logs)
+    own = fit_features(unknowns, features, bases, candidates(unknowns, features, bases))
+    assert own[0].cost > HOPELESS
+    found = list(_starts(logs, unknowns, "data", 0, False, HOPELESS, Clock()))
+    truth = case.rig["stiffness"] / freed.rig.stiffness
+    assert np.exp(found[0][unknowns.names.index("stiffness")]) == pytest.approx(truth, rel=0.05)
+    assert not list(_starts(logs, unknowns, "data", 0, True, HOPELESS, Clock()))  # cycles that differ have no start
 
 
 def test_a_better_answer_that_was_met_on_the_way_is_handed_back(case):
