@@ -38,6 +38,7 @@ MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, a
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 OVERTIME = 80  # iterations more where a load trembles and
 ALMOST = 1.5  # times the noise variance is what is left
+HANGS = 1e-5  # largest row of a motion that hangs together
 AGAIN = 3  # how often slips that begin too late are put where they begin
 NEAR = 0.5  # largest row from which the exact Hessian is tried
 
@@ -217,6 +218,10 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
     patience = (1 + (near and vibrating)) * PATIENCE
     solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=crept.z)
     iterations += solution.iterations
+    if not solution.success and solution.infeasibility < HANGS and 2.0 * solution.cost < ALMOST * problem.samples:
+        # The motion hangs together and is near: what is left is the way along a valley.
+        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, exact=True, start=solution.z)
+        iterations += solution.iterations
     if trembling and near and not solution.success:
         # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.
         solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=crept.z)

@@ -24,3 +24,21 @@ def test_among_hundreds_of_slips_the_exact_hessian_comes_sooner(monkeypatch, sli
     tried = passes._tried(SimpleNamespace(layout=layout, samples=1), 1e-8, 1e-4, False, False)
     assert asked[0] == (patience, False) and asked[1][1] and tried.bent
     assert tried.iterations == sum(iterations for iterations, _ in asked)
+
+
+@pytest.mark.parametrize(("row", "goes_on"), [(0.1 * passes.HANGS, True), (10 * passes.HANGS, False)])
+def test_a_motion_that_hangs_together_is_followed_to_the_end_of_its_valley(monkeypatch, row, goes_on):
+    asked: list[tuple[bool, object]] = []
+
+    def in_a_valley(_problem, *, iterations, exact=False, start=None, **_):
+        asked.append((exact, start))
+        arrived = exact and start == "exact"
+        where = "exact" if exact else "plain"
+        return SimpleNamespace(success=arrived, iterations=iterations, infeasibility=row, cost=0.5, z=where)
+
+    monkeypatch.setattr(passes, "solve", in_a_valley)
+    unknowns = SimpleNamespace(model=SimpleNamespace(vibrates=False))
+    problem = SimpleNamespace(layout=SimpleNamespace(places=[], unknowns=unknowns), samples=1)
+    tried = passes._tried(problem, 1e-8, 1e-4, False, False)
+    assert tried.solution.success == goes_on
+    assert asked == [(False, None), (True, "plain"), *([(True, "exact")] if goes_on else [])]
