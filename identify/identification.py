@@ -31,7 +31,7 @@ from identify.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.result import document
 from identify.scene import Scene
 from identify.scene.values import LogEntry
-from identify.search import UNEQUAL, Sources
+from identify.search import Sources
 from identify.second_look import looked_into
 from identify.selection import choose_from_data
 from identify.shaken import shaken
@@ -294,7 +294,7 @@ def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
 def _untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status, str]:
     """Status and sentence where no start could even be placed on the data."""
     uneven = max(prepared, key=lambda log: log.scatter)
-    if uneven.scatter > UNEQUAL:
+    if uneven.unlike:
         return Status.MODEL_MISFIT, f"{_uneven(uneven)}; see the cycle scatter and the classical table in the report"
     if any(log.left_out is None for log in prepared):
         return Status.MODEL_MISFIT, (
@@ -320,7 +320,7 @@ def _status(attempt: Attempt, bounds: dict[str, str]) -> tuple[Status, str]:
     if gate.status is Status.CONVERGED and bounds:
         return Status.AT_BOUND, "; ".join(bounds.values())
     uneven = max(attempt.prepared, key=lambda log: log.scatter)
-    if gate.status is not Status.CONVERGED and uneven.scatter > UNEQUAL:
+    if gate.status is not Status.CONVERGED and uneven.unlike:
         return Status.MODEL_MISFIT, (
             f"{_uneven(uneven)} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
             "see the cycle scatter and the classical table in the report"

@@ -29,6 +29,8 @@ LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so tha
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 SWINGS = 3.0  # times that: error of the load in fast rhythms from which on a slip has one of its own
 UNTOLD = Course(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
+UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
+FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,17 @@ class Prepared:
         step = np.diff(drop) / np.sqrt(2.0)
         excess = float(1.4826 * np.median(np.abs(step))) ** 2 - (2.0 * self.data.noise) ** 2
         return float(np.sqrt(max(excess, 0.0)) / max(float(np.mean(drop)), 1e-300))
+
+    @property
+    def unlike(self) -> bool:
+        """Whether cycles differ so among themselves that no model of equal friction describes them: more than a normal
+        force that the model follows makes them differ."""
+        if not self.scatter > UNEQUAL:
+            return False
+        cycles = self.segmentation.cycles
+        load = self.data.normal_force.at(cycles.onset) / self.data.mean_normal_force
+        swing = float(np.sqrt(np.mean(np.diff(load) ** 2) / 2.0) * np.mean(cycles.onset_force))
+        return self.scatter > UNEQUAL + FED * swing / float(np.mean(cycles.onset_force - cycles.arrest_force))
 
 
 def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -> Prepared:

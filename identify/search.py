@@ -38,7 +38,6 @@ ATTEMPTS = 4  # starts that are solved before giving up
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
 WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
-UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 SAME = 0.02  # of the spread: starts closer than that are one
 
 
@@ -175,7 +174,7 @@ def _held_from(
 
 def alike(prepared: Sequence[Prepared]) -> bool:
     """Whether the cycles of these logs resemble each other, so that more starts than one are worth a try."""
-    return max(log.scatter for log in prepared) <= UNEQUAL
+    return not any(log.unlike for log in prepared)
 
 
 def _disowned(best: Attempt, prepared: list[Prepared], first: list[int]) -> Attempt:

@@ -13,7 +13,6 @@ from identify.findings import Findings
 from identify.outcome import Status
 from identify.prepare import Prepared
 from identify.scene import Scene
-from identify.search import UNEQUAL
 
 Progress = Callable[[str, float | None], None]
 
@@ -29,7 +28,7 @@ def looked_into(
         unit = wrong_unit(prepared)
         if unit:
             return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
-        if max(log.scatter for log in prepared) > UNEQUAL:
+        if any(log.unlike for log in prepared):
             return findings, None
         progress("looking for what is wrong", 0.95)
         cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)

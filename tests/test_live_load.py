@@ -23,7 +23,7 @@ from identify.model import assemble
 from identify.outcome import Status
 from identify.passes import COARSE, solve_in_passes
 from identify.placing import place
-from identify.prepare import prepare
+from identify.prepare import UNEQUAL, prepare
 from identify.result import _quality
 from identify.scene import Scene
 from identify.segment import segment
@@ -235,3 +235,13 @@ def test_a_log_says_that_its_tremor_counts_as_unknown(speed, told):
     assert made.typical >= 2 and made.data.calm == told
     findings = [f["message"] for f in _quality(made)["findings"] if f["code"] == "load_trembles"]
     assert len(findings) == told and all("mN" in message and "counted as unknown" in message for message in findings)
+
+
+def test_cycles_that_a_load_makes_unlike_are_not_called_unlike_by_themselves():
+    """A pulse lets some slips come early, on a fresher contact; the model that follows the load follows that too."""
+    made = in_vivo.twin(3)
+    scene, record = made.scene(), made.records(100.0)[0]
+    steady = replace(record, normal_force=np.full_like(record.normal_force, np.mean(record.normal_force)))
+    followed, not_told = (prepare(scene, scene.logs[0], r, from_scene(scene)) for r in (record, steady))
+    assert followed.scatter > UNEQUAL and not followed.unlike
+    assert not_told.scatter > UNEQUAL and not_told.unlike
