@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.motion import check_drive
 from identify.asked import NOTHING_MORE, Asked
-from identify.attempt import Attempt, Clock
+from identify.attempt import Attempt, Clock, solve_from
 from identify.certainty import Certainty, certainty, slowness
 from identify.choice import Choice
 from identify.effects import ALL
@@ -129,7 +129,7 @@ def find(
     def searched(logs: list[Prepared]) -> _Searched:
         return logs, *search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
 
-    prepared, attempt, left_out = _calm_if_need_be(searched(prepared), searched)
+    prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)
     if attempt is not None and unknowns.model.vibrates:
         progress("solving from other starts", 0.85)
         since = time.perf_counter()
@@ -147,16 +147,23 @@ def find(
     return prepared, findings
 
 
-def _calm_if_need_be(found: _Searched, searched: Callable[[list[Prepared]], _Searched]) -> _Searched:
-    """What a search found; where no motion follows a tremor of the load, one that counts it as unknown if there is."""
-    prepared, attempt, _ = found
-    if attempt is None or attempt.gate.status is Status.CONVERGED:
-        return found
+def _by_way_of_calm(
+    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared]], _Searched], clock: Clock
+) -> _Searched:
+    """What a search finds; where loads tremble it goes by way of calm ones, whose answer is easily found, and follows
+    the tremor from there. What no motion follows counts as unknown."""
     calm = [replace(log, data=calmed(log.data)) for log in prepared]
-    if all(log.data is own.data for log, own in zip(calm, prepared, strict=True)):
-        return found
-    other = searched(calm)
-    return other if other[1] is not None and other[1].gate.status is Status.CONVERGED else found
+    if all(quiet.data is log.data for quiet, log in zip(calm, prepared, strict=True)):
+        return searched(prepared)
+    logs, known, left_out = searched(calm)
+    if known is None or known.gate.status is not Status.CONVERGED:
+        found = searched(prepared)
+        converged = found[1] is not None and found[1].gate.status is Status.CONVERGED
+        return found if converged or known is None else (logs, known, left_out)
+    followed = solve_from(prepared, list(known.logs), replace(unknowns, start=known.solved.theta), clock)
+    if followed is None or followed.gate.status is not Status.CONVERGED:
+        return logs, known, left_out
+    return prepared, followed, left_out
 
 
 def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.signal import lfilter
 
 from data_io import Record
 from experiments import in_vivo
+from identify import identification
 from identify.attempt import Clock
 from identify.drive import NormalForce
 from identify.effects import MAIN
@@ -245,3 +247,51 @@ def test_cycles_that_a_load_makes_unlike_are_not_called_unlike_by_themselves():
     followed, not_told = (prepare(scene, scene.logs[0], r, from_scene(scene)) for r in (record, steady))
     assert followed.scatter > UNEQUAL and not followed.unlike
     assert not_told.scatter > UNEQUAL and not_told.unlike
+
+
+@pytest.mark.parametrize(
+    ("calm", "followed", "plain", "taken"),
+    [
+        ("converged", "converged", None, "followed"),
+        ("converged", "model_misfit", None, "calm"),
+        ("model_misfit", None, "converged", "plain"),
+        ("model_misfit", None, "solver_failed", "calm"),
+    ],
+)
+def test_the_way_to_a_trembling_load_leads_by_a_calm_one(monkeypatch, calm, followed, plain, taken):
+    def attempt(name, status):
+        solved = SimpleNamespace(theta=np.zeros(1))
+        return SimpleNamespace(name=name, gate=SimpleNamespace(status=Status(status)), solved=solved, logs=(0,))
+
+    trembling, quiet = _Log("trembling"), _Log("calm")
+    asked = []
+
+    def searched(logs):
+        asked.append(logs[0].data)
+        return logs, attempt("calm", calm) if logs[0].data == "calm" else attempt("plain", plain), {}
+
+    monkeypatch.setattr(identification, "calmed", lambda _data: quiet.data)
+    monkeypatch.setattr(identification, "solve_from", lambda *_: attempt("followed", followed))
+    logs, found, _ = identification._by_way_of_calm([trembling], _Start(np.ones(1)), searched, Clock())
+    assert found.name == taken
+    assert logs[0].data == ("calm" if taken == "calm" else "trembling")
+    assert asked == ["calm"] + ["trembling"] * (plain is not None)
+
+
+def test_where_no_load_trembles_the_search_is_made_once(monkeypatch):
+    monkeypatch.setattr(identification, "calmed", lambda data: data)
+    asked = []
+    identification._by_way_of_calm(
+        [_Log("level")], _Start(np.ones(1)), lambda logs: (asked.append(logs), None, {}), Clock()
+    )
+    assert len(asked) == 1
+
+
+@dataclass(frozen=True)
+class _Log:
+    data: str
+
+
+@dataclass(frozen=True)
+class _Start:
+    start: np.ndarray
