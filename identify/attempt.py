@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -107,8 +108,16 @@ def solve_placed(
         solved = solve_in_passes([log.data for log in logs], guesses, at_answer.softened(firmness))
     clock.add("solve", since + solved.forming)
     clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
-    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
-    return Attempt(tuple(numbers), tuple(logs), solved, gate)
+    return Attempt(tuple(numbers), tuple(logs), solved, _gated(solved, logs))
+
+
+def judged(attempt: Attempt) -> Attempt:
+    """The attempt with the gate of its own solution: one that was taken over from another model has that model's."""
+    return replace(attempt, gate=_gated(attempt.solved, attempt.prepared))
+
+
+def _gated(solved: Solved, logs: Sequence[Prepared]) -> Gate:
+    return pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
 
 
 def crept(attempt: Attempt) -> bool:
@@ -137,8 +146,7 @@ def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int =
     and at most so many steps per interval."""
     logs, soft = attempt.prepared, unknowns.softened()
     solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, soft, steps=steps, most=most)
-    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
-    return replace(attempt, solved=solved, gate=gate)
+    return replace(attempt, solved=solved, gate=_gated(solved, logs))
 
 
 def resolve_firmly(attempt: Attempt, unknowns: Unknowns, theta: Array, motion: list[Guess]) -> Attempt:

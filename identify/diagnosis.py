@@ -8,17 +8,27 @@ never silently taken over: the answer stays a misfit until the user mends the sc
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.attempt import Attempt
+from identify.attempt import Attempt, judged
 from identify.errors import FitError, SceneError
 from identify.held import Held
 from identify.model import RIG_PARAMETERS
-from identify.nested import Fitted, as_it_ended, described, fit_from_values, fit_larger, fit_model, fit_smaller, fits
+from identify.nested import (
+    Fitted,
+    as_it_ended,
+    described,
+    fit_beside,
+    fit_from_values,
+    fit_larger,
+    fit_model,
+    fit_smaller,
+    fits,
+)
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.suspects import GROSS, SLIGHT, Suspect, found_and_stated
@@ -91,7 +101,7 @@ def diagnose(
     found.sort(key=lambda each: each.fitted.excess)
     sentence = "; or ".join(e.words for e in found if e.fitted.excess < found[0].fitted.excess + TOLD)
     # What was set free may explain nothing but have led the search elsewhere.
-    back = fit_from_values(found[0].fitted, scene, records)
+    back = fit_beside(found[0].fitted, scene, records)
     nearer = back.attempt is not None and back.logs == ended.logs and ended.excess - back.excess > _worth(ended)
     return Cause(sentence, back.attempt if nearer else None)
 
@@ -188,6 +198,7 @@ def doubt(
         if not gain > ASKED:
             continue
         back = fit_smaller(fitted, scene, records)
+        back = back if back.attempt is None else replace(back, attempt=judged(back.attempt))
         if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
             return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
         words = suspect.words(*found_and_stated(suspect, fitted, scene))

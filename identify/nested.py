@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.attempt import Attempt, Clock, solve_from, usable
+from identify.attempt import Attempt, Clock, judged, solve_from, usable
 from identify.guess import Guess
 from identify.model import Model
 from identify.outcome import Status
@@ -189,6 +189,16 @@ def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless:
     except (ValueError, FloatingPointError):
         return None
     return replace(known, prepared=tuple(logs), solved=solved)
+
+
+def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model from the motion of another one, and from its parameters alone; the better one, judged by itself."""
+    prepared, unknowns = _prepared(scene, records)
+    best = _placed_anew(other, scene, prepared, unknowns)
+    warm = _warm(other, prepared, unknowns)
+    if warm is not None and (best.attempt is None or warm.excess < best.excess):
+        return Fitted(scene, unknowns, tuple(prepared), judged(warm), warm.excess)
+    return best
 
 
 def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:

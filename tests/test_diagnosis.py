@@ -11,11 +11,11 @@ from data_io import Record
 from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
-from identify.attempt import Clock
+from identify.attempt import Clock, judged
 from identify.diagnosis import _explanations, diagnose
 from identify.effects import MAIN
 from identify.model import assemble
-from identify.nested import fit_model
+from identify.nested import fit_beside, fit_model
 from identify.outcome import Status
 from identify.prepare import prepare
 from identify.search import HOPELESS, _starts, features_of, search
@@ -106,6 +106,18 @@ def test_only_what_explains_all_logs_is_named(case):
     partial = replace(freed, attempt=replace(freed.attempt, logs=(0,)))
     assert partial.excess == freed.excess
     assert not _explanations([(mass, partial)], scene, ended)
+
+
+def test_a_model_taken_over_from_another_one_is_judged_by_itself(case):
+    """The motion of a converged fit does not make the model converge that lacks what it had."""
+    scene, records = _scene(RIG | {"mass": 0.3}), [case.records[i] for i in LOGS]
+    mass = next(suspect for suspect in GROSS if suspect.parameter == "mass")
+    freed = fit_model(mass.freed(scene, []), records, thorough=False)
+    assert freed.attempt.gate.status is Status.CONVERGED
+    back = fit_beside(freed, scene, records)
+    assert back.attempt.gate.status is not Status.CONVERGED and back.attempt.gate.chi2_per_sample > 1.2
+    told = replace(freed.attempt, gate=back.attempt.gate)
+    assert judged(told).gate.status is Status.CONVERGED
 
 
 def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
