@@ -34,6 +34,7 @@ BEYOND = 1.15  # of a side: where others are asked whether they know a way on
 OTHERS = 2  # how many are asked
 FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
 HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
+LEAPS = (0.1, 0.4, 0.9)  # of that: where it is looked for past a stretch on which the solver fails
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
 PAST, FARTHEST = 1.7, 4.0  # of a side, and standard deviations: where the truth may lie, once in a while
@@ -243,7 +244,14 @@ def _walk(
         length = float(np.clip(1.1 * (limit - root) / max(slope, 1e-9), 0.05 * length, min(2.5 * length, longest)))
         done, done_root, here = target, root, point
     # The solver may fail on the way to an end that is hemmed in already: the far side of it is the cautious one.
-    if objects - done < HEMMED * _reach(line, index):
+    near = HEMMED * _reach(line, index)
+    for leap in LEAPS if objects - done > near else ():
+        target = min(done + leap * near, reach)
+        point = line.point(here, index, centre + sign * target)
+        if point is not None and line.loss_root(point) >= limit:
+            objects = target
+            break
+    if objects - done < near:
         return _Walk(Side(centre + sign * objects, False), here)
     return _Walk(Side(None, True), here)
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identify import profile
 from identify.profile import CRITICAL, _walk
 
 STEP = 0.2  # mu_s - mu_k0 of the answer
@@ -54,3 +55,11 @@ def test_where_nothing_beyond_was_solved_or_only_far_away_the_side_stays_open():
     for line in (Line(0.01, first=0.012), Line(0.02, cliff=0.03, first=0.004, last=0.03)):
         found = side(line)
         assert found.end is None and found.failed
+
+
+def test_past_a_stretch_on_which_the_solver_fails_the_walk_looks_a_little_farther(monkeypatch):
+    line = Line(0.01, cliff=0.0125, first=0.0121, last=0.015)
+    found = side(line)
+    assert not found.failed and 0.5 + 0.015 < found.end < 0.5 + 0.02
+    monkeypatch.setattr(profile, "LEAPS", ())
+    assert side(line).failed
