@@ -35,14 +35,15 @@ def looked_into(
         if cause is not None:
             message = _caused(cause.sentence, findings.attempt)
             return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
-    if findings.status is not Status.CONVERGED or not _doubtful(findings):
+    refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
+    if not refused and (findings.status is not Status.CONVERGED or not _doubtful(findings)):
         return findings, None
     progress("looking for what is wrong", 0.95)
     assert findings.attempt is not None
     told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
     memory = 1.0 if findings.sure is None else slowness(findings.attempt, findings.sure.colours)
     where = scene, read, prepared, findings.unknowns, findings.attempt
-    found = doubt(*where, findings.held, told, memory, anew=_rises(findings))
+    found = doubt(*where, findings.held, told, memory, anew=refused or _rises(findings))
     return (findings, None) if found is None else (_doubted(findings, found), found.better)
 
 
@@ -61,6 +62,8 @@ def _doubted(findings: Findings, found: Doubt) -> Findings:
     """What else would describe data that fit already, in the sentence; an answer that it moves far is refused."""
     moves = f", the parameter {found.worst} moves by {100 * found.moved:.2g} %" if found.worst else ""
     more = f"the data ask for {found.sentence}: chi^2 falls by {found.gain:.3g}{moves}"
+    if findings.status is Status.MODEL_MISFIT:  # logs that contradict each other, say
+        return replace(findings, message=f"{findings.message}; {more}")
     if found.matters:
         return replace(findings, status=Status.MODEL_MISFIT, message=f"the misfit is noise, and yet {more}")
     return replace(findings, message=f"{findings.message}; {more}")

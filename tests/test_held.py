@@ -11,9 +11,10 @@ import pytest
 
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
-from identify import held
+from identify import held, second_look
 from identify.attempt import Clock
-from identify.diagnosis import diagnose
+from identify.diagnosis import Doubt, diagnose
+from identify.findings import Findings
 from identify.held import against_data
 from identify.identification import find
 from identify.model import assemble
@@ -136,3 +137,13 @@ def test_noise_with_a_memory_widens_what_is_said():
     white, memory = (against_data(found.information, theta, RIG, m, tolerances={}) for m in (1.0, 4.0))
     for plain, wide in zip(white, memory, strict=True):
         assert wide == replace(plain, error=2.0 * plain.error, squared=plain.squared / 4.0)
+
+
+def test_logs_that_contradict_each_other_are_asked_what_would_reconcile_them(monkeypatch):
+    refused = Findings(Status.MODEL_MISFIT, "log_3 contradicts the others", None, object(), None, None, [], {}, {})
+    lag = Doubt("a lag of the force sensor of 5 ms", 326.0, 0.032, "D")
+    monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
+    monkeypatch.setattr(second_look, "doubt", lambda *_, anew: lag if anew else None)
+    found, better = second_look.looked_into(refused, None, [], [], lambda *_: None)
+    assert found.status is Status.MODEL_MISFIT and better is None
+    assert found.message.startswith("log_3 contradicts the others; the data ask for a lag of the force sensor of 5 ms")
