@@ -18,6 +18,7 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 FINE = 400  # points of a slip in detail
+AS_FITTED = 0.1  # of the range of a slip's force: farther from the fitted curve it is not drawn
 LEAD, TAIL = 0.25, 0.35  # of the slip's duration, shown before and after it
 
 
@@ -31,6 +32,7 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
     p = unknowns.values(guess.theta(theta), log.data.base)
     forces = _event_forces(log, unknowns, p, guess)
     cycles = np.column_stack([guess.onset, guess.arrest, *forces, z[: guess.cycles]])
+    slip = _typical_slip(log, unknowns, p, guess)
     return LogCurves(
         log.name,
         log.record.time,
@@ -41,7 +43,7 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
         log.data.noise,
         log.data.drive_speed,
         cycles,
-        _typical_slip(log, unknowns, p, guess),
+        slip if slip is not None and as_fitted(slip, log.record.time, fitted) else None,
         *_as_read(log),
     )
 
@@ -94,6 +96,18 @@ def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> 
         )
         out.append(lanes.load_cell(unknowns.model, states, np.tile(p, (times.size, 1)), u))
     return out[0], out[1]
+
+
+def as_fitted(slip: SlipDetail, time: Array, fitted: Array) -> bool:
+    """Whether a slip that was simulated anew runs where the fit has it: it has one normal force throughout, the fit
+    another one in every slip of a load that trembles.
+
+    Args:
+        time, fitted: (n,) of the log's samples [s], [N], NaN where nothing was fitted.
+    """
+    at = slip.samples[np.isfinite(fitted[slip.samples])]
+    off = np.abs(np.interp(time[at], slip.time, slip.force) - fitted[at])
+    return bool(np.max(off, initial=0.0) < AS_FITTED * np.ptp(slip.force))
 
 
 def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> SlipDetail | None:

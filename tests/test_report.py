@@ -22,7 +22,7 @@ from identify.report.document import as_json
 from identify.report.envelope import envelope, extremes
 from identify.report.figures import Picture, pictures
 from identify.report.page import LARGEST, render_page
-from identify.report.quantity_text import number, quantity, speed
+from identify.report.quantity_text import DASH, number, quantity, speed
 from identify.report.views import parameter_views
 from identify.report.words import PLAIN_SYMBOLS, plain_symbol, solver_words
 from tests.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
@@ -353,3 +353,9 @@ def test_figures_of_a_log_that_is_gone_are_removed(fit: Fit, tmp_path: Path) -> 
     write_report(without_cycles(Fit(fit.result, fit.logs[:1])), tmp_path)
     assert not (tmp_path / "figures/log_7_force.svg").exists()
     assert (tmp_path / "figures/my_own.svg").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("verdict", "shown"), [("fixed", DASH), ("not identifiable", "open")])
+def test_only_what_was_estimated_has_an_open_interval(verdict: str, shown: str) -> None:
+    entry = {"value": 2e-3, "unit": "s", "interval": [None, None], "verdict": verdict}
+    assert parameter_views({"skin_retardation": entry})[0].interval == shown

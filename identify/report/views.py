@@ -138,7 +138,7 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
         value=DASH if shown is None else decimals(shown, places),
         error="" if shown_error is None else decimals(shown_error, places),
         unit=scale.unit,
-        interval=_interval(entry.get("interval"), scale.factor, places),
+        interval=DASH if verdict == "fixed" else _interval(entry.get("interval"), scale.factor, places),
         si=f"{number(value, 5)} {unit}" if value is not None and scale.factor != 1 else "",
         verdict=verdict,
         verdict_class=VERDICT_CLASS.get(verdict, "plain"),
