@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,6 +26,7 @@ PATIENCE = 40
 STEPS = 4  # RK4 steps per interval
 MOVED = 2.0  # samples that an event may move before its samples must be assigned anew
 HOMES = 3  # how often on the way to one point
+KEPT = 3  # homes, besides that of the answer
 FREE = -1  # no parameter is held
 
 
@@ -46,13 +49,14 @@ class Home:
 @dataclass(frozen=True)
 class ProfilePoint:
     """A solved point: theta (n_p,), the motion there, the cost of data and user's priors; the parameter held (FREE:
-    none); where it was reached warm the home, z (n,) and multipliers (m,) in its problem, else None."""
+    none); where it was reached warm the home, as long as it is kept, z (n,) and multipliers (m,) in its problem, else
+    None."""
 
     theta: Array
     guesses: list[Guess]
     cost: float
     held: int
-    home: Home | None = None
+    home: weakref.ReferenceType[Home] | None = None
     z: Array | None = None
     multipliers: Array | None = None
 
@@ -70,7 +74,8 @@ class ProfileLine:
         mean = np.where(told, soft.prior_mean, solved.theta)
         self.soft = replace(soft, prior_mean=mean, start=solved.theta)
         self.seen: list[ProfilePoint] = []
-        home = self._home(solved.theta, solved.guesses)
+        self._recent: deque[Home] = deque(maxlen=KEPT)  # of a long log each takes as much memory as the log
+        home = self._first = self._home(solved.theta, solved.guesses)
         settled = home.warm.settle(home.problem.start)
         if settled is None:
             known = ProfilePoint(solved.theta, solved.guesses, solved.solution.cost, FREE)
@@ -85,7 +90,7 @@ class ProfileLine:
     def _warm(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
         """The point by Newton's steps from a neighbour, None where they do not get there; where events move far, once
         more with the samples assigned anew."""
-        home, z, multipliers = near.home, near.z, near.multipliers
+        home, z, multipliers = near.home() if near.home is not None else None, near.z, near.multipliers
         for _ in range(HOMES):
             if home is None or z is None:
                 home = self._home(near.theta, near.guesses)
@@ -119,12 +124,13 @@ class ProfileLine:
         for place, log in zip(problem.layout.places, self.logs, strict=True):
             index = np.concatenate([place.onset, place.saturation, place.arrest])
             limits[index[index >= 0]] = MOVED * log.interval
-        return Home(theta, guesses, warm, limits)
+        self._recent.append(Home(theta, guesses, warm, limits))
+        return self._recent[-1]
 
     def _seen(self, home: Home, settled: Settled, held: int) -> ProfilePoint:
         """The point that settled, kept."""
         made = self._made(home.problem, home.guesses, settled.z, settled.cost, home.theta, held)
-        made = replace(made, home=home, z=settled.z, multipliers=settled.multipliers)
+        made = replace(made, home=weakref.ref(home), z=settled.z, multipliers=settled.multipliers)
         self.seen.append(made)
         return made
 

@@ -80,3 +80,16 @@ def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monke
     assert moved is not None and moved.home is not at.best.home
     # what the few samples that change their place add is all the difference
     assert moved.cost - at.best.cost == pytest.approx(near.cost - line.best.cost, rel=0.01)
+
+
+def test_homes_are_let_go_and_made_anew(fitted, monkeypatch):
+    monkeypatch.setattr(profile_line, "MOVED", 1e-4)
+    attempt, unknowns, size = fitted
+    line = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    index, value = held(line, "mu_k0", OFF)
+    first = line._warm(line.best, index, value)
+    for off in (-OFF, 0.5 * OFF, -0.5 * OFF):
+        line._warm(line.best, *held(line, "mu_k0", off))
+    assert first.home() is None and line.best.home() is not None
+    again = line._warm(first, index, value)
+    assert again.home() is not None and again.cost == pytest.approx(first.cost, abs=1e-3)
