@@ -76,8 +76,8 @@ class ProfileLine:
         self.seen: list[ProfilePoint] = []
         self._recent: deque[Home] = deque(maxlen=KEPT)  # of a long log each takes as much memory as the log
         home = self._first = self._home(solved.theta, solved.guesses)
-        settled = home.warm.settle(home.problem.start)
-        if settled is None:
+        settled = None if home is None else home.warm.settle(home.problem.start)
+        if home is None or settled is None:
             known = ProfilePoint(solved.theta, solved.guesses, solved.solution.cost, FREE)
             self.best = self._solved(solved.theta, solved.guesses, FREE) or known
         else:
@@ -94,6 +94,8 @@ class ProfileLine:
         for _ in range(HOMES):
             if home is None or z is None:
                 home = self._home(near.theta, near.guesses)
+                if home is None:
+                    return None
                 z, multipliers = home.problem.start, home.warm.multipliers
             problem, scale = home.problem, home.problem.layout.scale
             place = int(np.flatnonzero(problem.layout.free == held)[0])
@@ -114,12 +116,15 @@ class ProfileLine:
         """The square root of what the data lose against the best point."""
         return float(np.sqrt(max(2 * (point.cost - self.best.cost), 0.0)))
 
-    def _home(self, theta: Array, guesses: list[Guess]) -> Home:
-        """The neighbourhood of a motion."""
+    def _home(self, theta: Array, guesses: list[Guess]) -> Home | None:
+        """The neighbourhood of a motion; None where it is none for Newton's steps."""
         problem = transcribe(self.logs, guesses, replace(self.soft, start=theta), self.grid)
         kept = kept_parameters(problem.layout)
         own = np.full(kept.size - problem.layout.free.size, float(np.max(self.size)))
-        warm = Warm(problem, problem.start, kept, np.concatenate([self.size, own]))
+        try:
+            warm = Warm(problem, problem.start, kept, np.concatenate([self.size, own]))
+        except np.linalg.LinAlgError:
+            return None
         limits = np.full(problem.layout.size, np.inf)
         for place, log in zip(problem.layout.places, self.logs, strict=True):
             index = np.concatenate([place.onset, place.saturation, place.arrest])

@@ -36,13 +36,20 @@ class Settled:
 
 
 class Warm:
-    """The neighbourhood of a solution z (n,) of a problem; `size` (f,) are standard errors of its `kept` unknowns."""
+    """The neighbourhood of a solution z (n,) of a problem; `size` (f,) are standard errors of its `kept` unknowns.
+
+    Raises:
+        numpy.linalg.LinAlgError: the conditions of optimality are singular there.
+    """
 
     def __init__(self, problem: Problem, z: Array, kept: NDArray[np.int64], size: Array) -> None:
         self.problem, self.kept, self.size = problem, kept, size / problem.layout.scale[kept]
         point = problem.evaluate(z, derivatives=True)
-        self.factors = _factored(point)
+        factors = _factored(point)
+        if factors is None:
+            raise np.linalg.LinAlgError("the conditions of optimality are singular")
         assert point.gradient is not None
+        self.factors = factors
         # At a solution gradient + J^T multipliers = 0: the second part of K [0, multipliers] = [-gradient, 0].
         self.multipliers = self.factors.solve(np.concatenate([-point.gradient, np.zeros(point.rows.size)]))[z.size :]
         layout = problem.layout
@@ -86,7 +93,10 @@ class Warm:
                     return None
                 # Where fresh factors do not serve either the rows bend, and the exact Hessian follows them.
                 exact = exact or (made_at == number - 1 and not length <= BENT * before)
-                factors = _factored(point, problem.exact_hessian(z, 1.0, dual) if exact else None)
+                renewed = _factored(point, problem.exact_hessian(z, 1.0, dual) if exact else None)
+                if renewed is None:
+                    return None
+                factors = renewed
                 renewals, made_at = renewals + 1, number
                 step = _step(factors, left, n, None if held is None else (held[0], held[1] - z[held[0]]))
                 length = self._length(step)
@@ -105,10 +115,14 @@ class Warm:
         return float(np.max(np.abs(step[self.kept]) / self.size))
 
 
-def _factored(point: Point, hessian: sp.csc_matrix | None = None) -> Factors:
-    """Factors at a point, with another Hessian than that of Gauss-Newton where one is given."""
+def _factored(point: Point, hessian: sp.csc_matrix | None = None) -> Factors | None:
+    """Factors at a point, with another Hessian than that of Gauss-Newton where one is given; None where they are
+    singular."""
     assert point.hessian is not None and point.jacobian is not None
-    return Factors(optimality_matrix(point.hessian if hessian is None else hessian, point.jacobian))
+    try:
+        return Factors(optimality_matrix(point.hessian if hessian is None else hessian, point.jacobian))
+    except RuntimeError:  # SuperLU's only word for it
+        return None
 
 
 def _step(factors: Factors, left: Array, n: int, held: tuple[int, float] | None) -> Array:

@@ -93,3 +93,19 @@ def test_homes_are_let_go_and_made_anew(fitted, monkeypatch):
     assert first.home() is None and line.best.home() is not None
     again = line._warm(first, index, value)
     assert again.home() is not None and again.cost == pytest.approx(first.cost, abs=1e-3)
+
+
+def test_where_newtons_steps_have_no_factors_the_solver_is_asked(fitted, monkeypatch):
+    def singular(_matrix):
+        raise RuntimeError("Factor is exactly singular")
+
+    attempt, unknowns, size = fitted
+    line = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    index, value = held(line, "mu_k0", OFF)
+    warm = line.best.home().warm
+    monkeypatch.setattr("identify.warm.Factors", singular)
+    assert warm.settle(line.best.z, held=(0, 2.0 * line.best.z[0])) is None
+    without = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    found = without.point(without.best, index, value)
+    assert without.best.home is None and found is not None and found.home is None
+    assert 2 * (found.cost - without.best.cost) == pytest.approx(OFF**2, rel=0.3)
