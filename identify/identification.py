@@ -300,9 +300,8 @@ def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
 
 def _untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status, str]:
     """Status and sentence where no start could even be placed on the data."""
-    uneven = max(prepared, key=lambda log: log.scatter)
-    if uneven.unlike:
-        return Status.MODEL_MISFIT, f"{_uneven(uneven)}; see the cycle scatter and the classical table in the report"
+    if uneven := _uneven(prepared):
+        return Status.MODEL_MISFIT, f"{uneven}; see the cycle scatter and the classical table in the report"
     if any(log.left_out is None for log in prepared):
         return Status.MODEL_MISFIT, (
             "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
@@ -315,7 +314,11 @@ def _untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status
     )
 
 
-def _uneven(log: Prepared) -> str:
+def _uneven(prepared: Sequence[Prepared]) -> str:
+    """A sentence on the log whose cycles scatter most, of those where they are unlike; "" where there is none."""
+    log = max((log for log in prepared if log.unlike), key=lambda log: log.scatter, default=None)
+    if log is None:
+        return ""
     return (
         f"friction differs from cycle to cycle: in {log.name} the drop changes by {100 * log.scatter:.0f} % from one "
         "cycle to the next, which noise does not explain, while the model takes all cycles as alike"
@@ -326,10 +329,9 @@ def _status(attempt: Attempt, bounds: dict[str, str]) -> tuple[Status, str]:
     gate = attempt.gate
     if gate.status is Status.CONVERGED and bounds:
         return Status.AT_BOUND, "; ".join(bounds.values())
-    uneven = max(attempt.prepared, key=lambda log: log.scatter)
-    if gate.status is not Status.CONVERGED and uneven.unlike:
+    if gate.status is not Status.CONVERGED and (uneven := _uneven(attempt.prepared)):
         return Status.MODEL_MISFIT, (
-            f"{_uneven(uneven)} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
+            f"{uneven} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
             "see the cycle scatter and the classical table in the report"
         )
     return gate.status, gate.message

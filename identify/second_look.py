@@ -62,9 +62,7 @@ def _doubted(findings: Findings, found: Doubt) -> Findings:
     """What else would describe data that fit already, in the sentence; an answer that it moves far is refused."""
     moves = f", the parameter {found.worst} moves by {100 * found.moved:.2g} %" if found.worst else ""
     more = f"the data ask for {found.sentence}: chi^2 falls by {found.gain:.3g}{moves}"
-    if findings.status is Status.MODEL_MISFIT:  # logs that contradict each other, say
-        return replace(findings, message=f"{findings.message}; {more}")
-    if found.matters:
+    if found.matters and findings.status is Status.CONVERGED:  # else logs contradict each other, say
         return replace(findings, status=Status.MODEL_MISFIT, message=f"the misfit is noise, and yet {more}")
     return replace(findings, message=f"{findings.message}; {more}")
 

@@ -145,9 +145,8 @@ def test_a_better_answer_that_was_met_on_the_way_is_handed_back(case):
     cause = diagnose(scene, records, logs, unknowns, astray)
     assert cause is not None and cause.better is not None
     assert cause.better.gate.status is Status.CONVERGED
-    np.testing.assert_allclose(
-        cause.better.solved.theta, right.solved.theta, atol=0.02
-    )  # another valley lies farther off
+    # another valley lies farther off
+    np.testing.assert_allclose(cause.better.solved.theta, right.solved.theta, atol=0.02)
 
 
 def test_a_hidden_slip_is_not_blamed_on_the_rig(case):
