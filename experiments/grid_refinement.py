@@ -67,11 +67,10 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
             solution = solve(problem, tolerance=1e-9, barrier=1e-6)
             theta = theta.copy()
             theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-            formed = guesses
             guesses = [place_.read(g, solution.x) for place_, g in zip(problem.layout.places, guesses, strict=True)]
         out.append(Fitted(grid, time.process_time() - since, problem.layout.size, theta[free]))
         if count == steps[-1]:
-            whole = problem.with_all_parameters(formed, replace(unknowns, start=theta), grid, solution.z)
+            whole = problem.with_all_parameters(replace(unknowns, start=theta), solution.z)
             errors = np.sqrt(np.diag(information(*whole).covariance()))
     return out, [unknowns.names[i] for i in free], errors
 

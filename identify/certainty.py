@@ -299,9 +299,7 @@ def information_at(attempt: Attempt, unknowns: Unknowns) -> Information:
     """The information of the data on all parameters, those held fixed too, at the answer."""
     solved = attempt.solved
     at_answer = replace(unknowns, start=solved.theta)
-    return information(
-        *solved.problem.with_all_parameters(solved.formed_from, at_answer, solved.grid, solved.solution.z)
-    )
+    return information(*solved.problem.with_all_parameters(at_answer, solved.solution.z))
 
 
 def noise_colours(attempt: Attempt) -> list[Colour]:

@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 class Collector:
     """Gathers unknowns, rows and blocks while a layout is built; thrown away afterwards."""
 
-    def __init__(self, model: Model, unknowns: Unknowns, free: Indices, pace: Array) -> None:
-        self.model, self.unknowns, self.pace = model, unknowns, pace
+    def __init__(self, model: Model, unknowns: Unknowns, free: Indices) -> None:
+        self.model, self.unknowns = model, unknowns
         self.scale: list[Array] = [unknowns.spread[free]]
         self.start: list[Array] = [unknowns.start[free]]
         self.lower: list[Array] = [unknowns.lower[free]]

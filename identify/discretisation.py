@@ -6,15 +6,12 @@ discretisation, which is worth showing as a share of each standard error.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from identify.equilibrated import solve_equilibrated
 from identify.passes import Solved
-from identify.shooting import transcribe
 
 Array = NDArray[np.float64]
 
@@ -23,10 +20,7 @@ ORDER = 4  # of the step formula of the shooting
 
 def discretisation_error(solved: Solved) -> Array:
     """Error of theta (f,) of the free parameters that the integration steps leave, signed, in search units."""
-    at = replace(solved.problem.layout.unknowns, start=solved.theta)
-    finer = replace(solved.grid, steps=2 * solved.grid.steps)
-    problem = transcribe(solved.problem.logs, solved.formed_from, at, finer)
-    z = solved.solution.x / problem.layout.scale
+    problem, z = solved.problem.with_finer_steps(), solved.solution.z
     point = problem.evaluate(z, derivatives=True)
     assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
     hessian = (point.hessian + sp.triu(point.hessian, 1).T).tocsc()

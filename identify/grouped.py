@@ -98,7 +98,7 @@ def _pooled(attempts: list[Attempt], unknowns: Unknowns) -> list[Array]:
     for attempt in attempts:
         solved = attempt.solved
         at_answer = replace(unknowns, start=solved.theta, per=())
-        made = solved.problem.with_all_parameters(solved.formed_from, at_answer, solved.grid, solved.solution.z)
+        made = solved.problem.with_all_parameters(at_answer, solved.solution.z)
         matrix = information(*made).total[np.ix_(free, free)]
         if not np.all(np.isfinite(matrix)):
             continue

@@ -19,7 +19,6 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 NO_OFFSET = np.array([KNOWN])
 ZERO = np.zeros(1)
-FORGOTTEN = 1e3  # spreads
 
 
 class _LogWalk:
@@ -30,13 +29,12 @@ class _LogWalk:
         model = collector.model
         self.n_x = len(model.states)
         p = collector.unknowns.values(guess.theta(collector.unknowns.start), log.base)
-        at_pace = collector.unknowns.values(guess.theta(collector.pace), log.base)
         k, m = (p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
         force = 0.1 * log.mean_normal_force
         by_unit = {"m": force / k, "m/s": force / np.sqrt(k * m), "N": force}
         self.size = np.array([by_unit.get(s.unit, 1.0) for s in model.states])
         self.rates, self.frequencies = (
-            np.array(f(at_pace)).ravel() for f in (model.decays, model.waves)
+            np.array(f(p)).ravel() for f in (model.decays, model.waves)
         )  # of what makes a rest no straight line
         self.rest_rows = self.size.copy()
         self.rest_rows[SPEED] = force  # the onset guard is a force
@@ -115,11 +113,7 @@ class _LogWalk:
         """A new unknown for parameter i."""
         u, one = self.c.unknowns, np.array([i])
         start = self.guess.theta(u.start)[one]
-        mean = np.where(np.isfinite(u.prior_mean[one]), start, 0.0)
-        # A phase of nothing has no information at all: a prior that says nothing keeps the matrices regular.
-        sd = np.minimum(u.prior_sd[one], FORGOTTEN * u.spread[one])
-        if u.grouped[i] and u.prior_sd[i] < FORGOTTEN * u.spread[i]:
-            mean = u.prior_mean[one]
+        mean, sd = (np.array([x]) for x in u.own_prior(i, float(start[0])))
         return int(self.c.add(start, u.spread[one], u.lower[one], u.upper[one], mean=mean, sd=sd)[0])
 
     def _load(self, cycle: int) -> None:
@@ -430,17 +424,15 @@ def lay_out(
     grid: Grid,
     *,
     free: Indices | None = None,
-    pace: Array | None = None,
 ) -> Layout:
     """Lay out the multiple-shooting problem of several logs around their guesses.
 
     Args:
         free: indices of the parameters that are unknown; default those `unknowns` marks as free.
-        pace: theta (n_p,) whose time scales cut the rests into blocks; default the start.
     """
     model = unknowns.model
     chosen = np.flatnonzero(unknowns.free) if free is None else free
-    collector = Collector(model, unknowns, chosen, unknowns.start if pace is None else pace)
+    collector = Collector(model, unknowns, chosen)
     places = tuple(
         _LogWalk(collector, number, log, guess, grid).walk()
         for number, (log, guess) in enumerate(zip(logs, guesses, strict=True))

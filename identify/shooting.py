@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from identify.guess import Grid, Guess, LogData
 from identify.lay_out import lay_out
 from identify.layout import Family, Indices, Layout
+from identify.relaid import with_every_parameter, with_finer_steps
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -82,21 +83,25 @@ class Problem:
         out.moments = moments
         return out
 
-    def with_all_parameters(
-        self, guesses: list[Guess], unknowns: Unknowns, grid: Grid, z: Array
-    ) -> tuple[Problem, Array]:
+    def with_all_parameters(self, unknowns: Unknowns, z: Array) -> tuple[Problem, Array]:
         """This problem with every parameter among its unknowns, and its point z (scaled) there.
 
         Args:
-            guesses, grid: those this problem was transcribed from; unknowns: start holds the fixed parameters.
+            unknowns: as those of this problem; start holds the values of what is no unknown here, the priors count.
         """
-        everything = np.arange(len(unknowns.names))
-        layout = lay_out(self.logs, guesses, unknowns, grid, free=everything, pace=self.layout.unknowns.start)
-        theta = unknowns.start.copy()
-        count = self.layout.free.size
-        x = z * self.layout.scale
+        layout, count = with_every_parameter(self.layout, unknowns), self.layout.free.size
+        theta, x = unknowns.start.copy(), z * self.layout.scale
         theta[self.layout.free] = x[:count]
         return Problem(self.logs, layout, self.moments), np.concatenate([theta, x[count:]]) / layout.scale
+
+    def with_finer_steps(self) -> Problem:
+        """The same problem, unknown by unknown and row by row, with twice as many integration steps in every slide."""
+        out = copy.copy(self)
+        out._last = None
+        out.layout = with_finer_steps(self.layout)
+        pairs = zip(self.layout.families, out.layout.families, self.moments, strict=True)
+        out.moments = [held if new is old else self._compress(new) for old, new, held in pairs]
+        return out
 
     @property
     def samples(self) -> int:

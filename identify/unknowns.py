@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 SOFT_FACTOR = 3.0  # sd of a logarithm: a factor of twenty
 SOFT_SPREADS = 10.0  # sd of a parameter on a linear scale, in its own spread: 1 for a coefficient
+FORGOTTEN = 1e3  # spreads: sd of a parameter of which nothing is known before
 RESOLVED = 0.04  # of sqrt(m/k): time constants that go to zero cannot be told from zero below that
 RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays within a factor of three
 
@@ -105,6 +106,14 @@ class Unknowns:
         """Theta of parameter values (..., n_p)."""
         with np.errstate(all="ignore"):
             return np.where(self.logarithmic, np.log(values / base), values - base)
+
+    def own_prior(self, i: int, start: float) -> tuple[float, float]:
+        """Mean and standard deviation of the prior on parameter i of a log, or a group, that has it for itself."""
+        mean, sd, spread = float(self.prior_mean[i]), float(self.prior_sd[i]), float(self.spread[i])
+        # A phase of nothing has no information at all: a prior that says nothing keeps the matrices regular.
+        if self.grouped[i] and sd < FORGOTTEN * spread:
+            return mean, sd
+        return start if np.isfinite(mean) else 0.0, min(sd, FORGOTTEN * spread)
 
     def softened(self, firmness: float = 1.0) -> Unknowns:
         """The same search with a very wide prior around the start where there is none: it only keeps what the data do

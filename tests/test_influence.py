@@ -35,7 +35,7 @@ def fitted():
 
 def test_influence_adds_up_to_the_covariance(fitted):
     unknowns, solved, known, _ = fitted
-    made = solved.problem.with_all_parameters(solved.formed_from, unknowns, solved.grid, solved.solution.z)
+    made = solved.problem.with_all_parameters(unknowns, solved.solution.z)
     covariance = information(*made).covariance()
     size = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(known.covariance / np.outer(size, size), covariance / np.outer(size, size), atol=1e-4)

@@ -27,7 +27,7 @@ outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
 guess loads lanes steadiness following one_way gaps parting partly_read reageing block_equations blocks features
 unknowns cutting manner window prepare rhythms vibration placing first_onsets layout start collector rest_parts lay_out
-equilibrated shooting reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
+equilibrated relaid shooting reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence events consistency leaning remembered gate accuracy combinations held asked profile_line
 profile widened attempt search shaken ridge_ends grouped shares certainty nested weighing screening selection_words
 selection suspects diagnosis preview depth

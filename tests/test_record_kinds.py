@@ -62,7 +62,7 @@ def _free(unknowns):
 def _covariance(attempt):
     solved = attempt.solved
     at = replace(solved.problem.layout.unknowns, start=solved.theta)
-    made = solved.problem.with_all_parameters(solved.formed_from, at, solved.grid, solved.solution.z)
+    made = solved.problem.with_all_parameters(at, solved.solution.z)
     return information(*made).covariance()
 
 
