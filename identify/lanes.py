@@ -216,14 +216,16 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     current, last_rate, u = x.copy(), np.zeros((n, n_x)), u.copy()
     pending: list[tuple[int, Indices, Array, Array, Bools]] = []
     for s in range(int(LONGEST * per_half_period)):
-        after, free, rate = functions["step"]([current[active], p[active], u[active], h[active]])
-        finite = np.all(np.isfinite(after), axis=1)
-        last_rate[active] = np.where(finite[:, None], rate, 0.0)
-        rates.append(last_rate.copy())
         before = current[active]
+        after, free, rate = functions["step"]([before, p[active], u[active], h[active]])
+        finite = np.isfinite(after).all(axis=1)
+        if not finite.all():
+            after, rate = np.where(finite[:, None], after, before), np.where(finite[:, None], rate, 0.0)
+        last_rate[active] = rate
+        rates.append(last_rate.copy())
         stopped = finite & (after[:, SPEED] <= 0.0)
         pending.append((s, active, before, free, stopped))
-        current[active] = np.where(finite[:, None], after, before)
+        current[active] = after
         states.append(current.copy())
         active = active[finite & ~stopped]
         u[:, TIME] += h
@@ -243,26 +245,28 @@ def _held(course: Array, steps: int) -> Array:
 
 def _mark(model: Model, out: Slips, s: int, lanes: Indices, before: Array, free: Array, stopped: Bools) -> None:
     """Record the events of step s: arrest where the speed fell to zero, saturation where the state clamped."""
-    rate = out.rates[s, lanes] * out.h[lanes, None]
-    bend = free - before - rate  # the states within the step: before + rate w + bend w^2
 
     def put(which: Bools, component: int, level: float, time: Array, state: Array) -> None:
-        j = lanes[which]
-        w = _first_root(before[which, component] - level, rate[which, component], bend[which, component])
+        j, old = lanes[which], before[which]
+        rate = out.rates[s, j] * out.h[j, None]
+        bend = free[which] - old - rate  # the states within the step: old + rate w + bend w^2
+        w = _first_root(old[:, component] - level, rate[:, component], bend[:, component])
         time[j] = (s + w) * out.h[j]
-        at = before[which] + rate[which] * w[:, None] + bend[which] * (w**2)[:, None]
+        at = old + rate * w[:, None] + bend * (w**2)[:, None]
         at[:, component] = level
         if model.clamped is not None:
             at[:, model.clamped] = np.maximum(at[:, model.clamped], model.states[model.clamped].lower or 0.0)
         state[j] = at
 
-    if np.any(stopped):
+    if stopped.any():
         put(stopped, SPEED, 0.0, out.arrest, out.at_arrest)
     if model.clamped is not None:
         g, low = model.clamped, model.states[model.clamped].lower or 0.0
-        hit = (before[:, g] > low) & (free[:, g] <= low) & np.isnan(out.saturation[lanes]) & ~stopped
-        if np.any(hit):
-            put(hit, g, low, out.saturation, out.at_saturation)
+        reached = (free[:, g] <= low) & (before[:, g] > low)
+        if reached.any():
+            hit = reached & np.isnan(out.saturation[lanes]) & ~stopped
+            if hit.any():
+                put(hit, g, low, out.saturation, out.at_saturation)
 
 
 def _first_root(y: Array, slope: Array, bend: Array) -> Array:

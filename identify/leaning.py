@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 LONGEST = 512  # samples of a window
 CHANCE = 1e-7  # that noise leans so far somewhere in a log
 QUARTILE = float(norm.ppf(0.75))
+OVERLAP = 8  # windows of one length that share a sample; about the one that leans most all are asked
 ENOUGH = 1 << 15  # sums that tell their spread
 
 
@@ -62,13 +63,17 @@ def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
     lengths = [w for w in 2 ** np.arange(1, int(np.log2(LONGEST)) + 1) if 8 * w <= residual.size]
     out = []
     for width in lengths:
-        sums = (summed[width:] - summed[:-width]) / np.sqrt(width)
+        step = max(width // OVERLAP, 1)
+        sums = (summed[width::step] - summed[:-width:step]) / np.sqrt(width)
         low, high = np.quantile(sums[:: max(sums.size // ENOUGH, 1)], (0.25, 0.75))
         spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
-        first = int(np.argmax(np.abs(sums)))
+        about = step * int(np.argmax(np.abs(sums)))
+        near = np.arange(max(about - step + 1, 0), min(about + step, summed.size - width))
+        around = np.abs(summed[near + width] - summed[near]) / np.sqrt(width)
+        first = int(near[np.argmax(around)])
         limit = float(norm.isf(0.5 * CHANCE / (residual.size * len(lengths))))
         window = slice(first, first + width)
         length = float(time[first + width - 1] - time[first])
         mean = float(np.mean(residual[window]))
-        out.append(Lean(number, float(np.mean(time[window])), length, mean, abs(float(sums[first])) / spread, limit))
+        out.append(Lean(number, float(np.mean(time[window])), length, mean, float(np.max(around)) / spread, limit))
     return out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import time
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -80,13 +81,19 @@ def document(
         result["rig_against_data"] = held_document(found.held)
     result["timing_s"] = _timing(clock, began)
     result["provenance"] = {
-        "version": importlib.metadata.version(DISTRIBUTION),
+        "version": _version(DISTRIBUTION),
         "scene": scene.as_document(),
         "seed": seed,
-        "packages": {name: importlib.metadata.version(name) for name in PACKAGES},
+        "packages": {name: _version(name) for name in PACKAGES},
         "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
     return result
+
+
+@lru_cache
+def _version(name: str) -> str:
+    """Read once: what is imported does not change while it runs."""
+    return importlib.metadata.version(name)
 
 
 def _base(scene: Scene, found: Findings) -> Array:

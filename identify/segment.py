@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identify.local_fits import crossing, level, noise_on_lines, slope, span
 from identify.noise import bridged, quantum, spikes, white_noise
 from identify.slips import SLIDING, SLIP, STICK, Slips, Trace, judge, label, loading_knee, not_slipping
-from identify.zigzag import find_falls, smooth
+from identify.zigzag import find_falls
 
 __all__ = ["SLIDING", "SLIP", "STICK", "Cycles", "Segmentation", "segment"]
 
@@ -153,7 +153,7 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
     interval = float(np.median(np.diff(time)))
     sd = white if noise is None else noise
     turns = find_falls(clean, sd, None if half_period is None else half_period / interval)
-    trace = Trace(time, clean, smooth(clean, turns.width), sd, turns.hysteresis)
+    trace = Trace(time, clean, turns.smoothed, sd, turns.hysteresis)
     slips = judge(trace, turns)
     phase, ends_sliding = label(trace, slips)
     return Segmentation(

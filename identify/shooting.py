@@ -11,6 +11,7 @@ import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +24,8 @@ from identify.relaid import with_every_parameter, with_finer_steps
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
+
+PORTION = 1 << 14  # samples worked on at once: few enough to stay in cache
 
 
 @dataclass(frozen=True)
@@ -117,8 +120,8 @@ class Problem:
         return np.where(family.slots >= 0, x[family.slots], family.fixed)
 
     def assigned(self, family: Family) -> Iterator[tuple[int, Indices, Indices, Indices, Array]]:
-        """Per log: its number, its cells (k,) of the family that hold samples, how many each holds (k,), and of these
-        samples, cell by cell, the index and u in [0, 1]."""
+        """Per log, a portion at a time: its number, cells (k,) of the family that hold samples, how many each holds
+        (k,), and of these samples, cell by cell, the index and u in [0, 1]."""
         n_cells = family.block.n_cells
         flat = family.edges.reshape(-1, 2)
         for number, log in enumerate(self.logs):
@@ -132,10 +135,12 @@ class Problem:
             cells, first, lengths = cells[full], first[full], (last - first)[full]
             if cells.size == 0:
                 continue
-            before = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-            sample = np.arange(int(lengths.sum())) + np.repeat(first - before, lengths)
-            t0, t1 = (np.repeat(edge, lengths) for edge in flat[cells].T)
-            yield number, cells, lengths, sample, (log.time[sample] - t0) / (t1 - t0)
+            for part in _portions(lengths):
+                held = lengths[part]
+                before = np.cumsum(held) - held
+                sample = np.arange(int(held.sum())) + np.repeat(first[part] - before, held)
+                t0, t1 = (np.repeat(edge, held) for edge in flat[cells[part]].T)
+                yield number, cells[part], held, sample, (log.time[sample] - t0) / (t1 - t0)
 
     def _compress(self, family: Family) -> Moments:
         order, n_cells, count = family.block.order, family.block.n_cells, family.slots.shape[0]
@@ -145,14 +150,20 @@ class Problem:
         powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
         square, number = np.zeros(n), np.zeros(n)
         for log, cells, lengths, sample, u in self.assigned(family):
-            weight, force, cell = self.logs[log].weight[sample], self.logs[log].force[sample], np.repeat(cells, lengths)
+            weight, force, first = (
+                self.logs[log].weight[sample],
+                self.logs[log].force[sample],
+                np.cumsum(lengths) - lengths,
+            )
             r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order)[cells], lengths, u), 0.0)
-            square += np.bincount(cell, weights=weight * r * r, minlength=n)
-            number += np.bincount(cell, weights=(weight > 0).astype(float), minlength=n)
+            number[cells] = np.add.reduceat((weight > 0).astype(float), first)
+            pulled = weight * r
+            square[cells] = np.add.reduceat(pulled * r, first)
             for i in range(2 * order - 1):
-                powers[:, i] += np.bincount(cell, weights=weight, minlength=n)
+                powers[cells, i] = np.add.reduceat(weight, first)
                 if i < order:
-                    pull[:, i] += np.bincount(cell, weights=weight * r, minlength=n)
+                    pull[cells, i] = np.add.reduceat(pulled, first)
+                    pulled = pulled * u
                 weight = weight * u
         hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
         shape = (count, n_cells)
@@ -293,6 +304,14 @@ class Problem:
         bends = np.asarray(bends * scale[h_columns] * scale[self._hessian_rows])
         hessian_matrix = sp.csc_matrix((bends, self._hessian_rows, self._hessian_starts), (z.size, z.size))
         return Point(cost, rows, gradient, jacobian, hessian_matrix)
+
+
+def _portions(lengths: Indices) -> Iterator[slice]:
+    """Cells in a row that together hold about PORTION samples (k,)."""
+    total = np.cumsum(lengths)
+    edges = np.searchsorted(total, np.arange(PORTION, int(total[-1]), PORTION), side="right")
+    for start, stop in pairwise(np.unique([0, *edges.tolist(), lengths.size]).tolist()):
+        yield slice(start, stop)
 
 
 def _polynomial(coefficients: Array, lengths: Indices, u: Array) -> Array:

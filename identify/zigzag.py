@@ -15,7 +15,7 @@ SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its o
 SECOND_LOOK_SD = 4.0
 CONFIRMED_SD = 5.0
 LONG_INTERVAL = 1.6  # times the median: look again there
-REDUCED = 32
+BLOCKS, REDUCED = 1 << 12, (32, 128)  # blocks of a force that are looked at as a whole; samples of one
 WIDTH_SHARE = 0.2  # of the half period: impulses too weak to be masked vanish
 QUIET, QUIET_OF_WHITE = 0.1, 0.01579  # share of second differences that are quiet, and their limit for unit variance
 COLOURED = 1.5  # times what white noise leaves after smoothing: from there on noise is taken to have a memory
@@ -28,7 +28,7 @@ class Turns:
     """Falls of the smoothed force: sample indices of peak and valley, each shape (c,), and how they were found.
 
     Every peak has a rise before it and every valley a rise after it, both higher than `hysteresis` [N],
-    except that the first peak may be the first sample. `width` is the smoothing [samples].
+    except that the first peak may be the first sample. `width` is the smoothing [samples], `smoothed` the force (n,).
     """
 
     peaks: Indices
@@ -36,6 +36,12 @@ class Turns:
     width: int
     hysteresis: float
     starts_falling: bool
+    smoothed: Array
+
+    @property
+    def drops(self) -> Array:
+        """By how much the smoothed force falls (c,) [N]."""
+        return np.asarray(self.smoothed[self.peaks] - self.smoothed[self.valleys])
 
     @property
     def count(self) -> int:
@@ -57,14 +63,15 @@ def smooth(force: Array, width: int) -> Array:
 def _corners(values: Array, hysteresis: float) -> Indices:
     """The samples that can be turning points of a zigzag: of a block that spans less than the hysteresis only
     its lowest and highest one, which changes nothing but the time it takes."""
-    blocks = values.size // REDUCED
-    table = values[: blocks * REDUCED].reshape(blocks, REDUCED)
+    length = int(np.clip(values.size // BLOCKS, *REDUCED))
+    blocks = values.size // length
+    table = values[: blocks * length].reshape(blocks, length)
     ends = np.sort(np.stack([table.argmin(axis=1), table.argmax(axis=1)]), axis=0)
     rows = np.arange(blocks)
     quiet = np.abs(table[rows, ends[1]] - table[rows, ends[0]]) < hysteresis
     candidate = np.ones(values.size, dtype=bool)
-    candidate[: blocks * REDUCED] = np.repeat(~quiet, REDUCED)
-    candidate[(rows * REDUCED + ends).ravel()] = True
+    candidate[: blocks * length] = np.repeat(~quiet, length)
+    candidate[(rows * length + ends).ravel()] = True
     candidate[:1] = candidate[-1:] = True
     return np.flatnonzero(candidate)
 
@@ -140,7 +147,7 @@ def _look(force: Array, noise: float, width: int) -> Turns:
     left = left_by_smoothing(force, noise, width)
     hysteresis = max(_strict(force.size, width) * left, 1e-9 * float(np.ptp(force)))
     peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * left)
-    return Turns(peaks, valleys, width, hysteresis, first < 0)
+    return Turns(peaks, valleys, width, hysteresis, first < 0, values)
 
 
 def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
@@ -154,8 +161,7 @@ def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
     turns = best
     while True:
         if turns.count:
-            values = smooth(force, width)
-            if turns.hysteresis <= SMALLEST_SHARE * typical(values[turns.peaks] - values[turns.valleys]):
+            if turns.hysteresis <= SMALLEST_SHARE * typical(turns.drops):
                 best = turns
                 break
             widest = min(widest, 0.55 * float(np.median(turns.valleys - turns.peaks)))
@@ -172,25 +178,22 @@ def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
 
 def _without_small(force: Array, noise: float, turns: Turns) -> Turns:
     """Without falls below a fifth of the typical one."""
-    values = smooth(force, turns.width)
-    drops = values[turns.peaks] - values[turns.valleys]
-    hysteresis = SMALLEST_SHARE * typical(drops)
+    hysteresis = SMALLEST_SHARE * typical(turns.drops)
     if hysteresis <= turns.hysteresis:
         return turns
     left = left_by_smoothing(force, noise, turns.width)
-    peaks, valleys, first = _falls(values, hysteresis, min(hysteresis, CONFIRMED_SD * left))
-    return Turns(peaks, valleys, turns.width, hysteresis, first < 0)
+    peaks, valleys, first = _falls(turns.smoothed, hysteresis, min(hysteresis, CONFIRMED_SD * left))
+    return Turns(peaks, valleys, turns.width, hysteresis, first < 0, turns.smoothed)
 
 
 def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
     """Searches again, less strictly, where the interval between falls is suspiciously long."""
     if turns.count < 3:
         return turns
-    values = smooth(force, turns.width)
-    drops = values[turns.peaks] - values[turns.valleys]
+    values = turns.smoothed
     usual = float(np.median(np.diff(turns.peaks)))
     sds = max(SECOND_LOOK_SD, _strict(int(LONG_INTERVAL * usual), turns.width) - 1.0)
-    lenient = max(sds * left_by_smoothing(force, noise, turns.width), 2 * SMALLEST_SHARE * typical(drops))
+    lenient = max(sds * left_by_smoothing(force, noise, turns.width), 2 * SMALLEST_SHARE * typical(turns.drops))
     if lenient >= turns.hysteresis:
         return turns
     starts = np.concatenate(([0], turns.peaks))
@@ -208,4 +211,4 @@ def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
             if bottom is not None and (top > 0 or first > 0):
                 peaks.append(top)
                 valleys.append(bottom)
-    return Turns(np.array(peaks), np.array(valleys), turns.width, lenient, turns.starts_falling)
+    return Turns(np.array(peaks), np.array(valleys), turns.width, lenient, turns.starts_falling, values)

@@ -21,13 +21,14 @@ def _made(per: str | None = None, tremor: float = 0.0):
     """Two small logs of both types, transcribed; a point beside the start."""
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     logs = [case.simulated(case.PAIR, *speed) for speed in (case.SLOW, case.MIDDLE)]
-    data = [replace(case.log_data(log, unknowns, noise_seed=i), tremor_sd=tremor, normal_force_sd=tremor) for i, log in enumerate(logs)]
+    data = [
+        replace(case.log_data(log, unknowns, noise_seed=i), tremor_sd=tremor, normal_force_sd=tremor)
+        for i, log in enumerate(logs)
+    ]
     guesses = case.placed(unknowns, logs, data, SMALL)
     if per is not None:
         unknowns = replace(unknowns, per=tuple(per if name == "mu_s" else None for name in unknowns.names))
-        guesses = [
-            replace(g, own=np.where(unknowns.own, unknowns.start, np.nan)) if g.own.size else g for g in guesses
-        ]
+        guesses = [replace(g, own=np.where(unknowns.own, unknowns.start, np.nan)) if g.own.size else g for g in guesses]
     problem = transcribe(data, guesses, unknowns, SMALL)
     z = problem.start + 1e-3 * np.random.default_rng(5).standard_normal(problem.layout.size)
     return data, guesses, unknowns, problem, z
