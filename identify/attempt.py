@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
 FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
+SLOWLY = (8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0)  # where the start is off besides
 
 
 @dataclass(frozen=True)
@@ -130,15 +131,38 @@ def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, 
     """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
     solver follows; None where it follows nowhere. The information matrix never sees these priors."""
     best: Attempt | None = None
-    for firmness in FIRM:
-        if best is None:
-            tried = solve_from(prepared, chosen, unknowns, clock, firmness)
-        else:
-            tried = resolve(best, replace(unknowns.softened(firmness), start=best.solved.theta))
-        if tried is None or tried.gate.status is not Status.CONVERGED:
+    for tried in _released(prepared, chosen, unknowns, clock, FIRM):
+        if tried.gate.status is not Status.CONVERGED:
             break
         best = tried
     return best
+
+
+def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
+    None where it fails at once."""
+    best: Attempt | None = None
+    for tried in _released(prepared, chosen, unknowns, clock, SLOWLY):
+        if not tried.solved.solution.success:
+            break
+        best = tried
+        if best.gate.status is Status.CONVERGED:
+            break
+    return best
+
+
+def _released(
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firm: Sequence[float]
+) -> Iterator[Attempt]:
+    """Solves with softer and softer priors, each from the answer and around the start of the one before."""
+    tried = solve_from(prepared, chosen, unknowns, clock, firm[0])
+    for firmness in firm[1:]:
+        if tried is None:
+            return
+        yield tried
+        tried = resolve(tried, replace(unknowns.softened(firmness), start=tried.solved.theta))
+    if tried is not None:
+        yield tried
 
 
 def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:

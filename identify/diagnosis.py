@@ -91,7 +91,7 @@ def diagnose(
         return None
     found: list[_Explanation] = []
     if attempt is not None and ended.excess < NEAR * ended.samples:
-        tried = _tried(SLIGHT, scene, prepared, lambda freed: fit_from_values(ended, freed, records))
+        tried = _tried(SLIGHT, scene, prepared, lambda freed: _from_values(ended, freed, records))
         found = _explanations(tried, scene, ended)
     if not found:
         tried = _tried(GROSS, scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
@@ -104,6 +104,16 @@ def diagnose(
     back = fit_beside(found[0].fitted, scene, records)
     nearer = back.attempt is not None and back.logs == ended.logs and ended.excess - back.excess > _worth(ended)
     return Cause(sentence, back.attempt if nearer else None)
+
+
+def _from_values(ended: Fitted, freed: Scene, records: Sequence[Record]) -> Fitted:
+    """The model with one thing more free, from the values of the answer; where the solver loses its way from there, in
+    small steps."""
+    fitted = fit_from_values(ended, freed, records)
+    if fitted.attempt is not None and fitted.attempt.solved.solution.success:
+        return fitted
+    slowly = fit_from_values(ended, freed, records, slowly=True)
+    return slowly if slowly.excess < fitted.excess else fitted
 
 
 def _worth(ended: Fitted) -> float:

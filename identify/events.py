@@ -1,7 +1,8 @@
 """Slips that were missed or invented: found by the steps of the force against the placed start, put in or taken out.
 
 A missed slip leaves the force a whole drop below the curve from there on, an invented one above it; the next slip mends
-it. What a change is worth is told by placing the log again: no solve is spent on a wrong number of events.
+it. What a change is worth is told by placing the log again: no solve is spent on a wrong number of events. Many slips
+may be missed, each between its own neighbours: all that look so are changed at once, and each is judged there.
 """
 
 from __future__ import annotations
@@ -11,30 +12,53 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.guess import Guess
+from identify.attempt import place_on
+from identify.guess import LogData
 from identify.passes import COARSE
-from identify.placing import place
 from identify.prepare import Prepared
 from identify.shooting import transcribe
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-MOST = 12  # events that are changed in one log
-WORTH = 0.8  # of the misfit before: what a change must bring
+ROUNDS = 12
+WORTH = 0.8  # of the squares between its neighbours: what a change must leave at most
 TOO_BAD = 4.0  # times the noise variance per sample: a start that is worse has an event wrong, or is no start
 BESIDE = 0.5  # of half a period: on each side of a step
-TRIED = 3  # steps each way that are looked at
+STANDS_OUT = 4.5  # standard deviations of a step that noise alone hardly makes in a log
+TRIED, ALONE = 12, 3  # steps each way that are looked at in a round; where not all at once, one by one
 
 
 @dataclass(frozen=True)
 class _Placed:
-    """The start on one log: falls (c,) [s], misfit per sample in noise variances, curve (n,) [N]."""
+    """The start on one log: falls (c,) [s]; weighted squares (n,) of its samples, NaN where none is fitted; curve
+    (n,) [N]; slip: how long one takes [s]."""
 
     falls: Array
-    misfit: float
+    squares: Array
     curve: Array
-    guess: Guess
+    slip: float
+
+    @property
+    def misfit(self) -> float:
+        """Per sample, in noise variances; infinite where none is fitted."""
+        told = self.squares[np.isfinite(self.squares)]
+        return float(np.mean(told)) if told.size else np.inf
+
+
+@dataclass(frozen=True)
+class _Change:
+    """A fall at a moment [s], put in, or taken out: its index among the falls."""
+
+    moment: float
+    taken: int | None
+
+    def among(self, falls: Array) -> tuple[float, float]:
+        """The falls before and after it [s], none at the ends."""
+        before, after = falls[falls < self.moment], falls[falls > self.moment]
+        if self.taken is not None:
+            before, after = falls[: self.taken], falls[self.taken + 1 :]
+        return float(before[-1]) if before.size else -np.inf, float(after[0]) if after.size else np.inf
 
 
 def with_events_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
@@ -45,53 +69,100 @@ def with_events_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
     now = _placed(log, log.falls, unknowns)
     if now is None or now.misfit < TOO_BAD:
         return log
-    for _ in range(MOST):
-        tries = [_placed(log, falls, unknowns) for falls in _changes(log, now)]
-        best = min((made for made in tries if made is not None), key=lambda made: made.misfit, default=None)
-        if best is None or best.misfit > WORTH * now.misfit:
+    for _ in range(ROUNDS):
+        better = _mended(log, now, unknowns)
+        if better is None:
             break
-        now = best
+        now = better
     return log if now.falls is log.falls else replace(log, falls=now.falls)
 
 
+def misfit_of_start(log: Prepared, unknowns: Unknowns) -> float:
+    """How badly the start (unknowns.start) fits a log before any solve, per sample in noise variances; infinite where
+    it cannot be placed."""
+    placed = _placed(log, log.falls, unknowns)
+    return np.inf if placed is None else placed.misfit
+
+
 def _placed(log: Prepared, falls: Array, unknowns: Unknowns) -> _Placed | None:
-    p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
-    guess = place(unknowns.model, [log.data], [p], [falls], COARSE).guesses[0]
-    ends = None if guess is None else np.append(guess.onset[1:], log.data.end)
-    if guess is None or ends is None or not (guess.onset[0] > log.data.begin and np.all(ends > guess.arrest)):
+    placed = place_on([replace(log, falls=falls)], [0], unknowns)
+    if not placed:
         return None
-    problem = transcribe([log.data], [guess], unknowns, COARSE)
-    misfit = 2.0 * problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
-    return _Placed(falls, float(misfit), problem.fitted(problem.start)[0], guess)
+    _, cut, guess = placed[0]
+    problem = transcribe([cut.data], [guess], unknowns, COARSE)
+    curve = problem.fitted(problem.start)[0]
+    told = (log.data.weight > 0) & np.isfinite(curve)
+    squares = np.where(told, log.data.weight * (log.data.force - curve) ** 2, np.nan)
+    return _Placed(falls, squares, curve, float(np.median(guess.arrest - guess.onset)))
 
 
-def _changes(log: Prepared, now: _Placed) -> list[Array]:
-    """Falls with one more where the force steps down against the curve, or one less where it steps up."""
+def _mended(log: Prepared, now: _Placed, unknowns: Unknowns) -> _Placed | None:
+    """One round: what is better with the changes that are worth it; None where none is."""
+    for looked_for in (_missed, _invented):
+        changes = looked_for(log, now)
+        for some in (changes, *([change] for change in changes[:ALONE] if len(changes) > 1)):
+            kept = some
+            for _ in range(2):  # a change that is not worth it disturbs its neighbours: the others are judged again
+                made = _placed(log, _with(now.falls, kept), unknowns) if kept else None
+                worth = [] if made is None else [c for c in kept if _is_worth(c, log.data, now, made)]
+                if made is not None and len(worth) == len(kept) and made.misfit < now.misfit:
+                    return made
+                kept = worth
+    return None
+
+
+def _with(falls: Array, changes: list[_Change]) -> Array:
+    left = np.delete(falls, [c.taken for c in changes if c.taken is not None])
+    return np.sort(np.concatenate([left, [c.moment for c in changes if c.taken is None]]))
+
+
+def _is_worth(change: _Change, data: LogData, before: _Placed, after: _Placed) -> bool:
+    """Whether the squares between the falls beside a change become fewer by it."""
+    since, until = change.among(before.falls)
+    near = (data.time > since) & (data.time < until) & np.isfinite(before.squares) & np.isfinite(after.squares)
+    return bool(np.any(near) and np.sum(after.squares[near]) < WORTH * np.sum(before.squares[near]))
+
+
+def _missed(log: Prepared, now: _Placed) -> list[_Change]:
+    """Where the force steps down against the curve, a slip away from any fall; the largest step first."""
+    at, size, half = _steps(log, now.curve)
+    free = np.min(np.abs(at[:, None] - now.falls[None, :]), axis=1, initial=np.inf) > max(now.slip, 0.5 * half)
+    return [_Change(t, None) for t in _largest(at[free], -size[free], 2.0 * max(now.slip, 0.5 * half))]
+
+
+def _invented(log: Prepared, now: _Placed) -> list[_Change]:
+    """The falls where the force steps up against the curve; the largest step first."""
+    at, size, half = _steps(log, now.curve)
+    beside = np.min(np.abs(at[:, None] - now.falls[None, :]), axis=1, initial=np.inf) <= max(now.slip, 0.5 * half)
+    nearest = [int(np.argmin(np.abs(now.falls - t))) for t in _largest(at[beside], size[beside], 2.0 * half)]
+    return [_Change(float(now.falls[i]), i) for i in list(dict.fromkeys(nearest))[: now.falls.size - 1]]
+
+
+def _steps(log: Prepared, curve: Array) -> tuple[Array, Array, float]:
+    """By how much what the force has beyond the curve steps up (m,), in standard deviations, at moments (m,) [s]; how
+    long a slip takes [s]."""
     data = log.data
-    used = np.flatnonzero((data.weight > 0) & np.isfinite(now.curve))
-    t, off = data.time[used], data.force[used] - now.curve[used]
-    interval = data.interval
-    half = max(log.rig.half_period, 4.0 * interval)
-    width = max(round(BESIDE * half / interval), 2)
+    half = max(log.rig.half_period, 4.0 * data.interval)
+    used = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
+    t, off = data.time[used], data.force[used] - curve[used]
+    width = max(round(BESIDE * half / data.interval), 2)
     if t.size < 4 * width:
-        return []
+        return np.empty(0), np.empty(0), half
     summed = np.concatenate([[0.0], np.cumsum(off)])
     means = (summed[width:] - summed[:-width]) / width
     # Between the two stretches lies the slip itself.
-    steps = means[2 * width :] - means[: -2 * width]
-    at = t[width - 1 + np.arange(steps.size) + width // 2]
-    out = []
-    for sign in (-1.0, 1.0):
-        size = sign * steps
-        for _ in range(TRIED):
-            place_ = int(np.argmax(size))
-            if size[place_] <= 0.0:
-                break
-            moment = float(at[place_])
-            size = np.where(np.abs(at - moment) < 2.0 * half, -np.inf, size)
-            nearest = int(np.argmin(np.abs(now.falls - moment)))
-            if sign < 0.0 and abs(now.falls[nearest] - moment) > 0.5 * half:
-                out.append(np.sort(np.append(now.falls, moment)))
-            elif sign > 0.0 and now.falls.size > 1:
-                out.append(np.delete(now.falls, nearest))
+    size = means[2 * width :] - means[: -2 * width]
+    return t[width - 1 + np.arange(size.size) + width // 2], size / (data.noise * np.sqrt(2.0 / width)), half
+
+
+def _largest(at: Array, size: Array, apart: float) -> list[float]:
+    """The moments (m,) [s] of the largest sizes (m,) that stand out, that far apart [s]."""
+    out: list[float] = []
+    while size.size and len(out) < TRIED:
+        place_ = int(np.argmax(size))
+        if not size[place_] > STANDS_OUT:
+            break
+        out.append(float(at[place_]))
+        far = np.abs(at - at[place_]) >= apart
+        at, size = at[far], size[far]
     return out

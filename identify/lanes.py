@@ -218,8 +218,8 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     for s in range(int(LONGEST * per_half_period)):
         before = current[active]
         after, free, rate = functions["step"]([before, p[active], u[active], h[active]])
-        finite = np.isfinite(after).all(axis=1)
-        if not finite.all():
+        finite: Bools = np.all(np.isfinite(after), axis=1)
+        if not np.all(finite):
             after, rate = np.where(finite[:, None], after, before), np.where(finite[:, None], rate, 0.0)
         last_rate[active] = rate
         rates.append(last_rate.copy())

@@ -60,7 +60,7 @@ def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
     told = (log.weight > 0) & np.isfinite(fitted)
     time, residual = log.time[told], log.force[told] - fitted[told]
     summed = np.concatenate([[0.0], np.cumsum(residual * np.sqrt(log.weight[told]))])
-    lengths = [w for w in 2 ** np.arange(1, int(np.log2(LONGEST)) + 1) if 8 * w <= residual.size]
+    lengths = [2**i for i in range(1, int(np.log2(LONGEST)) + 1) if 8 * 2**i <= residual.size]
     out = []
     for width in lengths:
         step = max(width // OVERLAP, 1)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.attempt import Attempt, Clock, judged, solve_from, usable
+from identify.attempt import Attempt, Clock, judged, solve_from, solve_slowly, usable
 from identify.guess import Guess
+from identify.joining import join
 from identify.model import Model
 from identify.outcome import Status
 from identify.parting import parted
@@ -21,7 +22,7 @@ from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
-from identify.search import Sources, alike, join, search
+from identify.search import Sources, alike, search
 from identify.shaken import shaken
 from identify.shooting import transcribe
 from identify.solve import solve
@@ -201,14 +202,20 @@ def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted
     return best
 
 
-def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit a model from the parameters of another one, its motion placed anew on the data."""
-    return _placed_anew(other, scene, *_prepared(scene, records))
+def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record], *, slowly: bool = False) -> Fitted:
+    """Fit a model from the parameters of another one, its motion placed anew on the data.
+
+    Args:
+        slowly: with priors around these parameters that are let go of in small steps.
+    """
+    return _placed_anew(other, scene, *_prepared(scene, records), slowly=slowly)
 
 
-def _placed_anew(other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> Fitted:
+def _placed_anew(
+    other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns, *, slowly: bool = False
+) -> Fitted:
     at_values = replace(unknowns, start=_values_of(other, unknowns))
-    attempt = solve_from(prepared, usable(prepared), at_values, Clock())
+    attempt = (solve_slowly if slowly else solve_from)(prepared, usable(prepared), at_values, Clock())
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from identify import lanes
 from identify.guess import Grid, Guess, LogData
-from identify.model import TIME, Model
+from identify.model import ELONGATION, TIME, Model
 from identify.waveform import middle_of_fall, waveform
 
 Array = NDArray[np.float64]
 
-SWEEPS = 4  # how often arrests are handed on: the return map contracts
+SWEEPS = 30  # how often arrests are handed on at most: the return map contracts
+OF_NOISE, OF_DROP = 0.3, 0.01  # force by which an arrest moves in a sweep that is the last: of the noise, of a slip
 PER_HALF_PERIOD = 60  # RK4 steps of a placed slip per half natural period
 WINDOW = 48  # samples of a slip that vote on its shift
 SHIFTS = 61  # places that are tried for each slip
@@ -53,11 +54,7 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
         return Placement(tuple(None for _ in logs))
     side = _side_by_side(logs, p, falls)
     starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
-    x = _first_arrests(model, side, starts)
-    for _ in range(SWEEPS):
-        _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD // 2)
-        handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
-        x = np.where(side.first[:, None], x, np.roll(handed, 1, axis=0))
+    x = _arrests(model, side, _first_arrests(model, side, starts), np.array([log.noise for log in logs])[side.log])
     slips, onset = _placed(model, logs, side, x)
     if model.clocked:
         # Now that the cycles stand in time, so do the sticks before them.
@@ -77,6 +74,27 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
             continue
         guesses.append(guess_of(model, log, p[number], starts[number], slips, mine, onset[mine], grid))
     return Placement(tuple(guesses))
+
+
+def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:
+    """States x (n, n_x) from which the cycles start, each the arrest of the one before: handed on until it stays.
+
+    Near the end of stick-slip the return map hardly contracts, and a slip depends much on the one before.
+
+    Args:
+        noise: of the log of each cycle (n,) [N].
+    """
+    stiffness = side.p[:, model.parameter_names.index("stiffness")]
+    for sweep in range(SWEEPS):
+        _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD // 2)
+        handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
+        handed = np.where(side.first[:, None], x, np.roll(handed, 1, axis=0))
+        moved = stiffness * np.abs(handed - x)[:, ELONGATION]
+        drop = stiffness * np.abs(slips.states[0] - slips.at_arrest)[:, ELONGATION]
+        x = handed
+        if sweep >= 3 and np.all(moved <= np.maximum(OF_NOISE * noise, OF_DROP * np.nan_to_num(drop))):
+            break
+    return x
 
 
 def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[lanes.Slips, Array]:

@@ -20,6 +20,7 @@ from identify.attempt import Attempt, Clock, crept, place_on, solve_from, solve_
 from identify.events import with_events_mended
 from identify.features import Features, extract
 from identify.gate import PER_CYCLE
+from identify.joining import from_some, join
 from identify.levels import level_starts
 from identify.outcome import Status
 from identify.passes import COARSE
@@ -136,6 +137,9 @@ def _from_logs(
                 again = solve_from(mended, first, replace(unknowns, start=theta), clock)
                 if _better(attempt, again) is again and again is not None:
                     prepared, attempt = mended, again
+            if attempt.gate.status is not Status.CONVERGED:
+                told("solving the logs that fit first", 0.65)
+                attempt = from_some(prepared, first, replace(unknowns, start=theta), clock) or attempt
         if attempt is not None and crept(attempt):
             told("holding what the logs do not tell", 0.7)
             attempt = solve_held(prepared, first, replace(unknowns, start=theta), clock) or attempt
@@ -301,26 +305,3 @@ def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
         return a.gate.status is not Status.CONVERGED, -len(a.logs), abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
 
     return min(best, attempt, key=rank)
-
-
-def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
-    """Solve again with the logs that took no part so far, where the answer can be placed on them."""
-    at_answer = replace(unknowns, start=best.solved.theta)
-    late = [i for i in late if place_on(prepared, [i], at_answer)]
-    if not late:
-        return best
-    joined = solve_from(prepared, sorted([*best.logs, *late]), at_answer, clock)
-    if joined is not None and joined.gate.status is Status.CONVERGED:
-        return joined
-    # One log that does not fit must not keep out the others; of a course that does not, its steady end may.
-    for i in late:
-        settled = settled_part(prepared[i])
-        for log in (prepared[i], settled):
-            if log is None or (len(late) == 1 and log is prepared[i]):
-                continue
-            having = [log if j == i else other for j, other in enumerate(prepared)]
-            joined = solve_from(having, sorted([*best.logs, i]), replace(unknowns, start=best.solved.theta), clock)
-            if joined is not None and joined.gate.status is Status.CONVERGED:
-                best, prepared = joined, having
-                break
-    return best

@@ -28,9 +28,9 @@ axes outline plane crossings flood chart continuation mapping chart_closed chart
 guess loads lanes steadiness following one_way gaps parting partly_read reageing block_equations blocks features
 unknowns cutting manner window prepare rhythms vibration placing first_onsets layout start collector rest_parts lay_out
 equilibrated relaid shooting reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
-discretisation levels sequence events consistency leaning remembered gate accuracy combinations held asked profile_line
-profile widened attempt search shaken ridge_ends grouped shares certainty nested weighing screening selection_words
-selection suspects diagnosis preview depth
+discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
+profile widened attempt events joining search shaken ridge_ends grouped shares certainty nested weighing screening
+selection_words selection suspects diagnosis preview depth
 findings second_look log_outlook worth result identification
 report
 comparing
