@@ -145,3 +145,14 @@ def test_a_slip_missed_or_invented_is_refused(falls):
     assert gate.status in (Status.WRONG_EVENT_COUNT, Status.MODEL_MISFIT)
     assert "calm.csv" in gate.message
     assert abs(gate.cycle[gate.worst] - 4) <= 1
+
+
+def test_noise_measured_too_large_is_no_misfit_unless_it_was_stated():
+    """Slips that hardly show count as noise while it is measured: what the curve leaves is less than that."""
+    gate = {share: _fit(lambda data, share=share: _scaled(data, weight=share)) for share in (0.85, 0.5)}
+    assert pass_gate(gate[0.85], NAMES, (True, True)).status is Status.CONVERGED
+    assert "measured in the sticks" in pass_gate(gate[0.85], NAMES, (True, True)).message
+    assert pass_gate(gate[0.85], NAMES, EXACT).status is Status.MODEL_MISFIT
+    assert pass_gate(gate[0.5], NAMES, (True, True)).status is Status.MODEL_MISFIT
+    wrong = _fit(lambda data: _scaled(_scaled(data, mass=1.3), weight=0.85))
+    assert pass_gate(wrong, NAMES, (True, True)).status is not Status.CONVERGED
