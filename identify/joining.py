@@ -4,32 +4,43 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from identify.attempt import Attempt, Clock, place_on, solve_from
 from identify.events import TOO_BAD, misfit_of_start, with_events_mended
 from identify.outcome import Status
 from identify.prepare import Prepared, settled_part
 from identify.unknowns import Unknowns
 
+BETTER = 0.1  # of the misfit of the worst log: a start that is so much better on a log is good there
 
-def from_some(prepared: list[Prepared], first: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
-    """The answer by way of the logs on which the start (unknowns.start) is good, where it is not on all: a log near the
-    end of stick-slip says little of itself until the friction is known well. None where that leads nowhere."""
-    good = [i for i in first if misfit_of_start(prepared[i], unknowns) < TOO_BAD]
+
+def from_some(
+    prepared: list[Prepared], first: list[int], able: list[int], unknowns: Unknowns, clock: Clock
+) -> Attempt | None:
+    """The answer by way of those of some logs on which the start (unknowns.start) is good, where it is not on all: a
+    log near the end of stick-slip says little of itself until the friction is known well. None where that leads to no
+    answer that describes all logs that are able: few logs are described by many answers."""
+    misfits = {i: misfit_of_start(prepared[i], unknowns) for i in first}
+    worst = max((misfit for misfit in misfits.values() if np.isfinite(misfit)), default=0.0)
+    good = [i for i in first if misfits[i] < max(TOO_BAD, BETTER * worst)]
     if not 0 < len(good) < len(first):
         return None
     found = solve_from(prepared, good, unknowns, clock)
     if found is None or found.gate.status is not Status.CONVERGED:
         return None
-    at_answer = replace(unknowns, start=found.solved.theta)
-    late = [i for i in first if i not in good]
-    having = [with_events_mended(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
-    joined = join(found, having, late, unknowns, clock)
-    return joined if set(first) <= set(joined.logs) else None
+    for late in (first, able):
+        found = join(found, prepared, [i for i in late if i not in found.logs], unknowns, clock)
+        if not set(late) <= set(found.logs):
+            return None
+    return found
 
 
 def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
-    """Solve again with the logs that took no part so far, where the answer can be placed on them."""
+    """Solve again with the logs that took no part so far, their slips mended at the answer, where it can be placed on
+    them."""
     at_answer = replace(unknowns, start=best.solved.theta)
+    prepared = [with_events_mended(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
     late = [i for i in late if place_on(prepared, [i], at_answer)]
     if not late:
         return best

@@ -128,24 +128,8 @@ def _from_logs(
         if solved == (1 if unequal else ATTEMPTS):
             break
         told(f"solving from start {solved + 1}", 0.3 + 0.1 * solved)
-        attempt = solve_from(prepared, first, replace(unknowns, start=theta), clock)
+        attempt = _attempted(prepared, first, able, replace(unknowns, start=theta), unequal, way)
         solved += attempt is not None
-        if attempt is not None and attempt.gate.status is not Status.CONVERGED and not unequal:
-            mended = _mended(prepared, attempt, replace(unknowns, start=theta))
-            if mended is not None:
-                told("solving with other slips", 0.6)
-                again = solve_from(mended, first, replace(unknowns, start=theta), clock)
-                if _better(attempt, again) is again and again is not None:
-                    prepared, attempt = mended, again
-            if attempt.gate.status is not Status.CONVERGED:
-                told("solving the logs that fit first", 0.65)
-                attempt = from_some(prepared, first, replace(unknowns, start=theta), clock) or attempt
-        if attempt is not None and crept(attempt):
-            told("holding what the logs do not tell", 0.7)
-            attempt = solve_held(prepared, first, replace(unknowns, start=theta), clock) or attempt
-        if attempt is not None and attempt.gate.status is Status.CONVERGED:
-            told("joining the other logs", 0.8)
-            attempt = join(attempt, prepared, [i for i in able if i not in attempt.logs], unknowns, clock)
         best = _better(best, attempt)
         if attempt is not None and not attempt.solved.solution.success:
             wandered.append(theta)
@@ -157,6 +141,39 @@ def _from_logs(
         told("holding what the logs do not tell", 0.7)
         best = _better(best, _held_from(wandered, prepared, first, able, unknowns, clock))
     return None if best is None else _disowned(best, prepared, first)
+
+
+def _attempted(
+    prepared: list[Prepared], first: list[int], able: list[int], unknowns: Unknowns, unequal: bool, way: _Way
+) -> Attempt | None:
+    """What comes of one start (unknowns.start): solved as it is, with other slips, by way of the logs it fits, with
+    what the logs do not tell held; then with the other logs that are able. None where it can be placed on none.
+
+    Args:
+        unequal: cycles differ, or one quick try is all: as it is, or not at all.
+    """
+    clock, told = way.clock, way.told
+    attempt = solve_from(prepared, first, unknowns, clock)
+    if attempt is None:
+        return None
+    having = prepared
+    if attempt.gate.status is not Status.CONVERGED and not unequal:
+        mended = _mended(prepared, attempt, unknowns)
+        if mended is not None:
+            told("solving with other slips", 0.6)
+            again = solve_from(mended, first, unknowns, clock)
+            if again is not None and _better(attempt, again) is again:
+                having, attempt = mended, again
+        if attempt.gate.status is not Status.CONVERGED:
+            told("solving the logs that fit first", 0.65)
+            attempt = from_some(prepared, first, able, unknowns, clock) or attempt
+    if crept(attempt):
+        told("holding what the logs do not tell", 0.7)
+        attempt = solve_held(having, first, unknowns, clock) or attempt
+    if attempt.gate.status is Status.CONVERGED:
+        told("joining the other logs", 0.8)
+        attempt = join(attempt, having, [i for i in able if i not in attempt.logs], unknowns, clock)
+    return attempt
 
 
 def _held_from(
