@@ -93,7 +93,8 @@ def _placed(log: Prepared, falls: Array, unknowns: Unknowns) -> _Placed | None:
     curve = problem.fitted(problem.start)[0]
     told = (log.data.weight > 0) & np.isfinite(curve)
     squares = np.where(told, log.data.weight * (log.data.force - curve) ** 2, np.nan)
-    return _Placed(falls, squares, curve, float(np.median(guess.arrest - guess.onset)))
+    slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else 0.0
+    return _Placed(falls, squares, curve, slip)
 
 
 def _mended(log: Prepared, now: _Placed, unknowns: Unknowns) -> _Placed | None:
