@@ -78,7 +78,7 @@ def _findings(load: Load, limits: Thresholds) -> list[Finding]:
         word = "rises" if load.drift > 0 else "falls"
         text = (
             f"the normal force {word} by {100 * abs(load.drift):.0f} % of {load.level:.3g} N from the first to the "
-            "last tenth; let the fit follow it with the effect varying_normal_force"
+            "last tenth; a fit follows it with the effect varying_normal_force, and else takes the mean"
         )
         notes.append(Finding("load_drift", severity, text))
     if severity := limits.severity("load_ripple", load.ripple):

@@ -190,7 +190,7 @@ COMPLAINTS = {
     "true is no number": ('"1.47 N/mm"', "true", ["[rig] stiffness", "True"]),
     "infinite": ('"1.47 N/mm"', "inf", ["finite"]),
     "mu_k0 above mu_s": ("start = 0.6", "start = 0.3", ["mu_k0 = 0.45", "mu_s = 0.3"]),
-    "tolerance": ('"2 %"', '"2 % or so"', ["[rig] mass tolerance"]),
+    "tolerance": ('"2 %"', '"2 % or so"', ["[rig] mass tolerance", "a share such as 2 %"]),
     "tolerance where none is carried": ("[parameters]", "noise={value=1,tolerance=1}\n[parameters]", ["noise"]),
     "fixed and start": ('fixed = "500 ms"', 'fixed = "500 ms", start = 1', ["fixed and has a start"]),
     "half a prior": ('mean = "40 um", ', "", ["only 'sd'"]),

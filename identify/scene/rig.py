@@ -33,7 +33,11 @@ def _with_tolerance(table: Table, key: str, unit: str) -> tuple[Any, float | Non
             raise SceneError(
                 f"{inner.place('tolerance')} of a programme is {tolerance!r}; expected a share such as 2 %"
             )
-        return value["value"], stated(tolerance, unit, inner.place("tolerance")) / abs(reference)
+        try:
+            error = stated(tolerance, unit, inner.place("tolerance"))
+        except SceneError as reason:
+            raise SceneError(f"{reason}; a share such as 2 % does as well") from None
+        return value["value"], error / abs(reference)
     return value["value"], inner.quantity("tolerance", "")
 
 
