@@ -80,7 +80,8 @@ class Warm:
         for number in range(1, MOST + 1):
             point = problem.evaluate(z, derivatives=True)
             assert point.gradient is not None and point.jacobian is not None
-            slope = point.gradient + point.jacobian.T @ dual + (0.0 if push is None else push)
+            with np.errstate(invalid="ignore"):  # a step too far is seen below
+                slope = point.gradient + point.jacobian.T @ dual + (0.0 if push is None else push)
             if held is not None:
                 slope[held[0]] = 0.0  # its multiplier follows from the rest
             left = -np.concatenate([slope, point.rows])
