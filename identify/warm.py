@@ -133,4 +133,5 @@ def _step(factors: Factors, left: Array, n: int, held: tuple[int, float] | None)
     unit = np.zeros(left.size)
     unit[held[0]] = 1.0
     free, column = factors.solve(np.column_stack([left, unit])).T
-    return np.asarray(free + column * (held[1] - free[held[0]]) / column[held[0]])
+    with np.errstate(all="ignore"):  # where the others cannot follow, what is held goes nowhere: no step to take
+        return np.asarray(free + column * (held[1] - free[held[0]]) / column[held[0]])
