@@ -18,7 +18,7 @@ from identify.waveform import middle_of_fall, waveform
 
 Array = NDArray[np.float64]
 
-SWEEPS = 30  # how often arrests are handed on at most: the return map contracts
+SWEEPS = (4, 30)  # how often arrests are handed on, at least and at most: the return map contracts
 OF_NOISE, OF_DROP = 0.3, 0.01  # force by which an arrest moves in a sweep that is the last: of the noise, of a slip
 PER_HALF_PERIOD = 60  # RK4 steps of a placed slip per half natural period
 WINDOW = 48  # samples of a slip that vote on its shift
@@ -85,14 +85,15 @@ def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:
         noise: of the log of each cycle (n,) [N].
     """
     stiffness = side.p[:, model.parameter_names.index("stiffness")]
-    for sweep in range(SWEEPS):
+    least, most = SWEEPS
+    for sweep in range(1, most + 1):
         _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD // 2)
         handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
         handed = np.where(side.first[:, None], x, np.roll(handed, 1, axis=0))
         moved = stiffness * np.abs(handed - x)[:, ELONGATION]
         drop = stiffness * np.abs(slips.states[0] - slips.at_arrest)[:, ELONGATION]
         x = handed
-        if sweep >= 3 and np.all(moved <= np.maximum(OF_NOISE * noise, OF_DROP * np.nan_to_num(drop))):
+        if sweep >= least and np.all(moved <= np.maximum(OF_NOISE * noise, OF_DROP * np.nan_to_num(drop))):
             break
     return x
 
