@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from identify.equilibrated import solve_equilibrated
+from identify.equilibrated import optimality_matrix, solve_equilibrated
 from identify.passes import Solved
 
 Array = NDArray[np.float64]
@@ -23,8 +23,7 @@ def discretisation_error(solved: Solved) -> Array:
     problem, z = solved.problem.with_finer_steps(), solved.solution.z
     point = problem.evaluate(z, derivatives=True)
     assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
-    hessian = (point.hessian + sp.triu(point.hessian, 1).T).tocsc()
-    kkt = sp.bmat([[hessian, point.jacobian.T], [point.jacobian, None]], format="csc")
+    kkt = optimality_matrix(point.hessian, point.jacobian)
     # What the solver left of its own conditions is not the steps' doing: it is taken out.
     own = solved.problem.evaluate(solved.solution.z, derivatives=True)
     assert own.jacobian is not None and own.gradient is not None

@@ -46,21 +46,6 @@ class _Placed:
         return float(np.mean(told)) if told.size else np.inf
 
 
-@dataclass(frozen=True)
-class _Change:
-    """A fall at a moment [s], put in, or taken out: its index among the falls."""
-
-    moment: float
-    taken: int | None
-
-    def among(self, falls: Array) -> tuple[float, float]:
-        """The falls before and after it [s], none at the ends."""
-        before, after = falls[falls < self.moment], falls[falls > self.moment]
-        if self.taken is not None:
-            before, after = falls[: self.taken], falls[self.taken + 1 :]
-        return float(before[-1]) if before.size else -np.inf, float(after[0]) if after.size else np.inf
-
-
 def with_events_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
     """The log with slips put in or taken out as long as the start (unknowns.start) then fits it better; the log itself
     where nothing does."""
@@ -100,43 +85,54 @@ def _placed(log: Prepared, falls: Array, unknowns: Unknowns) -> _Placed | None:
 def _mended(log: Prepared, now: _Placed, unknowns: Unknowns) -> _Placed | None:
     """One round: what is better with the changes that are worth it; None where none is."""
     for looked_for in (_missed, _invented):
-        changes = looked_for(log, now)
-        for some in (changes, *([change] for change in changes[:ALONE] if len(changes) > 1)):
-            kept = some
-            for _ in range(2):  # a change that is not worth it disturbs its neighbours: the others are judged again
-                made = _placed(log, _with(now.falls, kept), unknowns) if kept else None
-                worth = [] if made is None else [c for c in kept if _is_worth(c, log.data, now, made)]
-                if made is not None and len(worth) == len(kept) and made.misfit < now.misfit:
-                    return made
-                kept = worth
+        moments = looked_for(log, now)
+        for some in (moments, *([moment] for moment in moments[:ALONE] if len(moments) > 1)):
+            better = _changed(log, now, some, unknowns)
+            if better is not None:
+                return better
     return None
 
 
-def _with(falls: Array, changes: list[_Change]) -> Array:
-    left = np.delete(falls, [c.taken for c in changes if c.taken is not None])
-    return np.sort(np.concatenate([left, [c.moment for c in changes if c.taken is None]]))
+def _changed(log: Prepared, now: _Placed, moments: list[float], unknowns: Unknowns) -> _Placed | None:
+    """The start with those falls put in or taken out that are worth it; None where none is."""
+    for _ in range(2):  # a change that is not worth it disturbs its neighbours: the others are judged again
+        made = _placed(log, _with(now.falls, moments), unknowns) if moments else None
+        if made is None:
+            return None
+        worth = [moment for moment in moments if _is_worth(moment, log.data, now, made)]
+        if len(worth) == len(moments) and made.misfit < now.misfit:
+            return made
+        moments = worth
+    return None
 
 
-def _is_worth(change: _Change, data: LogData, before: _Placed, after: _Placed) -> bool:
+def _with(falls: Array, moments: list[float]) -> Array:
+    """The falls without those at a moment [s], and with one at each moment where there is none."""
+    return np.setxor1d(falls, moments)
+
+
+def _is_worth(moment: float, data: LogData, before: _Placed, after: _Placed) -> bool:
     """Whether the squares between the falls beside a change become fewer by it."""
-    since, until = change.among(before.falls)
+    earlier, later = before.falls[before.falls < moment], before.falls[before.falls > moment]
+    since = float(earlier[-1]) if earlier.size else -np.inf
+    until = float(later[0]) if later.size else np.inf
     near = (data.time > since) & (data.time < until) & np.isfinite(before.squares) & np.isfinite(after.squares)
     return bool(np.any(near) and np.sum(after.squares[near]) < WORTH * np.sum(before.squares[near]))
 
 
-def _missed(log: Prepared, now: _Placed) -> list[_Change]:
-    """Where the force steps down against the curve, a slip away from any fall; the largest step first."""
+def _missed(log: Prepared, now: _Placed) -> list[float]:
+    """Moments [s] where the force steps down against the curve, a slip away from any fall; the largest step first."""
     at, size, half = _steps(log, now.curve)
     free = np.min(np.abs(at[:, None] - now.falls[None, :]), axis=1, initial=np.inf) > max(now.slip, 0.5 * half)
-    return [_Change(t, None) for t in _largest(at[free], -size[free], 2.0 * max(now.slip, 0.5 * half))]
+    return _largest(at[free], -size[free], 2.0 * max(now.slip, 0.5 * half))
 
 
-def _invented(log: Prepared, now: _Placed) -> list[_Change]:
-    """The falls where the force steps up against the curve; the largest step first."""
+def _invented(log: Prepared, now: _Placed) -> list[float]:
+    """Moments [s] of the falls where the force steps up against the curve; the largest step first."""
     at, size, half = _steps(log, now.curve)
     beside = np.min(np.abs(at[:, None] - now.falls[None, :]), axis=1, initial=np.inf) <= max(now.slip, 0.5 * half)
     nearest = [int(np.argmin(np.abs(now.falls - t))) for t in _largest(at[beside], size[beside], 2.0 * half)]
-    return [_Change(float(now.falls[i]), i) for i in list(dict.fromkeys(nearest))[: now.falls.size - 1]]
+    return now.falls[list(dict.fromkeys(nearest))[: now.falls.size - 1]].tolist()
 
 
 def _steps(log: Prepared, curve: Array) -> tuple[Array, Array, float]:

@@ -150,11 +150,8 @@ class Problem:
         powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
         square, number = np.zeros(n), np.zeros(n)
         for log, cells, lengths, sample, u in self.assigned(family):
-            weight, force, first = (
-                self.logs[log].weight[sample],
-                self.logs[log].force[sample],
-                np.cumsum(lengths) - lengths,
-            )
+            weight, force = self.logs[log].weight[sample], self.logs[log].force[sample]
+            first = np.cumsum(lengths) - lengths
             r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order)[cells], lengths, u), 0.0)
             number[cells] = np.add.reduceat((weight > 0).astype(float), first)
             pulled = weight * r
