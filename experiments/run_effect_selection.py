@@ -26,9 +26,11 @@ from experiments import in_parts
 from experiments.machine import describe
 from identify.effects import ALL, NAMES
 from identify.errors import SimulationError
+from identify.fitted import Fitted, fits
 from identify.model import assemble
-from identify.nested import Fitted, fit_model, fit_shaken, fit_smaller, fits, scene_with
+from identify.nested import fit_model, fit_shaken, fit_smaller
 from identify.scene import Scene
+from identify.scene.variant import scene_with
 from identify.selection import choose_from_data
 from identify.simulate import run
 

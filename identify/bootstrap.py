@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, t
 
 from identify.influence import Influence
-from identify.shooting import Moments, Problem
+from identify.shooting import Problem
 from identify.warm import Settled, Warm
 
 Array = NDArray[np.float64]
@@ -117,9 +117,9 @@ class _Replicates:
         x = z * layout.scale
         self.moments = []
         for family, moments in zip(layout.families, problem.moments, strict=True):
-            slots = np.where(family.slots >= 0, x[family.slots], family.fixed)
+            slots = family.slot_values(x)
             _, curve = family.block.evaluate(slots, family.constants, derivatives=False)
-            self.moments.append(_around(moments, curve))
+            self.moments.append(moments.around(curve))
         offsets, last = np.concatenate([[0], np.cumsum(cycles)])[:-1], np.array(cycles) - 1
         self.groups = [offsets[f.log] + np.minimum(f.cycle, last[f.log]) for f in layout.families]
         self.problem = problem
@@ -161,11 +161,3 @@ class _Replicates:
         prior = (self.z * layout.scale - layout.prior_mean) / layout.prior_sd**2
         push = -self.push @ drawn - prior * layout.scale
         return self.warm.settle(z, problem=made, multipliers=multipliers, push=push)
-
-
-def _around(moments: Moments, curve: Array) -> Moments:
-    """The same samples, compressed around another curve."""
-    step = curve - moments.reference
-    bent = np.matmul(moments.curvature, step[..., None])[..., 0]
-    square = moments.square + np.sum(step * (bent - 2 * moments.pull), axis=(1, 2))
-    return replace(moments, reference=curve, pull=moments.pull - bent, square=square)

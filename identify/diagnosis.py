@@ -16,19 +16,10 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.attempt import Attempt, judged
 from identify.errors import FitError, SceneError
+from identify.fitted import Fitted, as_it_ended, described, fits
 from identify.held import Held
 from identify.model import RIG_PARAMETERS
-from identify.nested import (
-    Fitted,
-    as_it_ended,
-    described,
-    fit_beside,
-    fit_from_values,
-    fit_larger,
-    fit_model,
-    fit_smaller,
-    fits,
-)
+from identify.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.suspects import GROSS, SLIGHT, Suspect, found_and_stated

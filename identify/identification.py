@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io import LogError, LogTooLargeError, Record, read_log
-from data_io.motion import check_drive
+from data_io import Record
 from identify.asked import NOTHING_MORE, Asked
 from identify.attempt import Attempt, Clock, solve_from
 from identify.certainty import Certainty, certainty, slowness
@@ -18,23 +17,23 @@ from identify.choice import Choice
 from identify.effects import ALL
 from identify.errors import FitError
 from identify.findings import Findings
+from identify.fitted import as_it_ended, described
 from identify.grouped import search_grouped
 from identify.held import Held, against_data
 from identify.hints import what_is_held
 from identify.loads import calmed
-from identify.nested import as_it_ended, described
 from identify.outcome import Fit, LogCurves, Status
 from identify.parting import parted
-from identify.partly_read import read_partly
 from identify.prepare import Prepared, prepare
 from identify.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.result import document
 from identify.scene import Scene
-from identify.scene.values import LogEntry
+from identify.scene_records import with_records
 from identify.search import Sources
 from identify.second_look import looked_into
 from identify.selection import choose_from_data
 from identify.shaken import shaken
+from identify.status_words import at_bounds, ended, untried
 from identify.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.vibration import tuned
 from identify.worth import worth, worth_document
@@ -44,7 +43,6 @@ Progress = Callable[[str, float | None], None]
 _Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
 
 ANSWERS = 3  # of one model, each better than the one before, that are looked into
-AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
 def fit(
@@ -166,55 +164,6 @@ def _by_way_of_calm(
     return prepared, followed, left_out
 
 
-def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:
-    """A scene and the records of its logs: those given, else read, of a log larger than memory only what is used."""
-    if not scene.logs:
-        raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
-    if records is None:
-        read = [_read(scene, i) for i in range(len(scene.logs))]
-        logs = tuple(entry for entry, _ in read)
-        return (scene if logs == scene.logs else replace(scene, logs=logs)), [record for _, record in read]
-    if len(records) != len(scene.logs):
-        raise FitError(f"{len(records)} records were given for {len(scene.logs)} logs of the scene; give one each")
-    return scene, list(records)
-
-
-def _read(scene: Scene, index: int) -> tuple[LogEntry, Record]:
-    """Read one log; the normal force of [rig] only where the log has none of its own."""
-    entry = scene.logs[index]
-    units, columns = (dict(said) if said else None for said in (entry.units, entry.columns))
-
-    def read(load: float | None, window: tuple[float, float] | None = None) -> Record:
-        return read_log(
-            entry.path,
-            step=entry.step,
-            units=units,
-            columns=columns,
-            normal_force=load,
-            run=entry.run,
-            window=window,
-            channels=None if window is None else (),
-        )
-
-    def read_what_fits(load: float | None) -> tuple[LogEntry, Record]:
-        try:
-            return entry, read(load)
-        except LogTooLargeError as refused:
-            return read_partly(entry, refused, lambda window: read(load, window))
-
-    try:
-        entry, record = read_what_fits(entry.normal_force)
-    except LogTooLargeError:
-        raise
-    except LogError:
-        if entry.normal_force is not None or scene.rig.normal_force is None:
-            raise
-        entry, record = read_what_fits(scene.rig.normal_force)
-    stated = scene.rig.drive_speed if entry.drive_speed is None else entry.drive_speed
-    doubts = [] if stated is None else check_drive(record, stated)
-    return entry, replace(record, findings=(*record.findings, *doubts)) if doubts else record
-
-
 def _findings(
     scene: Scene,
     prepared: list[Prepared],
@@ -227,10 +176,10 @@ def _findings(
 ) -> Findings:
     """Status, estimates and what else the result document is made of."""
     if attempt is None:
-        status, message = _untried(prepared, left_out)
+        status, message = untried(prepared, left_out)
         return Findings(status, message, unknowns, None, None, None, [], left_out, {})
     if not np.all(np.isfinite(attempt.solved.theta)):
-        status, message = _status(attempt, {})
+        status, message = ended(attempt, {})
         return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
     base = unknowns.base(stated_rig(scene))
     sure = certainty(
@@ -238,7 +187,7 @@ def _findings(
         unknowns,
         base,
         asked,
-        lambda theta: _at_bounds(unknowns, theta),
+        lambda theta: at_bounds(unknowns, theta),
         speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
         seed=seed,
         progress=progress,
@@ -260,8 +209,8 @@ def _findings(
     theta = attempt.solved.theta
     bounds: dict[str, str] = {}
     for at in (theta, *(guess.theta(theta) for guess in attempt.solved.guesses)):
-        bounds = _at_bounds(unknowns, at) | bounds
-    status, message = _status(attempt, bounds)
+        bounds = at_bounds(unknowns, at) | bounds
+    status, message = ended(attempt, bounds)
     if status is Status.CONVERGED:
         message = what_is_held(attempt.prepared, attempt.solved.guesses) or message
     return Findings(
@@ -285,56 +234,6 @@ def _held(scene: Scene, sure: Certainty) -> list[Held]:
     memory = slowness(sure.attempt, sure.colours)
     theta = sure.attempt.solved.theta
     return against_data(sure.information, theta, stated_rig(scene), memory, tolerances=scene.rig.tolerances)
-
-
-def _at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
-    """A sentence per free parameter that sits on a bound of the scene."""
-    out = {}
-    for i in np.flatnonzero(unknowns.free).tolist():
-        for word, bound in (("lower", unknowns.lower[i]), ("upper", unknowns.upper[i])):
-            if abs(theta[i] - bound) < AT_BOUND * unknowns.spread[i]:
-                name = unknowns.names[i]
-                out[name] = f"{name} sits at its {word} bound; widen it in [parameters], or fix {name}"
-    return out
-
-
-def _untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status, str]:
-    """Status and sentence where no start could even be placed on the data."""
-    if uneven := _uneven(prepared):
-        return Status.MODEL_MISFIT, f"{uneven}; see the cycle scatter and the classical table in the report"
-    if any(log.left_out is None for log in prepared):
-        return Status.MODEL_MISFIT, (
-            "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
-            "slides steadily; check the rig values, or estimate them under [parameters]"
-        )
-    reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
-    return Status.NO_CYCLES, (
-        f"{reason}: there is nothing to fit; see the classical table, "
-        "and record slower, with a softer spring or at a higher load"
-    )
-
-
-def _uneven(prepared: Sequence[Prepared]) -> str:
-    """A sentence on the log whose cycles scatter most, of those where they are unlike; "" where there is none."""
-    log = max((log for log in prepared if log.unlike), key=lambda log: log.scatter, default=None)
-    if log is None:
-        return ""
-    return (
-        f"friction differs from cycle to cycle: in {log.name} the drop changes by {100 * log.scatter:.0f} % from one "
-        "cycle to the next, which noise does not explain, while the model takes all cycles as alike"
-    )
-
-
-def _status(attempt: Attempt, bounds: dict[str, str]) -> tuple[Status, str]:
-    gate = attempt.gate
-    if gate.status is Status.CONVERGED and bounds:
-        return Status.AT_BOUND, "; ".join(bounds.values())
-    if gate.status is not Status.CONVERGED and (uneven := _uneven(attempt.prepared)):
-        return Status.MODEL_MISFIT, (
-            f"{uneven} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
-            "see the cycle scatter and the classical table in the report"
-        )
-    return gate.status, gate.message
 
 
 def _curves(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | None) -> tuple[LogCurves, ...]:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.compression import Moments, samples_of
 from identify.equilibrated import Factors, optimality_matrix
 from identify.layout import Family, Layout, kept_parameters
-from identify.shooting import Moments, Problem
+from identify.shooting import Problem
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -96,17 +97,14 @@ def _family(
 ) -> tuple[Array, Array, Array, Array]:
     """Per block of a family, over its coefficients k: weighted slopes (B, k, f), slopes (B, k, f) of the curve along
     the columns, weighted residuals (B, k), slopes with respect to the slots (B, k, slots)."""
-    slots = np.where(family.slots >= 0, x[family.slots], family.fixed)
+    slots = family.slot_values(x)
     _, curve, _, d_curve = family.block.evaluate(slots, family.constants, derivatives=True)
     along = np.where((family.slots >= 0)[..., None], columns[family.slots], 0.0)  # (B, slots, f)
     count, cells, order, n_slots = d_curve.shape
     tall = d_curve.reshape(count, cells * order, n_slots)
     slope = np.matmul(tall, along)
-    m = moments
-    bend = np.matmul(m.curvature, slope.reshape(count, cells, order, -1)).reshape(slope.shape)
-    left = curve - m.reference
-    pull = np.matmul(m.curvature, left[..., None])[..., 0] - m.pull
-    return bend, slope, pull.reshape(count, -1), tall
+    bend = np.matmul(moments.curvature, slope.reshape(count, cells, order, -1)).reshape(slope.shape)
+    return bend, slope, moments.slope_at(curve).reshape(count, -1), tall
 
 
 def _absorbed(factors: Factors, layout: Layout, pulled: Array | None, white: Array, covariance: Array) -> Array:
@@ -124,15 +122,12 @@ def sample_moves(problem: Problem, z: Array, columns: Array) -> list[Array]:
     x = z * problem.layout.scale
     out = [np.zeros((log.time.size, columns.shape[1])) for log in problem.logs]
     for family in problem.layout.families:
-        slots = np.where(family.slots >= 0, x[family.slots], family.fixed)
+        slots = family.slot_values(x)
         _, _, _, d_curve = family.block.evaluate(slots, family.constants, derivatives=True)
         along = np.where((family.slots >= 0)[..., None], columns[family.slots], 0.0)
         count, cells, order, n_slots = d_curve.shape
         slope = np.matmul(d_curve.reshape(count, cells * order, n_slots), along).reshape(count * cells, order, -1)
-        for number, cells, lengths, sample, u in problem.assigned(family):
-            cell = np.repeat(cells, lengths)
-            value = slope[cell, order - 1]
-            for power in range(order - 2, -1, -1):
-                value = value * u[:, None] + slope[cell, power]
-            out[number][sample] = problem.logs[number].weight[sample][:, None] * value
+        for held in samples_of(family, problem.logs):
+            weight = problem.logs[held.log].weight[held.samples]
+            out[held.log][held.samples] = weight[:, None] * held.of_curve(slope)
     return out

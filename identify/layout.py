@@ -39,6 +39,10 @@ class Family:
     cycle: Indices
     edges: Array
 
+    def slot_values(self, x: Array) -> Array:
+        """What the slots hold at the unknowns x (n,), in physical units (B, n_slots)."""
+        return np.where(self.slots >= 0, x[self.slots], self.fixed)
+
 
 @dataclass(frozen=True)
 class StretchPlaces:

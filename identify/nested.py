@@ -5,84 +5,35 @@ A smaller model starts from the motion of the larger one, and where that fails f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
 from identify.attempt import Attempt, Clock, judged, solve_from, solve_slowly, usable
-from identify.guess import Guess
+from identify.fitted import Fitted, fits
 from identify.joining import join
-from identify.model import Model
-from identify.outcome import Status
 from identify.parting import parted
-from identify.passes import Solved, solve_in_passes
+from identify.passes import solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
-from identify.scene.parameters import default_spec
 from identify.search import Sources, alike, search
 from identify.shaken import shaken
 from identify.shooting import transcribe
 from identify.solve import solve
+from identify.taken_over import taken_over, values_of
 from identify.unknowns import Unknowns, from_scene
 from identify.vibration import tuned
 
 Array = NDArray[np.float64]
 
-MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
 FAR = 0.5  # sum of squares per sample (in noise variances) above that of the larger model: look for a better start
 DOUBT = 5.0  # sum of squares above that of the larger model: under a vibrating drive it may be another course of slips
 HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
 GLANCE = 8  # iterations that show whether an effect is worth a fit
 CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
-KEPT_BACK = 3  # every such cycle is kept back to be predicted
-FEWEST = 4  # cycles of a log of which one can be kept back
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """One model on the data: its scene, search space and prepared logs; the attempt (None where nothing could be
-    tried); excess: the sum of squares in noise variances less the number of samples (infinite without an answer)."""
-
-    scene: Scene
-    unknowns: Unknowns
-    prepared: tuple[Prepared, ...]
-    attempt: Attempt | None
-    excess: float
-
-    @property
-    def model(self) -> Model:
-        """The composed model."""
-        return self.unknowns.model
-
-    @property
-    def samples(self) -> int:
-        """Number of samples that count in the attempt; 0 without one."""
-        return 0 if self.attempt is None else self.attempt.solved.problem.samples
-
-    @property
-    def logs(self) -> tuple[int, ...]:
-        """Which logs took part."""
-        return () if self.attempt is None else self.attempt.logs
-
-    @property
-    def complete(self) -> bool:
-        """Whether all logs that can be used took part."""
-        return set(self.logs) >= set(usable(list(self.prepared)))
-
-    @property
-    def searched(self) -> int:
-        """Number of free parameters, with those every log has for itself."""
-        logs = len(self.attempt.logs) if self.attempt is not None else len(self.prepared)
-        return int(np.count_nonzero(self.unknowns.free)) + (logs - 1) * int(np.count_nonzero(self.unknowns.own))
-
-
-def as_it_ended(scene: Scene, unknowns: Unknowns, prepared: Sequence[Prepared], attempt: Attempt | None) -> Fitted:
-    """A fit as it ended, whether the solver succeeded or not."""
-    excess = np.inf if attempt is None else 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
-    return Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
 
 
 def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True, sources: Sources = "data") -> Fitted:
@@ -129,7 +80,7 @@ def fit_shaken(fitted: Fitted, around: Fitted | None = None) -> Fitted:
     there is no answer yet."""
     if fitted.attempt is None:
         return fitted
-    theta = None if around is None or around.attempt is None else _values_of(around, fitted.unknowns)
+    theta = None if around is None or around.attempt is None else values_of(around, fitted.unknowns)
     best = shaken(fitted.attempt, fitted.prepared, fitted.unknowns, around=theta)
     return fitted if best is fitted.attempt else replace(fitted, attempt=best, excess=_excess(best))
 
@@ -143,19 +94,6 @@ def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], 
 
 def _excess(attempt: Attempt | None) -> float:
     return np.inf if attempt is None else attempt.excess
-
-
-def fits(fitted: Fitted) -> bool:
-    """Whether the misfit is about noise."""
-    if fitted.attempt is None:
-        return False
-    return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.samples))
-
-
-def described(fitted: Fitted) -> bool:
-    """Whether the misfit is about noise, one with a memory too."""
-    accepted = fitted.attempt is not None and fitted.attempt.gate.status is Status.CONVERGED
-    return accepted or fits(fitted)
 
 
 def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
@@ -184,7 +122,7 @@ def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless:
     known, small, large = other.attempt, unknowns.model, other.model
     if known is None or (small.clamped is None and large.clamped is not None):
         return None
-    logs, guesses, unknowns = _taken_over(other, prepared, unknowns)
+    logs, guesses, unknowns = taken_over(other, prepared, unknowns)
     try:
         solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(), hopeless=hopeless)
     except (ValueError, FloatingPointError):
@@ -214,44 +152,9 @@ def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record], *, s
 def _placed_anew(
     other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns, *, slowly: bool = False
 ) -> Fitted:
-    at_values = replace(unknowns, start=_values_of(other, unknowns))
+    at_values = replace(unknowns, start=values_of(other, unknowns))
     attempt = (solve_slowly if slowly else solve_from)(prepared, usable(prepared), at_values, Clock())
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
-
-
-def _values_of(other: Fitted, unknowns: Unknowns) -> Array:
-    """The start of a model (n_p,) with what another one searched where that ended."""
-    assert other.attempt is not None
-    names = other.model.parameter_names
-    theta = dict(zip(names, other.attempt.solved.theta.tolist(), strict=True))
-    searched = dict(zip(names, other.unknowns.free.tolist(), strict=True))
-    start = np.array([theta[n] if searched.get(n) else unknowns.start[i] for i, n in enumerate(unknowns.names)])
-    return np.clip(np.where(unknowns.free, start, unknowns.start), unknowns.lower, unknowns.upper)
-
-
-def _taken_over(
-    other: Fitted, prepared: Sequence[Prepared], unknowns: Unknowns
-) -> tuple[list[Prepared], list[Guess], Unknowns]:
-    """Logs, motion and start of a model as another one left them."""
-    known, small, large = other.attempt, unknowns.model, other.model
-    assert known is not None
-    start = _values_of(other, unknowns)
-    logs = [
-        replace(prepared[i], data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
-        for i, cut in zip(known.logs, known.prepared, strict=True)
-    ]
-    guesses = [
-        _translated(g, large, small, large_p)
-        for g, large_p in zip(
-            known.solved.guesses,
-            (
-                other.unknowns.values(g.theta(known.solved.theta), log.data.base)
-                for g, log in zip(known.solved.guesses, known.prepared, strict=True)
-            ),
-            strict=True,
-        )
-    ]
-    return logs, guesses, replace(unknowns, start=start)
 
 
 def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
@@ -260,106 +163,7 @@ def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
         return np.inf
     prepared, unknowns = _prepared(scene, records)
     solved = smaller.attempt.solved
-    logs, guesses, unknowns = _taken_over(smaller, prepared, unknowns)
+    logs, guesses, unknowns = taken_over(smaller, prepared, unknowns)
     problem = transcribe([log.data for log in logs], guesses, unknowns.softened(), solved.grid)
     tried = solve(problem, tolerance=1e-3, barrier=1e-6, iterations=GLANCE)
     return 2.0 * (solved.solution.cost - tried.cost) if tried.infeasibility < CLOSED else np.inf
-
-
-def _translated(guess: Guess, large: Model, small: Model, p: Array) -> Guess:
-    """The motion in the states of another model; a load cell that did not lag shows what its lag would.
-
-    Args:
-        p: parameters (n_p,) of the model the motion is from.
-    """
-    names = [s.name for s in large.states]
-    lags = [i for i, s in enumerate(small.states) if s.unit == "N" and s.name not in names]
-
-    def states(x: Array) -> Array:
-        out = np.stack(
-            [x[..., names.index(s.name)] if s.name in names else 0.0 * x[..., 0] + s.start for s in small.states],
-            axis=-1,
-        )
-        if lags and x.size:
-            flat = x.reshape(-1, x.shape[-1])
-            u = np.tile([0.0, 1.0, 1.0, 0.0], (flat.shape[0], 1))
-            shown = np.array(large.load(flat.T, np.repeat(p[:, None], flat.shape[0], axis=1), u.T)).reshape(
-                x.shape[:-1]
-            )
-            out[..., lags] = shown[..., None]
-        for name in set(names) - {s.name for s in small.states}:
-            if name == large.series_state:
-                out[..., 0] -= x[..., names.index(name)]
-        return out
-
-    own = guess.own
-    if own.size:
-        at = [large.parameter_names.index(n) if n in large.parameter_names else -1 for n in small.parameter_names]
-        own = np.where(np.array(at) >= 0, own[at], np.nan)
-    return replace(
-        guess,
-        start=states(guess.start),
-        slip=states(guess.slip),
-        saturated=states(guess.saturated),
-        own=own,
-        tail=tuple(replace(stretch, nodes=states(stretch.nodes)) for stretch in guess.tail),
-    )
-
-
-def held_out_error(fitted: Fitted) -> float:
-    """Mean square of the force residuals, in noise variances, of cycles kept back from a second solve; NaN without any.
-
-    The dynamics and the cycles around carry the motion through a kept-back cycle; its samples do not count.
-    """
-    attempt = fitted.attempt
-    if attempt is None or not np.isfinite(fitted.excess):
-        return float("nan")
-    masks = [_kept_back(log, g) for log, g in zip(attempt.prepared, attempt.solved.guesses, strict=True)]
-    if not any(np.any(mask) for mask in masks):
-        return float("nan")
-    data = [
-        replace(log.data, weight=np.where(mask, 0.0, log.data.weight))
-        for log, mask in zip(attempt.prepared, masks, strict=True)
-    ]
-    start = replace(fitted.unknowns, start=attempt.solved.theta).softened()
-    solved: Solved = solve_in_passes(data, attempt.solved.guesses, start)
-    if not solved.solution.success:
-        return float("inf")
-    total, count = 0.0, 0
-    for log, mask, force in zip(attempt.prepared, masks, solved.fitted, strict=True):
-        inside = mask & np.isfinite(force) & (log.data.weight > 0)
-        total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
-        count += int(np.count_nonzero(inside))
-    return total / count if count else float("nan")
-
-
-def _kept_back(log: Prepared, guess: Guess) -> NDArray[np.bool_]:
-    """The samples of the cycles of a log that are kept back."""
-    mask = np.zeros(log.data.time.size, bool)
-    if guess.cycles < FEWEST:
-        return mask
-    for cycle in range(KEPT_BACK - 1, guess.cycles, KEPT_BACK):
-        mask |= (log.data.time > guess.arrest[cycle - 1]) & (log.data.time <= guess.arrest[cycle])
-    return mask
-
-
-def scene_with(scene: Scene, effects: Sequence[str], starts: Mapping[str, float]) -> Scene:
-    """The scene with these effects, its parameters started where something is known of them.
-
-    What the scene itself says of a parameter stands.
-
-    Raises:
-        SceneError: effects that do not go together.
-    """
-    made = scene.with_effects(tuple(effects))
-    parameters = dict(made.parameters)
-    silent = {p.name: default_spec(p) for p in made.declared}
-    for name, value in starts.items():
-        spec = parameters.get(name)
-        if spec is None or (spec.start, spec.fixed) != (silent[name].start, silent[name].fixed):
-            continue
-        if spec.fixed is not None:
-            parameters[name] = replace(spec, fixed=value)
-        else:
-            parameters[name] = replace(spec, start=float(np.clip(value, spec.lower, spec.upper)))
-    return replace(made, parameters=parameters)

@@ -11,20 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io import Record
-from data_io.record import within
 from identify.attempt import Clock
 from identify.choice import Choice, as_listed, document_of
-from identify.classical import classical_table
-from identify.depth import depth_document, noise_note, profile_ends
+from identify.depth import depth_document, profile_ends
 from identify.findings import Findings
 from identify.held import held_document
 from identify.level import LEVEL, NORMAL
+from identify.log_document import log_document
 from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
 from identify.outcome import Status
-from identify.parting import part_of
 from identify.prepare import Prepared
+from identify.result_notes import notes_of
 from identify.scene import Scene
 from identify.uncertainty import Estimate
 from identify.unknowns import Unknowns, stated_rig
@@ -33,7 +31,6 @@ Array = NDArray[np.float64]
 
 DISTRIBUTION = "stick-slip-workbench"
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
-UNFOLLOWED = 0.02  # of a course: an end that is left out and worth a note
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 
 
@@ -63,10 +60,10 @@ def document(
         "fit": _fit(found),
         "derived": _derived(found) if converged else {},
         "logs": [
-            _log(scene, i, log, found, answer)
+            log_document(scene, i, log, found, answer)
             for i, (log, answer) in enumerate(zip(prepared, outlooks_of(prepared, found), strict=True))
         ],
-        "notes": _notes(scene, prepared, found),
+        "notes": notes_of(scene, prepared, found),
     }
     if converged:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
@@ -232,84 +229,6 @@ def _derived(found: Findings) -> dict[str, Any]:
     return {"v_cr": {"value": math.exp(log_ratio), "unit": "m/s", "interval": ends, "validity": validity}}
 
 
-def _log(scene: Scene, index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> dict[str, Any]:
-    record = log.record
-    taken = found.attempt is not None and index in found.attempt.logs
-    table = classical_table(
-        _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
-    )
-    load = float(np.nanmean(record.normal_force))
-    stroke = part_of(scene, log.entry)
-    return {
-        **({} if stroke is None else {"part_of": stroke}),
-        "path": str(log.entry.path),
-        "sha256": str(record.metadata.get("sha256", "")),
-        "step": log.entry.step,
-        "rows": int(record.time.size),
-        "labels": dict(log.entry.labels),
-        "noise_N": float(log.rig.noise or log.segmentation.noise),
-        "friction_sign": log.sign,
-        "slip_count": int(log.segmentation.count),
-        "normal_force_N": load,
-        "drive_speed_m_per_s": log.data.drive_speed,
-        "window_s": [log.data.begin, log.data.end],
-        "reason_left_out": None if taken else found.left_out.get(index, "no fit was made"),
-        "classical": table,
-        "quality": _quality(log),
-        **log.account.document(),
-        "derived": answer,
-    }
-
-
-def _looked_at(log: Prepared) -> Record:
-    """The record of which the classical table is made: what the window of the scene leaves."""
-    record, window = log.record, log.entry.window
-    if window is None:
-        return record
-    begin = float(record.metadata.get("file_time_start", 0.0))  # a window of a scene counts from the first row
-    return within(record, (begin + window[0], begin + window[1]))
-
-
-def _quality(log: Prepared) -> dict[str, Any]:
-    seen = log.segmentation
-    drop, period, slope = seen.drop, seen.period, seen.stick_slope
-    figures = {
-        "noise": {"value": float(seen.noise), "unit": "N"},
-        "samples_per_slip": {"value": seen.samples_per_slip, "unit": ""},
-        "samples_per_cycle": {"value": seen.samples_per_cycle, "unit": ""},
-        "masked_samples": {"value": seen.spike_count, "unit": ""},
-        "drop": {"value": drop[0] if drop else None, "unit": "N"},
-        "drop_scatter": {"value": drop[1] if drop else None, "unit": "N"},
-        "period": {"value": period[0] if period else None, "unit": "s"},
-        "period_scatter": {"value": period[1] if period else None, "unit": "s"},
-        "stick_slope": {"value": slope[0] if slope else None, "unit": "N/s"},
-    }
-    told = log.judgement.document()
-    findings = list(told["findings"])
-    verdict = told["verdict"]
-    if log.hidden_swing:
-        findings.append({"code": "load_varies", "severity": "warning", "message": _load_varies(log)})
-        verdict = "accept with warnings" if verdict == "accept" else verdict
-    if log.data.calm:
-        findings.append({"code": "load_trembles", "severity": "info", "message": _load_trembles(log)})
-    return {"verdict": verdict, "findings": findings, "figures": {**told["figures"], **figures}}
-
-
-def _load_varies(log: Prepared) -> str:
-    return (
-        f"the normal force varies by ±{100 * log.hidden_swing:.2g} % beyond its noise, and the fit takes its mean; "
-        'add "varying_normal_force" to effects'
-    )
-
-
-def _load_trembles(log: Prepared) -> str:
-    return (
-        f"the normal force trembles by {1e3 * log.data.tremor_sd:.2g} mN (standard deviation), faster or seen worse "
-        "than a fit can follow: it is counted as unknown from slip to slip; for more certainty measure the normal "
-        "force with less noise, drive faster, or let the hand rest"
-    )
-
-
 def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
     """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
     assert found.information is not None and found.attempt is not None and found.covariance is not None
@@ -340,49 +259,6 @@ def _shifts(found: Findings, move: Array) -> dict[str, Any]:
             "in_standard_errors": shift / error if error else None,
         }
     return out
-
-
-def _events(prepared: list[Prepared], found: Findings) -> list[str]:
-    """Slips that the search put in or took out, and courses it could not follow to their end."""
-    notes = []
-    for number, log in zip(found.attempt.logs, found.attempt.prepared, strict=True) if found.attempt else ():
-        before, after = prepared[number].falls, log.falls
-        put = [f"{t:.4g} s" for t in after.tolist() if t not in before]
-        out = [f"{t:.4g} s" for t in before.tolist() if t not in after]
-        for word, times in (("that was missed put in", put), ("that is none taken out", out)):
-            if times:
-                notes.append(f"{log.name}: a slip {word} at {', '.join(times)}.")
-        left = prepared[number].data.end - log.data.end
-        if log.manner.name == "course" and left > UNFOLLOWED * (log.data.end - log.data.begin):
-            notes.append(
-                f"{log.name}: fitted up to {log.data.end:.4g} s; from there on the motion of the answer is none that a "
-                "fit follows (a swing that never fades, or a mass that is pulled back)."
-            )
-        if log.manner.name == "sliding" and prepared[number].manner.name == "course":
-            notes.append(
-                f"{log.name}: only what slides steadily is fitted, from {log.data.begin:.4g} s on: the way there is "
-                "not described."
-            )
-    return notes
-
-
-def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]:
-    notes = []
-    guessed = [log.name for log in prepared if log.noise_estimated]
-    if guessed:
-        notes.append("The noise was estimated from straight lines through the stick phases, not given.")
-    coloured = noise_note(found.sure) if found.sure is not None and found.status is Status.CONVERGED else ""
-    notes += [coloured] if coloured else []
-    rig = (*RIG_PARAMETERS, "drive_speed")
-    exact = [name for name in rig if name not in scene.parameters and name not in scene.rig.tolerances]
-    if exact and found.status is Status.CONVERGED:
-        named = ", ".join(name.replace("_", " ") for name in exact)
-        notes.append(f"Taken as exact: {named}; the table of rig errors shows what 1 % would do.")
-    notes += [f"{log.name}: {_load_varies(log)}." for log in prepared if log.hidden_swing]
-    notes += _events(prepared, found)
-    for index, reason in sorted(found.left_out.items()):
-        notes.append(f"Log {index + 1} took no part in the fit: {reason}.")
-    return notes
 
 
 def _exp(x: float) -> float:

@@ -16,23 +16,15 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.choice import Choice
 from identify.effects import ALL
-from identify.nested import (
-    Fitted,
-    fit_joined,
-    fit_larger,
-    fit_model,
-    fit_shaken,
-    fit_smaller,
-    fits,
-    held_out_error,
-    promise,
-    scene_with,
-)
+from identify.fitted import Fitted, fits
+from identify.held_out import held_out_error
+from identify.nested import fit_joined, fit_larger, fit_model, fit_shaken, fit_smaller, promise
 from identify.parting import parted
 from identify.prepare import Prepared, prepare
 from identify.quantities import Effect
 from identify.rhythms import Rhythm, rhythms
 from identify.scene import Scene
+from identify.scene.variant import scene_with
 from identify.screening import screen
 from identify.selection_words import Gain, reasons
 from identify.unknowns import from_scene

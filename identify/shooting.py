@@ -1,22 +1,19 @@
 """The multiple-shooting problem as numbers: objective, rows and their derivatives, ready for any solver.
 
-The samples are compressed exactly: in each cell the model's curve is a polynomial in reference time, so
-sums of powers of the sample times and of the residuals against the starting curve are all that is needed.
-The cost of an evaluation does not depend on the sampling rate. Hessian: Gauss-Newton.
+The samples are compressed exactly (see `compression`). Hessian: Gauss-Newton.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from identify.compression import Moments, compressed, samples_of
 from identify.guess import Grid, Guess, LogData
 from identify.lay_out import lay_out
 from identify.layout import Family, Indices, Layout
@@ -24,21 +21,6 @@ from identify.relaid import with_every_parameter, with_finer_steps
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
-
-PORTION = 1 << 14  # samples worked on at once: few enough to stay in cache
-
-
-@dataclass(frozen=True)
-class Moments:
-    """The compressed samples of one family: with w = weight, r = force - reference curve, u in [0, 1]:
-    curvature (B, cells, order, order) = sum w u^(i+j); pull (B, cells, order) = sum w u^i r;
-    reference (B, cells, order) coefficients; square (B,) = sum w r^2; count (B,) samples that count."""
-
-    curvature: Array
-    pull: Array
-    reference: Array
-    square: Array
-    count: Array
 
 
 @dataclass(frozen=True)
@@ -116,61 +98,9 @@ class Problem:
         """The scaled starting point (n,)."""
         return self.layout.start / self.layout.scale
 
-    def _slots(self, family: Family, x: Array) -> Array:
-        return np.where(family.slots >= 0, x[family.slots], family.fixed)
-
-    def assigned(self, family: Family) -> Iterator[tuple[int, Indices, Indices, Indices, Array]]:
-        """Per log, a portion at a time: its number, cells (k,) of the family that hold samples, how many each holds
-        (k,), and of these samples, cell by cell, the index and u in [0, 1]."""
-        n_cells = family.block.n_cells
-        flat = family.edges.reshape(-1, 2)
-        for number, log in enumerate(self.logs):
-            cells = np.flatnonzero(np.repeat(family.log == number, n_cells))
-            if cells.size == 0:
-                continue
-            first, last = np.searchsorted(log.time, flat[cells].T, side="left")
-            final = flat[cells, 1] >= log.end
-            last = np.where(final, np.searchsorted(log.time, log.end, side="right"), last)
-            full = last > first
-            cells, first, lengths = cells[full], first[full], (last - first)[full]
-            if cells.size == 0:
-                continue
-            for part in _portions(lengths):
-                held = lengths[part]
-                before = np.cumsum(held) - held
-                sample = np.arange(int(held.sum())) + np.repeat(first[part] - before, held)
-                t0, t1 = (np.repeat(edge, held) for edge in flat[cells[part]].T)
-                yield number, cells[part], held, sample, (log.time[sample] - t0) / (t1 - t0)
-
     def _compress(self, family: Family) -> Moments:
-        order, n_cells, count = family.block.order, family.block.n_cells, family.slots.shape[0]
-        slots = self._slots(family, self.layout.start)
-        _, reference = family.block.evaluate(slots, family.constants, derivatives=False)
-        n = count * n_cells
-        powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
-        square, number = np.zeros(n), np.zeros(n)
-        for log, cells, lengths, sample, u in self.assigned(family):
-            weight, force = self.logs[log].weight[sample], self.logs[log].force[sample]
-            first = np.cumsum(lengths) - lengths
-            r = np.where(weight > 0, force - _polynomial(reference.reshape(n, order)[cells], lengths, u), 0.0)
-            number[cells] = np.add.reduceat((weight > 0).astype(float), first)
-            pulled = weight * r
-            square[cells] = np.add.reduceat(pulled * r, first)
-            for i in range(2 * order - 1):
-                powers[cells, i] = np.add.reduceat(weight, first)
-                if i < order:
-                    pull[cells, i] = np.add.reduceat(pulled, first)
-                    pulled = pulled * u
-                weight = weight * u
-        hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
-        shape = (count, n_cells)
-        return Moments(
-            powers[:, hankel].reshape(*shape, order, order),
-            pull.reshape(*shape, order),
-            reference,
-            square.reshape(shape).sum(axis=1),
-            number.reshape(shape).sum(axis=1),
-        )
+        _, reference = family.block.evaluate(family.slot_values(self.layout.start), family.constants, derivatives=False)
+        return compressed(family, self.logs, reference)
 
     def fitted(self, z: Array) -> list[Array]:
         """What the load cell sees according to the point z, at every sample of every log (n,) [N]; NaN outside
@@ -178,10 +108,9 @@ class Problem:
         x = z * self.layout.scale
         out = [np.full(log.time.size, np.nan) for log in self.logs]
         for family in self.layout.families:
-            _, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
-            flat = curve.reshape(-1, family.block.order)
-            for log, cells, lengths, sample, u in self.assigned(family):
-                out[log][sample] = _polynomial(flat[cells], lengths, u)
+            _, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
+            for held in samples_of(family, self.logs):
+                out[held.log][held.samples] = held.of_curve(curve.reshape(-1, family.block.order))
         return out
 
     def _pattern(self) -> None:
@@ -208,8 +137,8 @@ class Problem:
         x = z * self.layout.scale
         out = []
         for family, moments in zip(self.layout.families, self.moments, strict=True):
-            _, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
-            out.append(_squares(moments, curve))
+            _, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
+            out.append(moments.squares_at(curve))
         return out
 
     def evaluate(self, z: Array, *, derivatives: bool) -> Point:
@@ -233,9 +162,9 @@ class Problem:
         x, scale = z * self.layout.scale, self.layout.scale
         parts = []
         for family, moments, scatter in zip(self.layout.families, self.moments, self._scatter, strict=True):
-            slots, count = self._slots(family, x), family.slots.shape[0]
+            slots, count = family.slot_values(x), family.slots.shape[0]
             _, curve = family.block.evaluate(slots, family.constants, derivatives=False)
-            pull = on_cost * _pull(moments, curve).reshape(count, -1)
+            pull = on_cost * moments.slope_at(curve).reshape(count, -1)
             bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull, scatter.used)
             parts.append(bend.ravel()[scatter.hessian_entries])
         summed = np.bincount(
@@ -253,9 +182,9 @@ class Problem:
         x = z * self.layout.scale
         rows, cost = np.zeros(self.layout.rows), 0.5 * float(np.sum(self._prior(x) ** 2))
         for family, moments in zip(self.layout.families, self.moments, strict=True):
-            block_rows, curve = family.block.evaluate(self._slots(family, x), family.constants, derivatives=False)
+            block_rows, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
             rows[family.rows] = block_rows
-            cost += 0.5 * float(np.sum(_squares(moments, curve)))
+            cost += 0.5 * float(np.sum(moments.squares_at(curve)))
         return Point(cost, rows)
 
     def _derivatives(self, z: Array) -> Point:
@@ -267,15 +196,15 @@ class Problem:
         jacobian_parts, hessian_parts = [], []
         for family, moments, scatter in zip(layout.families, self.moments, self._scatter, strict=True):
             block_rows, curve, d_rows, d_curve = family.block.evaluate(
-                self._slots(family, x), family.constants, derivatives=True
+                family.slot_values(x), family.constants, derivatives=True
             )
             rows[family.rows] = block_rows
-            cost += 0.5 * float(np.sum(_squares(moments, curve)))
+            cost += 0.5 * float(np.sum(moments.squares_at(curve)))
             bend = np.matmul(moments.curvature, d_curve)  # (B, cells, order, n_slots)
             count, n_slots = family.slots.shape
             shape = (count, -1, n_slots)
             tall = d_curve.reshape(shape)
-            step = _pull(moments, curve).reshape(count, -1, 1)
+            step = moments.slope_at(curve).reshape(count, -1, 1)
             pull = np.matmul(tall.transpose(0, 2, 1), step)[..., 0]
             hessian = np.matmul(tall.transpose(0, 2, 1), bend.reshape(shape))
             gradient += (
@@ -301,37 +230,6 @@ class Problem:
         bends = np.asarray(bends * scale[h_columns] * scale[self._hessian_rows])
         hessian_matrix = sp.csc_matrix((bends, self._hessian_rows, self._hessian_starts), (z.size, z.size))
         return Point(cost, rows, gradient, jacobian, hessian_matrix)
-
-
-def _portions(lengths: Indices) -> Iterator[slice]:
-    """Cells in a row that together hold about PORTION samples (k,)."""
-    total = np.cumsum(lengths)
-    edges = np.searchsorted(total, np.arange(PORTION, int(total[-1]), PORTION), side="right")
-    for start, stop in pairwise(np.unique([0, *edges.tolist(), lengths.size]).tolist()):
-        yield slice(start, stop)
-
-
-def _polynomial(coefficients: Array, lengths: Indices, u: Array) -> Array:
-    """The polynomial of each cell (k, order) at u, of which it holds so many (k,), by Horner's rule."""
-    value = np.zeros_like(u)
-    for column in coefficients.T[::-1]:
-        value *= u
-        value += np.repeat(column, lengths)
-    return value
-
-
-def _pull(moments: Moments, curve: Array) -> Array:
-    """Gradient of half the weighted squares with respect to the curve coefficients, shape of curve."""
-    bent = np.matmul(moments.curvature, (curve - moments.reference)[..., None])[..., 0]
-    return np.asarray(bent - moments.pull)
-
-
-def _squares(moments: Moments, curve: Array) -> Array:
-    """Sum of squared weighted residuals of each block (B,) at these curve coefficients."""
-    d = curve - moments.reference
-    bent = np.matmul(moments.curvature, d[..., None])[..., 0]
-    out: Array = moments.square + np.sum(d * (bent - 2 * moments.pull), axis=(1, 2))
-    return out
 
 
 @dataclass(frozen=True)

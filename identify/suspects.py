@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.nested import Fitted
+from identify.fitted import Fitted
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.scene.parameters import ParameterSpec

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identify.effects import ALL
-from identify.nested import Fitted
+from identify.fitted import Fitted
 
 ENOUGH = 25.0  # statistic of an effect that is never dropped: nothing costs more
 CONFUSED = ("load_dependence",)  # logs that differ in load differ in speed as well, mostly, and drifts look the same

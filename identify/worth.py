@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.attempt import Attempt
 from identify.errors import IdentifyError
-from identify.nested import Fitted, as_it_ended, fit_smaller, held_out_error, scene_with
+from identify.fitted import Fitted, as_it_ended
+from identify.held_out import held_out_error
+from identify.nested import fit_smaller
 from identify.passes import solve_in_passes
 from identify.prepare import Prepared
 from identify.scene import Scene
+from identify.scene.variant import scene_with
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]

@@ -25,13 +25,16 @@ drawn scatter stated calculable choice price selection_numbers comparison form_s
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess loads lanes steadiness following one_way gaps parting partly_read reageing block_equations blocks features
-unknowns cutting manner window prepare rhythms vibration placing first_onsets layout start collector rest_parts lay_out
-equilibrated relaid shooting reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
+guess loads lanes steadiness following one_way gaps parting partly_read scene_records
+reageing block_equations blocks features
+unknowns cutting manner window prepare rhythms vibration placing first_onsets
+layout start collector rest_parts footing lay_out relaid compression shooting
+equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
-profile widened attempt events joining search shaken ridge_ends grouped shares certainty nested weighing screening
+profile widened attempt status_words events joining search shaken ridge_ends grouped shares certainty
+fitted held_out taken_over nested weighing screening
 selection_words selection suspects diagnosis preview depth
-findings second_look log_outlook worth result identification
+findings second_look log_outlook worth log_document result_notes result identification
 report
 comparing
 batch

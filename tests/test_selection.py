@@ -2,8 +2,8 @@
 
 import pytest
 
-from identify.nested import scene_with
 from identify.scene import Scene
+from identify.scene.variant import scene_with
 
 EFFECTS = ("inertia", "contact_ageing", "skin_compliance", "load_dependence")
 

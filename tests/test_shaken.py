@@ -10,7 +10,8 @@ import numpy as np
 from experiments.run_effect_selection import NOISE, RIG, draw
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify import shaken as room
-from identify.nested import Fitted, fit_model, fit_shaken
+from identify.fitted import Fitted
+from identify.nested import fit_model, fit_shaken
 from identify.outcome import Status
 from identify.scene import Scene
 

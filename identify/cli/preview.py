@@ -29,12 +29,12 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from data_io.atomic import atomic_path
     from identify.cli.progress import Progress
     from identify.cli.summary import columns, wrapped
-    from identify.identification import with_records
-    from identify.nested import scene_with
     from identify.preview import preview
     from identify.report.draw_preview import draw_preview
     from identify.report.quantity_text import quantity
     from identify.report.style import drawing_style
+    from identify.scene.variant import scene_with
+    from identify.scene_records import with_records
     from identify.selection import LOOKED_AT
 
     file = preview_file(out)
