@@ -212,7 +212,7 @@ def main(fast: bool = False, docs: bool = False) -> list[Order]:
         works = {scene: work(scene, repeats, fast) for scene in (SCENES[:1] if fast else SCENES)}
         asked = delivered(fast)
         costs = cost_of_effects(*((1, EFFECTS[3:5]) if fast else (15,)))
-        grids = grid_refinement.table((1, 2) if fast else (1, 2, 4, 8, 12, 24), (2,) if fast else (0, 1, 2, 3))
+        grids = grid_refinement.table((1, 2) if fast else (1, 2, 4, 8, 12, 24), (2, 3) if fast else (0, 1, 2, 3))
     page = accuracy_page.page(describe(), found, works, asked, costs, grids)
     print(page)
     if docs:

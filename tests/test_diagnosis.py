@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from document_check import check_document
 from scipy.signal import lfilter
 
 from data_io import Record
@@ -64,9 +65,13 @@ def _diagnosed(scene, records):
 
 def test_a_wrong_mass_is_named_with_the_right_one(case):
     made = fit(_scene(RIG | {"mass": 0.3}), [case.records[i] for i in LOGS])
-    result = made.result
+    result = check_document(made.result)
     assert result["status"] == "model_misfit"
     assert "a mass of 0.2 kg instead of 0.3 kg" in result["message"]
+    assert (result["correlation"], result["derived"]) == (None, {})
+    assert {p["value"] for p in result["parameters"].values()} == {None}
+    assert 0.3 < result["last_iterate"]["mu_s"]["value"] < 0.7, "where it stood, though no answer"
+    assert result["gate"]["chi2_per_sample"] > 1.2
     for curves, log in zip(made.logs, result["logs"], strict=True):  # what scatters is measured, not the misfit's model
         drop = float(np.mean(curves.cycles[:, 2] - curves.cycles[:, 3]))
         assert drop == pytest.approx(log["classical"]["rows"][0]["drop_N"], rel=0.03)

@@ -131,17 +131,6 @@ def test_a_slow_log_alone_says_what_it_cannot_tell():
         assert found["reason"]
 
 
-def test_a_wrong_mass_is_refused_with_the_last_iterate(case, one_try):
-    result = check_document(fit(_scene(range(4), RIG | {"mass": 0.24}), case.records).result)
-    assert result["status"] == "model_misfit"
-    assert "a mass of 0.2 kg instead of 0.24 kg" in result["message"]
-    assert result["correlation"] is None
-    assert result["derived"] == {}
-    assert {p["value"] for p in result["parameters"].values()} == {None}
-    assert result["last_iterate"]["mu_s"]["value"] == pytest.approx(0.62, rel=0.05)
-    assert result["gate"]["chi2_per_sample"] > 1.2
-
-
 def _cut(record, begin, end):
     """A stretch cut out and the ends joined."""
     keep = (record.time < begin) | (record.time > end)
@@ -154,8 +143,8 @@ def test_a_deleted_slip_is_noticed(case, one_try):
     """One that is flattened: tests/test_diagnosis.py."""
     truth = oracle.simulate(DEMO | RIG, SPEEDS[2][0], 1.0, 2.5)
     begin, end = truth.onsets[5] - 0.02, truth.arrests[5] + 0.02
-    records = [case.records[1], _cut(case.records[2], begin, end), case.records[3]]
-    result = check_document(fit(_scene(MIDDLE), records).result)
+    records = [_cut(case.records[2], begin, end), case.records[3]]
+    result = check_document(fit(_scene((2, 3)), records).result)
     assert result["status"] in ("wrong_event_count", "model_misfit")
     assert "log_2.csv" in result["message"]
 

@@ -93,8 +93,9 @@ class ClusterWorkers:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with suppress(OSError, RuntimeError, ValueError, TimeoutError):  # of a cluster that is gone
-            self._client.run(end_grips, on_error="ignore")
+        if self._client.status == "running":  # else the scheduler is gone, and asking would wait for it
+            with suppress(OSError, RuntimeError, ValueError, TimeoutError):
+                self._client.run(end_grips, on_error="ignore")
         self._client.close()
 
     def send(self, job: Job, folder: Path, limit: float) -> Pending:
