@@ -214,7 +214,8 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     at_arrest, at_saturation = np.full((n, n_x), np.nan), np.full((n, n_x), np.nan)
     active = np.arange(n)
     current, last_rate, u = x.copy(), np.zeros((n, n_x)), u.copy()
-    pending: list[tuple[int, Indices, Array, Array, Bools]] = []
+    saturated = np.zeros(n, bool)
+    arrests, saturations = list[_Crossing](), list[_Crossing]()
     for s in range(int(LONGEST * per_half_period)):
         before = current[active]
         after, free, rate = functions["step"]([before, p[active], u[active], h[active]])
@@ -224,7 +225,12 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
         last_rate[active] = rate
         rates.append(last_rate.copy())
         stopped = finite & (after[:, SPEED] <= 0.0)
-        pending.append((s, active, before, free, stopped))
+        if stopped.any():
+            arrests.append(_Crossing(s, active[stopped], before[stopped], free[stopped]))
+        reached = _clamps(model, before, free) & ~stopped & ~saturated[active]
+        if reached.any():
+            saturations.append(_Crossing(s, active[reached], before[reached], free[reached]))
+            saturated[active[reached]] = True
         current[active] = after
         states.append(current.copy())
         active = active[finite & ~stopped]
@@ -233,8 +239,11 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
             break
     rates.append(last_rate.copy())
     result = Slips(h, np.stack(states), np.stack(rates), saturation, arrest, at_saturation, at_arrest)
-    for s, lanes, before, free, stopped in pending:
-        _mark(model, result, s, lanes, before, free, stopped)
+    if arrests:
+        _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
+    if saturations and model.clamped is not None:
+        level = model.states[model.clamped].lower or 0.0
+        _mark(model, result, saturations, model.clamped, level, result.saturation, result.at_saturation)
     return result
 
 
@@ -243,30 +252,40 @@ def _held(course: Array, steps: int) -> Array:
     return np.concatenate([course, np.repeat(course[-1:], steps - course.shape[0], axis=0)])
 
 
-def _mark(model: Model, out: Slips, s: int, lanes: Indices, before: Array, free: Array, stopped: Bools) -> None:
-    """Record the events of step s: arrest where the speed fell to zero, saturation where the state clamped."""
+def _clamps(model: Model, before: Array, free: Array) -> Bools:
+    """Whether the bounded state of each lane comes to its bound on the way from `before` to `free` (n, n_x)."""
+    if model.clamped is None:
+        return np.zeros(before.shape[0], bool)
+    low = model.states[model.clamped].lower or 0.0
+    return (free[:, model.clamped] <= low) & (before[:, model.clamped] > low)
 
-    def put(which: Bools, component: int, level: float, time: Array, state: Array) -> None:
-        j, old = lanes[which], before[which]
-        rate = out.rates[s, j] * out.h[j, None]
-        bend = free[which] - old - rate  # the states within the step: old + rate w + bend w^2
-        w = _first_root(old[:, component] - level, rate[:, component], bend[:, component])
-        time[j] = (s + w) * out.h[j]
-        at = old + rate * w[:, None] + bend * (w**2)[:, None]
-        at[:, component] = level
-        if model.clamped is not None:
-            at[:, model.clamped] = np.maximum(at[:, model.clamped], model.states[model.clamped].lower or 0.0)
-        state[j] = at
 
-    if stopped.any():
-        put(stopped, SPEED, 0.0, out.arrest, out.at_arrest)
+@dataclass(frozen=True)
+class _Crossing:
+    """Lanes (k,) in which a state comes to a level within step s: their states before and after it (k, n_x)."""
+
+    step: int
+    lanes: Indices
+    before: Array
+    free: Array
+
+
+def _mark(
+    model: Model, out: Slips, crossings: list[_Crossing], component: int, level: float, time: Array, state: Array
+) -> None:
+    """Record when a component comes to its level, time (n,), and the states there (n, n_x)."""
+    lanes = np.concatenate([c.lanes for c in crossings])
+    old, free = np.concatenate([c.before for c in crossings]), np.concatenate([c.free for c in crossings])
+    s = np.repeat([c.step for c in crossings], [c.lanes.size for c in crossings])
+    rate = out.rates[s, lanes] * out.h[lanes, None]
+    bend = free - old - rate  # the states within the step: old + rate w + bend w^2
+    w = _first_root(old[:, component] - level, rate[:, component], bend[:, component])
+    time[lanes] = (s + w) * out.h[lanes]
+    at = old + rate * w[:, None] + bend * (w**2)[:, None]
+    at[:, component] = level
     if model.clamped is not None:
-        g, low = model.clamped, model.states[model.clamped].lower or 0.0
-        reached = (free[:, g] <= low) & (before[:, g] > low)
-        if reached.any():
-            hit = reached & np.isnan(out.saturation[lanes]) & ~stopped
-            if hit.any():
-                put(hit, g, low, out.saturation, out.at_saturation)
+        at[:, model.clamped] = np.maximum(at[:, model.clamped], model.states[model.clamped].lower or 0.0)
+    state[lanes] = at
 
 
 def _first_root(y: Array, slope: Array, bend: Array) -> Array:

@@ -97,13 +97,13 @@ def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> t
 
 
 def _fitted(grid: Array, force: Array, slips: int, slip: float, interval: float) -> Sharpness:
-    force = force / float(np.ptp(force))  # the search stops by absolute numbers
+    line = np.linalg.qr(np.column_stack([np.ones_like(grid), grid]))[0]
+    off_line = _off(force / float(np.ptp(force)), line)  # the search stops by absolute numbers
 
     def residual(p: Array) -> Array:
-        step = _lagged_fall(grid, float(p[0]), math.exp(p[1]), math.exp(p[2]))
-        basis = np.column_stack([np.ones_like(step), step, grid])
-        off: Array = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
-        return off
+        step = _off(_lagged_fall(grid, float(p[0]), math.exp(p[1]), math.exp(p[2])), line)
+        size = float(step @ step)
+        return off_line - (float(step @ off_line) / size if size > 0.0 else 0.0) * step
 
     lower = [2 * grid[0], math.log(0.5 * interval), math.log(1e-3 * slip)]
     upper = [grid[-1], math.log(4 * slip), math.log(3 * slip)]
@@ -111,6 +111,11 @@ def _fitted(grid: Array, force: Array, slips: int, slip: float, interval: float)
     scale = [0.1 * slip, 0.1, 0.3]
     best = least_squares(residual, start, bounds=(lower, upper), x_scale=scale, ftol=SETTLED, xtol=SETTLED)
     return Sharpness(math.exp(best.x[2]), math.exp(best.x[1]), slips)
+
+
+def _off(curve: Array, line: Array) -> Array:
+    """A curve (n,) without what of it lies along some orthonormal columns (n, k)."""
+    return np.asarray(curve - line @ (line.T @ curve))
 
 
 def _lagged_fall(time: Array, begin: float, duration: float, lag: float) -> Array:

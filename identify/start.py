@@ -23,6 +23,7 @@ PER_HALF_PERIOD = 24  # steps of a slip in the start fit
 ITERATIONS = 14
 CLOSURE = 0.01  # of the drop: how well arrest forces must agree
 GOOD = 1.0  # cost per residual of a start that is right
+KEPT = 3  # candidates that are followed to the end; as soon as so many are right, the others no further
 BAD_RESIDUAL = 30.0  # what a cycle that never comes to rest counts as, in standard deviations
 
 
@@ -191,12 +192,13 @@ def fit_features(unknowns: Unknowns, features: list[Features], bases: list[Array
         )
         cost = point[0]
         damping = np.clip(np.where(better, damping * 0.2, damping * 5.0), 1e-8, 1e4)
-        if iteration >= 4 and theta.shape[0] > 3:
-            keep = np.argsort(cost)[: max(3, theta.shape[0] // 3)]
+        right = int(np.count_nonzero(2 * cost < GOOD * fold.count)) >= KEPT
+        if (iteration >= 4 or right) and theta.shape[0] > KEPT:
+            keep = np.argsort(cost)[: KEPT if right else max(KEPT, theta.shape[0] // 3)]
             theta, arrest, shift, cost, damping = (v[keep] for v in (theta, arrest, shift, cost, damping))
             soft_mean, gain = soft_mean[keep], gain[keep]
             point = (point[0][keep], point[1][keep], point[2][keep])
-        if iteration > 5 and np.all(gain < 1e-3 * cost):
+        if (iteration > 5 or right) and np.all(gain < 1e-3 * cost):
             break
     order = np.argsort(cost)
     return [Start(theta[i], float(2 * cost[i] / fold.count)) for i in order]
