@@ -9,6 +9,7 @@ import numpy.typing as npt
 from data_io.frozen import Finding, FloatArray
 from data_io.quality_signal import clipping
 from data_io.record import Record
+from data_io.thinned import thinned
 from data_io.thresholds import Thresholds
 
 UNLOADED: Final = 0.1
@@ -51,8 +52,8 @@ def typical_load(normal: FloatArray) -> float:
     size = np.abs(finite)
     if size.size == 0 or not size.any():
         return 0.0
-    level = abs(float(np.median(finite[size >= 0.5 * np.quantile(size, 0.99)])))
-    return float(np.median(finite[size >= _LOADED * level]))
+    level = abs(float(np.median(thinned(finite[size >= 0.5 * np.quantile(thinned(size), 0.99)]))))
+    return float(np.median(thinned(finite[size >= _LOADED * level])))
 
 
 def _course(time: FloatArray, normal: FloatArray, level: float) -> tuple[float, float]:

@@ -8,13 +8,13 @@ import numpy.typing as npt
 
 from data_io.frozen import Finding, FloatArray
 from data_io.record import Record
+from data_io.thinned import thinned
 from data_io.thresholds import Thresholds
 
 _CLIPPED_RUN: Final = 10
 """Rows in a row at the very same extreme value before a sensor is said to stand at its end."""
 _CLIPPED_EXCESS: Final = 5.0
 """A sensor at its end shows the last value this many times more often than the values before it."""
-_MOST: Final = 1 << 16
 """Rows from which the step between two values is taken; a longer log shows the same step."""
 _BIG_STEP: Final = 3.0
 """Steps of the quantisation by which a held signal moves on; a coarse one moves by one or two."""
@@ -94,8 +94,7 @@ def _longest(mask: npt.NDArray[np.bool_]) -> int:
 
 def smallest_step(values: FloatArray) -> float:
     """Return the smallest step between two values [N], rounding of the number format aside; 0 without two values."""
-    values = values[:: max(values.size // _MOST, 1)]
-    levels = np.unique(values)
+    levels = np.unique(thinned(values))
     steps = np.diff(levels)
     steps = steps[steps > 1e-6 * (levels[-1] - levels[0])]
     return float(steps.min()) if steps.size else 0.0

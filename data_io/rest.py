@@ -7,6 +7,7 @@ import numpy as np
 
 from data_io.frozen import FloatArray
 from data_io.record import Record
+from data_io.thinned import thinned
 
 FEWEST: Final = 20
 """Rows of a rest that is worth a word."""
@@ -118,7 +119,7 @@ def _told(friction: FloatArray, start: int, stop: int) -> Rest | None:
 def _noise(force: FloatArray) -> float:
     """Return the standard deviation of the noise [N], from the steps between samples; at least their quantisation."""
     steps = np.abs(np.diff(force))
-    robust = 1.4826 * float(np.median(steps)) / np.sqrt(2.0)
+    robust = 1.4826 * float(np.median(thinned(steps))) / np.sqrt(2.0)
     moving = steps[steps > 0]
     return max(robust, float(moving.min()) / np.sqrt(12.0)) if moving.size else 0.0
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from data_io.frozen import Finding, FloatArray
 from data_io.record import Record
+from data_io.thinned import thinned
 from data_io.thresholds import DEFAULTS, Thresholds
 
 _EVEN: Final = 1e-3
@@ -62,7 +63,7 @@ def describe_sampling(
         if time.size < 2:
             continue
         change = np.diff(time)
-        odd = odd or (change.size > 2 and abs(change[0] / np.median(change) - 1) > _ODD_FIRST)
+        odd = odd or (change.size > 2 and abs(change[0] / np.median(thinned(change)) - 1) > _ODD_FIRST)
         level = _local_interval(change)
         switches += _switches(time, level, previous, thresholds["rate_switch"])
         previous = float(level[-1])
@@ -76,9 +77,9 @@ def describe_sampling(
     change, level = np.concatenate(intervals), np.concatenate(local)
     ratio = change / level
     gaps = ratio > _DROPOUT
-    calm = ratio[~gaps]
+    calm = thinned(ratio[~gaps])
     sampling = Sampling(
-        rate=float(1 / np.median(change)),
+        rate=float(1 / np.median(thinned(change))),
         jitter=float(1.4826 * np.median(np.abs(calm - np.median(calm)))) if calm.size else 0.0,
         dropouts=int(np.count_nonzero(gaps)),
         missing=int(np.sum(np.round(ratio[gaps]) - 1)),
@@ -104,7 +105,7 @@ def _pieces(record: Record, used: npt.NDArray[np.bool_] | None) -> list[tuple[in
 def _local_interval(change: FloatArray) -> FloatArray:
     """Median interval around each interval, shape (n - 1,): a few dropouts do not move it, a switch does."""
     if change.size and np.ptp(change) <= _EVEN * change[0]:  # an even clock needs no window
-        return np.full(change.size, np.median(change))
+        return np.full(change.size, np.median(thinned(change)))
     window = min(_WINDOW, change.size)
     return pd.Series(change).rolling(window, center=True, min_periods=1).median().to_numpy(dtype=np.float64)
 

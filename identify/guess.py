@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import thinned
 from identify.drive import Drive, NormalForce
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ class LogData:
     @cached_property
     def interval(self) -> float:
         """How far samples lie apart [s]."""
-        return float(np.median(np.diff(self.time)))
+        return float(np.median(thinned(np.diff(self.time))))
 
     @property
     def samples(self) -> int:

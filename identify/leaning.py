@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from data_io.thinned import thinned
 from identify.guess import LogData
 
 Array = NDArray[np.float64]
@@ -21,7 +22,6 @@ LONGEST = 512  # samples of a window
 CHANCE = 1e-7  # that noise leans so far somewhere in a log
 QUARTILE = float(norm.ppf(0.75))
 OVERLAP = 8  # windows of one length that share a sample; about the one that leans most all are asked
-ENOUGH = 1 << 15  # sums that tell their spread
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
     for width in lengths:
         step = max(width // OVERLAP, 1)
         sums = (summed[width::step] - summed[:-width:step]) / np.sqrt(width)
-        low, high = np.quantile(sums[:: max(sums.size // ENOUGH, 1)], (0.25, 0.75))
+        low, high = np.quantile(thinned(sums), (0.25, 0.75))
         spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
         about = step * int(np.argmax(np.abs(sums)))
         near = np.arange(max(about - step + 1, 0), min(about + step, summed.size - width))

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import thinned
 from identify.drive import Drive
 from identify.segment import SLIDING, STICK, Segmentation
 
@@ -62,7 +63,7 @@ def since_settled(time: Array, force: Array, noise: float, half_period: float) -
     if good.size < LEAST_SETTLED:
         return None
     t, f = time[good], force[good]
-    interval = float(np.median(np.diff(t)))
+    interval = float(np.median(thinned(np.diff(t))))
     width = max(round(2.0 * half_period / interval), BIN) if half_period else BIN
     count = t.size // width
     if count < 2:

@@ -146,7 +146,10 @@ def _jumps(force: Array, limit: float) -> NDArray[np.int64]:
 
 def _candidates(jump: NDArray[np.int64], force: Array, length: int) -> NDArray[np.int64]:
     """First samples of runs of the given length that are entered and left by a jump."""
-    entered = jump[np.isin(jump + length, jump, assume_unique=True)] + 1
+    if jump.size == 0:
+        return jump
+    left = jump[np.minimum(np.searchsorted(jump, jump + length), jump.size - 1)] == jump + length
+    entered = jump[left] + 1
     return entered[(entered >= SIDE) & (entered + length + SIDE <= force.size)]
 
 

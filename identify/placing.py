@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import thinned
 from identify import lanes
 from identify.guess import Grid, Guess, LogData
 from identify.model import ELONGATION, TIME, Model
@@ -134,7 +135,7 @@ def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
         mine = (log.time >= log.begin) & (log.time <= max(end, log.time[0])) & (log.weight > 0)
         if np.any(mine):
             k = p[model.parameter_names.index("stiffness")]
-            level = np.median(log.force[mine] - k * log.drive_speed * (log.time[mine] - log.begin))
+            level = np.median(thinned(log.force[mine] - k * log.drive_speed * (log.time[mine] - log.begin)))
             u = np.array([[log.drive_speed, float(log.normal_force.at(log.begin)), 1.0, log.begin]])
             settled = lanes.at_force(model, np.array([level]), p[None, :], u)[0]
             x = np.where(np.arange(x.size) == (-1 if model.clamped is None else model.clamped), x, settled)

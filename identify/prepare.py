@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.thinned import thinned
 from identify import window
 from identify.cutting import Account, account, cut_and_correct
 from identify.drive import Drive, NormalForce
@@ -222,7 +223,7 @@ def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
 def _sign(entry: LogEntry, force: Array) -> int:
     if entry.flip_sign is not None:
         return -1 if entry.flip_sign else 1
-    return -1 if float(np.nanmedian(force)) < 0.0 else 1
+    return -1 if float(np.nanmedian(thinned(force))) < 0.0 else 1
 
 
 def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.thinned import thinned
 from identify.zigzag import smooth
 
 Array = NDArray[np.float64]
@@ -89,8 +90,8 @@ def _lasting_sign(force: Array) -> NDArray[np.int64]:
     one = np.ones(force.size, dtype=np.int64)
     if np.count_nonzero(finite) < 20:
         return one
-    filled = np.where(finite, force, np.median(force[finite]))
-    clear = CLEAR * float(np.quantile(np.abs(filled), 0.9))
+    filled = force if finite.all() else np.where(finite, force, np.median(force[finite]))
+    clear = CLEAR * float(np.quantile(np.abs(thinned(filled)), 0.9))
     up, down = float(np.mean(filled > clear)), float(np.mean(filled < -clear))
     if min(up, down) < LEAST_SHARE:
         return one

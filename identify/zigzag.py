@@ -8,6 +8,8 @@ from math import log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import thinned
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -133,7 +135,7 @@ def left_by_smoothing(force: Array, noise: float, width: int) -> float:
     if width < 3 or count < 30:
         return white
     means = force[: count * width].reshape(count, width).mean(axis=1)
-    seen = sqrt(float(np.quantile(np.diff(means, 2) ** 2, QUIET)) / QUIET_OF_WHITE / 6.0)
+    seen = sqrt(float(np.quantile(thinned(np.diff(means, 2) ** 2), QUIET)) / QUIET_OF_WHITE / 6.0)
     return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
 
 

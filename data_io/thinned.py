@@ -1,0 +1,21 @@
+"""Fewer of many values: what a median or a quantile of a long log needs."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+ENOUGH: Final = 1 << 15  # a median of so many is as good as one of all: its error is 0.7 % of their spread
+
+
+def thinned(values: FloatArray) -> FloatArray:
+    """Every so many-th of the values (n,): at least ENOUGH of them, at most three times as many; all where they are few.
+
+    The stride is odd: what alternates from value to value is seen both ways.
+    """
+    every = values.size // ENOUGH
+    return values if every < 2 else values[:: every - 1 + every % 2]

@@ -1,0 +1,33 @@
+"""Fewer of many values: as many as a median needs, and none of what alternates is lost."""
+
+import numpy as np
+import pytest
+
+from data_io.thinned import ENOUGH, thinned
+
+
+@pytest.mark.parametrize("size", [0, 1, ENOUGH, 2 * ENOUGH - 1])
+def test_few_values_stay_as_they_are(size):
+    values = np.arange(size, dtype=float)
+    assert thinned(values) is values
+
+
+@pytest.mark.parametrize("factor", [2.0, 2.9, 4.0, 30.0, 31.3])
+def test_many_become_enough(factor):
+    size = int(factor * ENOUGH)
+    left = thinned(np.arange(size, dtype=float))
+    assert ENOUGH <= left.size <= 3 * ENOUGH
+    assert left.size < 2 * ENOUGH or factor < 3.0
+    assert np.ptp(np.diff(left)) == 0.0 and np.diff(left)[0] % 2 == 1
+
+
+def test_a_median_of_enough_is_that_of_all_within_its_error():
+    values = np.random.default_rng(1).standard_normal(1_000_000)
+    error = np.sqrt(np.pi / 2 / ENOUGH)
+    assert abs(np.median(thinned(values)) - np.median(values)) < 3 * error
+
+
+def test_what_alternates_is_seen_both_ways():
+    values = np.tile([0.0, 1.0], 20 * ENOUGH)
+    assert np.mean(thinned(values)) == pytest.approx(0.5, abs=1e-4)
+    assert np.mean(values[::40]) == 0.0, "an even stride would see one kind only"
