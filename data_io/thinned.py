@@ -13,9 +13,9 @@ ENOUGH: Final = 1 << 15  # a median of so many is as good as one of all: its err
 
 
 def thinned(values: FloatArray) -> FloatArray:
-    """Every so many-th of the values (n,): at least ENOUGH of them, at most three times as many; all where they are few.
+    """Every so many-th of the values (n,): at least ENOUGH of them, at most three times as many.
 
-    The stride is odd: what alternates from value to value is seen both ways.
+    Fewer values stay as they are. The stride is odd: what alternates from value to value is seen both ways.
     """
     every = values.size // ENOUGH
     return values if every < 2 else values[:: every - 1 + every % 2]
