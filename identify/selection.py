@@ -1,27 +1,26 @@
 """effects = "auto" with logs: which effects the data call for, and what each one gains.
 
 What the logs plainly show is fitted at once. Then effects are added, left out, and exchanged for those that mimic them,
-as long as the misfit with the price of the parameters (Schwarz) falls. Models are compared as parts of one general
-model in which an absent effect is held at its null values: the functions are built once, the sums compare exactly.
+as long as the misfit with the price of the parameters (Schwarz) falls.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
 from identify.choice import Choice
+from identify.compared_models import ALWAYS, ComparedModels
 from identify.effects import ALL
 from identify.fitted import Fitted, fits
 from identify.held_out import held_out_error
 from identify.nested import fit_joined, fit_larger, fit_model, fit_shaken, fit_smaller, promise
 from identify.parting import parted
 from identify.prepare import Prepared, prepare
-from identify.quantities import Effect
 from identify.rhythms import Rhythm, rhythms
 from identify.scene import Scene
 from identify.scene.variant import scene_with
@@ -33,10 +32,7 @@ from identify.weighing import CONFUSED, ENOUGH, better, penalty, searched, stati
 Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
-ALWAYS = ("inertia",)
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
-# Effects whose null values are numbers: held there, they are absent.
-HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
 # What slips and sticks look alike under: each may stand where the other is true.
 MIMICS = (
     ("contact_ageing", "velocity_weakening"),
@@ -59,7 +55,6 @@ PROMISING = 5.0  # statistic that one linear step must promise
 TELLING = (2.0, 1000.0)  # statistics between which kept-back cycles are asked as well
 CLEARER = 1.0  # by which another model must be better, if it has not fewer parameters
 ROUNDS = 3  # of adding, exchanging and leaving out
-BY_NAME = {effect.name: effect for effect in ALL}
 LAST = ("contact_ageing",)  # what the start needs is asked once the others are settled
 
 
@@ -84,7 +79,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     scene = _with_one_noise(scene, prepared, lines, left)
     asked = tuple(look.effect for look in looks if look.asked)
     starts = {name: value for look in looks if look.asked for name, value in look.starts}
-    selection = Selection(_Models(scene, tuple(whole), asked, starts), told)
+    selection = Selection(ComparedModels(scene, tuple(whole), asked, starts), told)
     selection.run([look.effect for look in looks if look.asked and look.sure])
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *selection.kept))
     return Choice(effects, tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes)))
@@ -106,51 +101,10 @@ def _with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[
     return replace(scene, logs=tuple(logs))
 
 
-@dataclass(frozen=True)
-class _Models:
-    """The models a selection compares: a scene of effects to be chosen, its records, the effects that may be chosen,
-    and where their parameters start (SI)."""
-
-    scene: Scene
-    records: tuple[Record, ...]
-    asked: tuple[str, ...]
-    starts: dict[str, float]
-
-    def of(self, effects: Iterable[str]) -> Scene:
-        """The scene of a subset of effects: the others that can be are held at their null values."""
-        present = {*ALWAYS, *effects}
-        roles = {BY_NAME[name].role for name in present} - {""}
-        held = [n for n in HELD if n in self.asked and n not in present and BY_NAME[n].role not in roles]
-        made = scene_with(self.scene, [e.name for e in ALL if e.name in present or e.name in held], self.starts)
-        shared = {q.name for name in present for q in BY_NAME[name].parameters}
-        parameters = dict(made.parameters)
-        for effect in (BY_NAME[name] for name in held):
-            for q in effect.parameters:
-                if q.name in parameters and q.name not in shared:
-                    parameters[q.name] = replace(
-                        parameters[q.name], start=None, prior_mean=None, prior_sd=None, fixed=_absent(effect, q.name)
-                    )
-        return replace(made, parameters=parameters)
-
-    def searched(self, kept: Sequence[str]) -> int:
-        """How many parameters the model of these effects searches."""
-        return int(np.count_nonzero(from_scene(self.of(kept)).free))
-
-    def simulated(self, kept: Sequence[str]) -> Fitted:
-        """The model of these effects, fitted from the data alone."""
-        return fit_model(self.of(kept), self.records, thorough=False)
-
-
-def _absent(effect: Effect, name: str) -> float:
-    """A value of a parameter of an effect that is held absent."""
-    declared = next(q for q in effect.parameters if q.name == name)
-    return effect.null.get(name, declared.default)
-
-
 class Selection:
     """A walk through the subsets of effects: `kept` is the best one so far, `best` its fit."""
 
-    def __init__(self, models: _Models, told: Progress) -> None:
+    def __init__(self, models: ComparedModels, told: Progress) -> None:
         self._models, self._told = models, told
         self.kept: list[str] = []
         self.gains: dict[str, Gain] = {}

@@ -23,7 +23,8 @@ PER_HALF_PERIOD = 24  # steps of a slip in the start fit
 ITERATIONS = 14
 CLOSURE = 0.01  # of the drop: how well arrest forces must agree
 GOOD = 1.0  # cost per residual of a start that is right
-KEPT = 3  # candidates that are followed to the end; as soon as so many are right, the others no further
+KEPT = 3  # candidates that are followed to the end; as soon as so many leave nothing to explain, the others no further
+NOTHING_LEFT = 0.4  # cost per residual: where an effect lacks, candidates differ in what they make up for it with
 BAD_RESIDUAL = 30.0  # what a cycle that never comes to rest counts as, in standard deviations
 
 
@@ -192,7 +193,7 @@ def fit_features(unknowns: Unknowns, features: list[Features], bases: list[Array
         )
         cost = point[0]
         damping = np.clip(np.where(better, damping * 0.2, damping * 5.0), 1e-8, 1e4)
-        right = int(np.count_nonzero(2 * cost < GOOD * fold.count)) >= KEPT
+        right = int(np.count_nonzero(2 * cost < NOTHING_LEFT * fold.count)) >= KEPT
         if (iteration >= 4 or right) and theta.shape[0] > KEPT:
             keep = np.argsort(cost)[: KEPT if right else max(KEPT, theta.shape[0] // 3)]
             theta, arrest, shift, cost, damping = (v[keep] for v in (theta, arrest, shift, cost, damping))

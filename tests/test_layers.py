@@ -33,7 +33,7 @@ equilibrated reconstruct solve uncertainty hints influence coloured agreement wa
 discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
 profile widened attempt status_words events joining search shaken ridge_ends grouped shares certainty
 fitted held_out taken_over nested weighing screening
-selection_words selection suspects diagnosis preview depth
+selection_words compared_models selection suspects diagnosis preview depth
 findings second_look log_outlook worth log_document result_notes result identification
 report
 comparing

@@ -21,12 +21,12 @@ from identify.guess import LogData
 from identify.identification import find
 from identify.loads import as_far_as_told, calmed, smooth
 from identify.local_fits import noise_on_lines
+from identify.log_document import _quality
 from identify.model import assemble
 from identify.outcome import Status
 from identify.passes import COARSE, solve_in_passes
 from identify.placing import place
 from identify.prepare import UNEQUAL, prepare
-from identify.result import _quality
 from identify.scene import Scene
 from identify.segment import segment
 from identify.simulate import run

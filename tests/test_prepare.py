@@ -16,9 +16,9 @@ from identify.effects import MAIN
 from identify.errors import FitError, SceneError
 from identify.identification import fit
 from identify.loads import level, smooth
+from identify.log_document import _looked_at
 from identify.model import assemble
 from identify.prepare import prepare
-from identify.result import _looked_at
 from identify.scene import Scene
 from identify.simulate import run
 from identify.unknowns import from_scene
