@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -20,7 +21,7 @@ pytest.importorskip(
     "distributed", reason="dask.distributed is not installed: pip install 'stick-slip-workbench[cluster]'"
 )
 
-from identify.batch.cluster import ClusterWorkers
+from identify.batch.cluster import WAIT, ClusterWorkers
 
 SCHEDULER = [
     sys.executable,
@@ -97,8 +98,15 @@ def test_a_batch_that_loses_its_scheduler_stops_and_can_go_on(tmp_path):
     teller = Silent()
     with cluster(tmp_path, seconds=0.2, workers=1) as (address, processes):
         workers = joined(address, out, 1)
-        teller.ended = lambda *told: os.kill(processes[0].pid, signal.SIGKILL)
+        lost = []
+
+        def ended(*_told):
+            os.kill(processes[0].pid, signal.SIGKILL)
+            lost.append(time.monotonic())
+
+        teller.ended = ended
         summary = run_batch(plan(*case), out, workers, resume=False, limit=9.0, teller=teller, scheduler=address)
+        assert time.monotonic() - lost[0] < 0.5 * WAIT, "whoever is gone is not asked to tidy up"
     assert summary.status == "stopped" and "scheduler was lost" in summary.message and 1 <= len(summary.ended) < 6
     again = run_batch(plan(*case), out, LocalWorkers(1, STUB), resume=True, limit=9.0, teller=Silent())
     assert again.status == "done" and again.kept == len(summary.ended)
