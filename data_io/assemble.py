@@ -1,7 +1,7 @@
 """Steps to a `Record`: one clock, one sign of the normal force, and the account of where everything came from."""
 
 from collections.abc import Sequence
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -11,10 +11,8 @@ from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
 from data_io.part import Contents, Part, check_request, chosen, of_run
 from data_io.record import Record
 from data_io.source import Request, Source
+from data_io.thinned import thinned
 from data_io.units import rescaled
-
-_ENOUGH: Final = 20_000
-"""Rows by which the sign of the normal force is told."""
 
 
 def assemble(
@@ -91,8 +89,7 @@ def _pressed_negative(run: Sequence[Part]) -> bool:
     """Tell whether the loaded rows of a run press with a negative sign; a small offset before loading says nothing."""
     pieces = [part.columns[part.header.roles["normal_force"]] for part in run
               if part.rows and "normal_force" in part.header.roles]  # fmt: skip
-    every = max(sum(piece.size for piece in pieces) // _ENOUGH, 1)
-    raw = np.concatenate([piece[::every] for piece in pieces] or [np.empty(0)])
+    raw = thinned(np.concatenate(pieces or [np.empty(0)]))
     raw = raw[np.isfinite(raw)]
     if np.min(raw, initial=0.0) >= 0:
         return False

@@ -15,7 +15,6 @@ _CLIPPED_RUN: Final = 10
 """Rows in a row at the very same extreme value before a sensor is said to stand at its end."""
 _CLIPPED_EXCESS: Final = 5.0
 """A sensor at its end shows the last value this many times more often than the values before it."""
-"""Rows from which the step between two values is taken; a longer log shows the same step."""
 _BIG_STEP: Final = 3.0
 """Steps of the quantisation by which a held signal moves on; a coarse one moves by one or two."""
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-import numpy.typing as npt
-
-FloatArray = npt.NDArray[np.float64]
+from data_io.frozen import FloatArray
 
 ENOUGH: Final = 1 << 15  # a median of so many is as good as one of all: its error is 0.7 % of their spread
 

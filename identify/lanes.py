@@ -242,8 +242,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     if arrests:
         _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
     if saturations and model.clamped is not None:
-        level = model.states[model.clamped].lower or 0.0
-        _mark(model, result, saturations, model.clamped, level, result.saturation, result.at_saturation)
+        _mark(model, result, saturations, model.clamped, _lowest(model), result.saturation, result.at_saturation)
     return result
 
 
@@ -252,11 +251,16 @@ def _held(course: Array, steps: int) -> Array:
     return np.concatenate([course, np.repeat(course[-1:], steps - course.shape[0], axis=0)])
 
 
+def _lowest(model: Model) -> float:
+    """The bound of the bounded state."""
+    return 0.0 if model.clamped is None else model.states[model.clamped].lower or 0.0
+
+
 def _clamps(model: Model, before: Array, free: Array) -> Bools:
     """Whether the bounded state of each lane comes to its bound on the way from `before` to `free` (n, n_x)."""
     if model.clamped is None:
         return np.zeros(before.shape[0], bool)
-    low = model.states[model.clamped].lower or 0.0
+    low = _lowest(model)
     return (free[:, model.clamped] <= low) & (before[:, model.clamped] > low)
 
 
@@ -284,7 +288,7 @@ def _mark(
     at = old + rate * w[:, None] + bend * (w**2)[:, None]
     at[:, component] = level
     if model.clamped is not None:
-        at[:, model.clamped] = np.maximum(at[:, model.clamped], model.states[model.clamped].lower or 0.0)
+        at[:, model.clamped] = np.maximum(at[:, model.clamped], _lowest(model))
     state[lanes] = at
 
 
