@@ -6,14 +6,18 @@ b. The hard-constrained solve started at the truth (place, then solve in passes)
    scipy.optimize.least_squares on an event-driven solve_ivp simulation started at the truth, the same samples.
 c. The same logs sampled 30 times as fast: the time after reading.
 d. The same logs 10 and 30 times as long: the time after reading, and by how much the process grows.
+e. The four files in a new process, interpreter and imports included: with the machine code that earlier fits left
+   in the cache, and with an empty one; taking turns.
 
     python experiments/run_fit_speed.py
 """
 
 from __future__ import annotations
 
+import json
 import os
 import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -46,9 +50,17 @@ from identify.simulate import run  # noqa: E402
 
 LIMIT, TIMES_FASTER, RATE_LIMIT = 0.6, 15.0, 1.3  # what is asked for: s, ratio, ratio
 LONGER_LIMIT, LONGEST = 35.0, 10.0  # ratio, s
+COLD_LIMIT = 3.0  # s
 RATE = 30.0
 LENGTHS = (1.0, 10.0, 30.0)  # of the durations; the last for the figures that are asked for
 TRUTH = DEMO | RIG
+DOCUMENT = "scene.json"
+COLD = f"""
+import json, pathlib, sys
+from identify import Scene, fit
+folder = pathlib.Path(sys.argv[1])
+print(fit(Scene.from_document(json.loads((folder / "{DOCUMENT}").read_text()), folder)).result["status"])
+"""
 
 
 @dataclass(frozen=True)
@@ -63,15 +75,20 @@ class Timing:
         """Median wall time [s]."""
         return float(np.median(self.wall))
 
+    @property
+    def seen(self) -> str:
+        """The median and the range of the wall times."""
+        return f"{self.median:6.2f} s  ({min(self.wall):.2f} to {max(self.wall):.2f} s)"
+
     def __str__(self) -> str:
-        spread = f"{min(self.wall):.2f} to {max(self.wall):.2f}"
-        return f"{self.median:6.2f} s  ({spread} s; processor {np.median(self.cpu):.2f} s)"
+        return f"{self.seen[:-1]}; processor {np.median(self.cpu):.2f} s)"
 
 
 @dataclass(frozen=True)
 class Figures:
     """What was measured. fit: from files to result; stages: median seconds of each; solve and least_squares from
-    the truth; after_reading and its stages at the rates 1 and RATE; samples and cycles of the fit and its status."""
+    the truth; after_reading and its stages at the rates 1 and RATE; samples and cycles of the fit and its
+    status; cold: a new process, with the cache that is there and with an empty one."""
 
     fit: Timing
     stages: dict[str, float]
@@ -84,6 +101,7 @@ class Figures:
     after_stages: tuple[dict[str, float], dict[str, float]]
     dense_samples: int
     longer: tuple[Longer, ...]
+    cold: tuple[Timing, Timing]
 
     @property
     def times_faster(self) -> float:
@@ -133,13 +151,32 @@ def simulated(chosen: Sequence[int], rate: float, length: float = 1.0) -> list[R
 
 
 def written(records: Sequence[Record], chosen: Sequence[int], folder: Path) -> Scene:
-    """The records as HDF5 files, and the scene that lists them."""
+    """The records as HDF5 files, and the scene that lists them, which goes to a file as well."""
     logs = []
     for i, record in zip(chosen, records, strict=True):
         path = folder / f"log_{i}.h5"
         write_hdf5(record, path)
         logs.append({"path": str(path), "drive_speed": SPEEDS[i][0]})
-    return Scene.from_document({"effects": [*NAMES, "varying_normal_force"], "rig": dict(RIG), "logs": logs}, folder)
+    document = {"effects": [*NAMES, "varying_normal_force"], "rig": dict(RIG), "logs": logs}
+    (folder / DOCUMENT).write_text(json.dumps(document), encoding="utf-8")
+    return Scene.from_document(document, folder)
+
+
+def in_new_processes(folder: Path, repeats: int) -> tuple[Timing, Timing]:
+    """Whole times of new processes that fit the scene in this folder: with the cache as it is, with an empty one."""
+    times: tuple[list[Timing], list[Timing]] = ([], [])
+    command = [sys.executable, "-c", COLD, str(folder)]
+    root = str(Path(__file__).parents[1])
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory() as empty:
+            for which, cache in enumerate(({}, {"STICKSLIP_CACHE": empty})):
+                place = {"PYTHONPATH": root} | cache
+                once = partial(subprocess.run, command, env=os.environ | place, check=True, stdout=subprocess.PIPE)
+                timing, (done,) = timed(once, 1)
+                assert done.stdout.decode().strip() == "converged", done.stdout
+                times[which].append(timing)
+    kept, new = (Timing(tuple(t.wall[0] for t in ts), tuple(t.cpu[0] for t in ts)) for ts in times)
+    return kept, new
 
 
 def against_least_squares(
@@ -229,6 +266,7 @@ def main(fast: bool = False) -> Figures:
         few = max(repeats // 2, 1)
         solve, usual = against_least_squares(records, scene, few, most)
         after, after_stages = with_the_rate(records, dense, scene, few)
+        cold = in_new_processes(Path(folder), repeats)
     made = fits[0].result["fit"]
     figures = Figures(
         fit=whole,
@@ -242,6 +280,7 @@ def main(fast: bool = False) -> Figures:
         after_stages=after_stages,
         dense_samples=sum(record.time.size for record in dense),
         longer=longer,
+        cold=cold,
     )
     table(figures)
     return figures
@@ -271,6 +310,8 @@ def table(f: Figures) -> None:
             f"{one.megabytes:5.0f} MB  {one.cycles} cycles, {one.samples} samples, {one.status}"
         )
     print(f"   asked for 30 x: at most {LONGER_LIMIT:g} x and {LONGEST:g} s; size linear")
+    print(f"e. new process, cache kept        {f.cold[0].seen}   asked: below {COLD_LIMIT:g} s")
+    print(f"   new process, empty cache       {f.cold[1].seen}")
 
 
 if __name__ == "__main__":

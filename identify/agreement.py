@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from identify.influence import Influence
 from identify.layout import KNOWN, Layout
+from identify.quantiles import chi_square_exceeded
 from identify.shooting import Problem
 from identify.uncertainty import sizes
 from identify.unknowns import Unknowns
@@ -43,7 +43,7 @@ class Pull:
     @property
     def contradicts(self) -> bool:
         """Whether noise cannot be why it pulls so far."""
-        return self.freedom > 0 and self.squared > float(chi2.isf(CHANCE, self.freedom))
+        return self.freedom > 0 and self.squared > chi_square_exceeded(CHANCE, self.freedom)
 
 
 def pulls(moves: Array, covariances: Array) -> list[Pull]:

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, t
 
 from identify.influence import Influence
+from identify.quantiles import normal, student
 from identify.shooting import Problem
 from identify.warm import Settled, Warm
 
@@ -79,7 +79,7 @@ def bootstrap(
     if moved.shape[0] >= FEWEST:
         tails = np.array([0.5 - level / 2, 0.5 + level / 2])
         ends = np.quantile(moved, tails, axis=0, method="weibull").T
-        wider = t.ppf(tails[1], freedom) / norm.ppf(tails[1])
+        wider = student(tails[1], freedom) / normal(tails[1])
         interval = answer[:, None] + wider[:, None] * ends
     return Bootstrap(answer + moved, settled, interval, freedom)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from identify.accuracy import AccuracyRow, accuracy_table
 from identify.agreement import contradiction, pulls_of_logs
@@ -24,6 +23,7 @@ from identify.level import LEVEL, NORMAL
 from identify.outcome import Status
 from identify.passes import solve_in_passes
 from identify.profile import Profiles, profile
+from identify.quantiles import chi_square
 from identify.ridge_ends import better_course, other_sign, strengthened
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import IDENTIFIED, Estimate, Information, Interval, estimates, information, sizes
@@ -137,7 +137,8 @@ def certainty(
         walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along)
         if walked.better is not None:
             moved = resolve_firmly(attempt, unknowns, walked.better.theta, walked.better.guesses)
-            if moved.gate.status is not Status.CONVERGED and walked.gain < chi2.ppf(LEVEL, np.sum(unknowns.free)):
+            inside = walked.gain < chi_square(LEVEL, int(np.sum(unknowns.free)))
+            if moved.gate.status is not Status.CONVERGED and inside:
                 continue  # inside the joint region: another point of the same ridge, at which the solver finds no end
             if moved.gate.status is not Status.CONVERGED:
                 moved = replace(moved, gate=_another_start(moved, unknowns, walked, base))

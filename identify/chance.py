@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import beta, norm
 
 from identify.cycle import CycleMap
 from identify.drawn import POINT, Drawn, draw, unknown
@@ -21,6 +20,7 @@ from identify.level import LEVEL
 from identify.model import Model
 from identify.orbit import Orbit, close, settle
 from identify.prospect import Outcome, Prospect, long_enough
+from identify.quantiles import beta, normal_below
 from identify.sensitivity import QUANTITIES, end_slopes, growth_slopes, quantities
 from identify.sliding import growth_rates
 from identify.spread import Interval, Spread
@@ -125,7 +125,7 @@ def linear_chances(
     deviation = spread.deviation(growth, growth_slopes(map_, speed, names))
     if possible is None or deviation is None:
         return possible, None
-    unstable = float(norm.cdf(np.sign(growth) / deviation)) if deviation > 0 else float(growth > 0)
+    unstable = normal_below(float(np.sign(growth)) / deviation) if deviation > 0 else float(growth > 0)
     return possible, min(possible, unstable)
 
 
@@ -141,14 +141,14 @@ def _possible(map_: CycleMap, answer: Prospect, names: Sequence[str], spread: Sp
     deviation = spread.deviation(ratio, slopes)
     if deviation is None:
         return None
-    return float(norm.cdf(np.log(ratio) / deviation)) if deviation > 0 else float(ratio > 1)
+    return normal_below(float(np.log(ratio)) / deviation) if deviation > 0 else float(ratio > 1)
 
 
 def _chance(linear: float | None, hits: NDArray[np.bool_]) -> Chance:
     n, k = hits.size, int(np.sum(hits))
     tail = (1 - LEVEL) / 2
-    low = float(beta.ppf(tail, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(1 - tail, k + 1, n - k)) if k < n else 1.0
+    low = beta(tail, k, n - k + 1) if k else 0.0
+    high = beta(1 - tail, k + 1, n - k) if k < n else 1.0
     return Chance(linear, k / n if n else float("nan"), (low, high))
 
 

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from data_io.thinned import thinned
 from identify.guess import LogData
+from identify.quantiles import normal
 
 Array = NDArray[np.float64]
 
 LONGEST = 512  # samples of a window
 CHANCE = 1e-7  # that noise leans so far somewhere in a log
-QUARTILE = float(norm.ppf(0.75))
+QUARTILE = normal(0.75)
 OVERLAP = 8  # windows of one length that share a sample; about the one that leans most all are asked
 
 
@@ -71,7 +71,7 @@ def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
         near = np.arange(max(about - step + 1, 0), min(about + step, summed.size - width))
         around = np.abs(summed[near + width] - summed[near]) / np.sqrt(width)
         first = int(near[np.argmax(around)])
-        limit = float(norm.isf(0.5 * CHANCE / (residual.size * len(lengths))))
+        limit = -normal(0.5 * CHANCE / (residual.size * len(lengths)))
         window = slice(first, first + width)
         length = float(time[first + width - 1] - time[first])
         mean = float(np.mean(residual[window]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scipy.stats import norm
+from identify.quantiles import normal
 
 LEVEL = 0.95
-NORMAL = float(norm.ppf(0.5 + LEVEL / 2))  # half width of an interval in standard deviations
+NORMAL = normal(0.5 + LEVEL / 2)  # half width of an interval in standard deviations

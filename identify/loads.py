@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # its parts come with their first use: a third of a second of import, which a steady load does not need
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
-from scipy.interpolate import make_lsq_spline
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import butter, sosfiltfilt
-from scipy.stats import chi2
 
 from data_io import Record
 from identify.drive import NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
+from identify.quantiles import chi_square, chi_square_exceeded
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -105,7 +102,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
             break
         inner = np.quantile(centres, np.linspace(0.0, 1.0, segments + 1)[1:-1])
         knots = np.concatenate([[centres[0]] * 4, inner, [centres[-1]] * 4])
-        spline = make_lsq_spline(centres, means, knots, k=3, w=np.sqrt(weights))
+        spline = scipy.interpolate.make_lsq_spline(centres, means, knots, k=3, w=np.sqrt(weights))
         square = float(np.sum(weights * (means - spline(centres)) ** 2)) / noise**2
         score = square + WORTH * (segments + 3)
         if score < best_score:
@@ -128,14 +125,14 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, f
     step = float(np.median(intervals))
     if t.size < FEWEST_FOR_SPECTRUM or float(np.max(np.abs(intervals - step))) > EVEN * step:
         return slow, 0.0, 0.0
-    lines = dct(f - slow.at(t), norm="ortho")
+    lines = scipy.fft.dct(f - slow.at(t), norm="ortho")
     kept, lost = _standing_out(lines**2)
     if not np.any(kept):
         return slow, 0.0, 0.0
     fastest = int(np.flatnonzero(kept)[-1]) + 1  # half periods in the record
     finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
     padded = np.concatenate([kept * lines, np.zeros((finer - 1) * t.size)])
-    wave = idct(padded, norm="ortho") * np.sqrt(finer)
+    wave = scipy.fft.idct(padded, norm="ortho") * np.sqrt(finer)
     at = t[0] - 0.5 * step + step / finer * (np.arange(wave.size) + 0.5)
     coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
     at, wave = at[::coarser], wave[::coarser]
@@ -153,15 +150,15 @@ def _standing_out(power: Array) -> tuple[Array, Array]:
 
     The narrowest mean that stands out of what white noise reaches counts, and is left out of the wider ones.
     """
-    noise = float(np.median(power)) / float(chi2.median(1))
+    noise = float(np.median(power)) / chi_square(0.5, 1)
     kept, rest = np.zeros(power.size), power.copy()
     for width in NEIGHBOURS:
-        mean = uniform_filter1d(rest, width, mode="nearest")
-        limit = float(chi2.isf(FALSE_ALARMS / (power.size * len(NEIGHBOURS)), width)) / width
+        mean = scipy.ndimage.uniform_filter1d(rest, width, mode="nearest")
+        limit = chi_square_exceeded(FALSE_ALARMS / (power.size * len(NEIGHBOURS)), width) / width
         high = (mean > limit * noise) & (kept == 0.0)
         kept[high] = 1.0 - noise / mean[high]
         rest[high] = noise
-    near = uniform_filter1d((kept > 0.0).astype(float), SKIRT, mode="constant") > 0.0
+    near = scipy.ndimage.uniform_filter1d((kept > 0.0).astype(float), SKIRT, mode="constant") > 0.0
     return kept, np.where(near, rest / max(noise, 1e-300) - 1.0, 0.0)
 
 
@@ -188,7 +185,8 @@ def calmed(log: LogData) -> LogData:
         return log
     fine = np.linspace(times[0], times[-1], int(np.ceil((times[-1] - times[0]) / CALM * PER_PERIOD)) + 2)
     force = log.normal_force.at(fine)
-    calm = sosfiltfilt(butter(ORDER, 2.0 / PER_PERIOD, output="sos"), force)  # 1 is half the rate of the fine grid
+    low_pass = scipy.signal.butter(ORDER, 2.0 / PER_PERIOD, output="sos")  # 1 is half the rate of the fine grid
+    calm = scipy.signal.sosfiltfilt(low_pass, force)
     taken = float(np.std(force - calm))
     if not taken > TREMBLES * float(np.mean(force)):
         return log

@@ -8,7 +8,8 @@ from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+
+from identify.quantiles import chi_square
 
 Array = NDArray[np.float64]
 
@@ -145,4 +146,4 @@ def _about_lines(force: Array, index: NDArray[np.int64], length: int, degree: in
 
 @lru_cache(maxsize=8)
 def _unusual(free: int) -> float:
-    return float(chi2.ppf(1.0 - 1.0 / 5000.0, free) / free)
+    return chi_square(1.0 - 1.0 / 5000.0, free) / free

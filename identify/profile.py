@@ -12,19 +12,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from identify.level import LEVEL
 from identify.passes import Solved
 from identify.prepare import Prepared
 from identify.profile_line import ProfileLine, ProfilePoint
+from identify.quantiles import chi_square
 from identify.uncertainty import WEAK
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
 
 Array = NDArray[np.float64]
 
-CRITICAL = float(chi2.ppf(LEVEL, 1))  # of 2 (cost - smallest cost), one degree of freedom
+CRITICAL = chi_square(LEVEL, 1)  # of 2 (cost - smallest cost), one degree of freedom
 REACH = 1.15 * float(np.log(WEAK))  # of a logarithm: beyond a factor of three nothing more is asked
 REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients, and for those that are judged by themselves
 REACH_SHARE = 1.05 * (1.0 - 1.0 / WEAK)  # of their value, where that is more

@@ -14,17 +14,17 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from identify.attempt import Attempt, Clock, place_on, solve_placed, usable
 from identify.level import LEVEL
 from identify.model import SPEED
 from identify.outcome import Status
+from identify.quantiles import chi_square
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-CLEAR = float(chi2.ppf(LEVEL, 1))
+CLEAR = chi_square(LEVEL, 1)
 """By which chi^2 must fall for another course to count."""
 FULL = 10.0  # times the highest sliding speed: a of a start whose friction changes at once
 SHARE = 1 / 3  # of the drop of friction that is this change

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from identify.errors import SimulationError
 from identify.level import LEVEL, NORMAL
 from identify.model import Model
+from identify.quantiles import student
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def pooled(values: Array, covariances: Array) -> Pooled:
     weights = np.linalg.inv(between + covariances)
     of_mean = np.linalg.inv(np.sum(weights, axis=0))
     mean = of_mean @ np.einsum("rij,rj->i", weights, values)
-    wider = float(student.ppf(0.5 + LEVEL / 2, records - 1) / NORMAL) ** 2
+    wider = (float(student(0.5 + LEVEL / 2, records - 1)) / NORMAL) ** 2
     return Pooled(mean, wider * of_mean, between, wider * (between + of_mean))
 
 
