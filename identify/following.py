@@ -257,14 +257,19 @@ class _Course:
         reach = max(REACH * self.half, 2.0 * interval)
         step = max(self.half / PER_HALF_PERIOD, 0.25 * interval)
         seen = self.peak(since, since, onset) - float(local[int(np.argmax(wave))])
+        # Where a rest rises by less than the noise from sample to sample, its highest one lies anywhere near its end.
+        centres = [onset, seen]
+        fall = self.steepest_fall(since, onset)
+        if fall is not None and min(abs(fall - centre) for centre in centres) > reach:
+            centres.append(fall)
         around = np.arange(-reach, reach, step)
-        places = np.unique(np.concatenate([onset + around, seen + around]))
+        places = np.unique(np.concatenate([centre + around for centre in centres]))
         latest = self.change_after(since) - 1e-3 * self.half
         places = places[(places > since + 1e-3 * self.half) & (places < latest)]
         if places.size == 0:
             return onset
         costs = np.full(places.size, np.inf)
-        for centre in (onset, seen):
+        for centre in centres:
             inside = np.abs(places - centre) <= reach
             first, last = np.searchsorted(log.time, [centre - reach - self.half, centre + reach + window])
             index = np.arange(first, last, max((last - first) // COMPARED, 1))
@@ -279,6 +284,19 @@ class _Course:
                 counted = local_t < window
                 costs[i] = min(costs[i], float(np.sum(w[counted] * (f - shown)[counted] ** 2) / max(counted.sum(), 1)))
         return float(places[int(np.argmin(costs))]) if np.any(np.isfinite(costs)) else onset
+
+    def steepest_fall(self, since: float, expected: float) -> float | None:
+        """Where the force falls most within half a period around the expected end of a rest [s]."""
+        log = self.log
+        until = min(expected + PEAK * (expected - since) + 2 * self.half, self.change_after(since))
+        first, last = np.searchsorted(log.time, [since, until])
+        used = np.flatnonzero(log.weight[first:last] > 0) + first
+        width = max(round(self.half / log.interval), 1)
+        if used.size < 2 * width:
+            return None
+        sums = np.concatenate([[0.0], np.cumsum(log.force[used])])
+        means = sums[width:] - sums[:-width]
+        return float(log.time[used[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
 
     def peak(self, since: float, moving: float, expected: float | None) -> float:
         """When the smoothed force is highest around the expected end of a rest, or first peaks [s]."""

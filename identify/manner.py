@@ -22,6 +22,7 @@ SEEN_RISE = 5  # samples of a first rise from which on it is one
 LOOSE = 5.0  # standard deviations of the scatter within a bin beyond which a force is not level
 BIN = 8  # samples at least
 LEAST_SETTLED = 20  # samples of steady sliding
+STUCK = 3.0  # standard errors by which a level force must rise more slowly than a stick to count as sliding
 LEVEL = 0.5  # of the middle force: a record that starts above slides from its start
 
 
@@ -43,6 +44,9 @@ def manner_of(
         time, force: (n,) [s], [N], NaN where nothing counts; falls: of its cycles [s]; drive: its programme.
     """
     settled = since_settled(time, force, noise, half_period)
+    if settled is not None and drive.constant and found.stick_slope is not None:
+        # A slip near the end of a slow log leaves a stick too short to be seen to rise.
+        settled = settled if _slides(time, force, settled, noise, found.stick_slope[0]) else None
     begins = bool(found.phase.size and found.phase[0] == SLIDING) and _starts_loaded(force)
     if not drive.constant:
         return Manner("course", settled, begins)
@@ -80,6 +84,15 @@ def since_settled(time: Array, force: Array, noise: float, half_period: float) -
     first = int(restless[-1]) + 1 if restless.size else 0
     start = t.size - (count - first) * width
     return float(t[start]) if count > first and t.size - start >= LEAST_SETTLED else None
+
+
+def _slides(time: Array, force: Array, since: float, noise: float, stick_slope: float) -> bool:
+    """Whether a level force rises so much more slowly than a stick [N/s] that it cannot be one."""
+    good = np.isfinite(force) & (time >= since)
+    t = time[good] - np.mean(time[good])
+    squares = float(t @ t)
+    slope = float(t @ force[good]) / squares
+    return slope < stick_slope - STUCK * noise / np.sqrt(squares)
 
 
 def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:

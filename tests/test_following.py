@@ -1,0 +1,36 @@
+"""Onsets of a followed motion, moved onto the data."""
+
+import numpy as np
+import pytest
+
+from identify.drive import NormalForce
+from identify.effects import MAIN
+from identify.following import follow
+from identify.guess import LogData
+from identify.model import assemble
+from identify.simulate import run
+
+MODEL = assemble(MAIN)
+PAIR = {"mu_s": 0.9904, "mu_k0": 0.8659, "delta_mu_k": -0.06065, "a": 1566.0, "D": 1.278e-5, "t_cr": 3.305}
+RIG = {"mass": 0.2314, "stiffness": 746.7, "damping": 216.5}
+SPEED, DURATION, RATE, NOISE = 1.0e-4 / 60, 800.0, 20.0, 0.0045
+
+
+@pytest.mark.parametrize("error", [-0.0013, 0.0013])
+def test_an_onset_is_found_where_a_stick_rises_by_less_than_the_noise(error: float) -> None:
+    """The stick rises by 0.06 of the noise from sample to sample: the highest one lies seconds before the slip."""
+    truth = PAIR | RIG
+    motion = run(MODEL, truth, SPEED, 1.0, DURATION)
+    onset = next(p.start + p.duration for p in motion.phases if p.ended_by is not None and p.mode == "stick")
+    time = np.arange(int(DURATION * RATE) + 1) / RATE
+    force = motion.sample(time)["force"] + NOISE * np.random.default_rng(5).standard_normal(time.size)
+    believed = truth | {"mu_s": truth["mu_s"] + error}
+    p = np.array([believed[n] for n in MODEL.parameter_names])
+    weight = np.full(time.size, NOISE**-2)
+    log = LogData(time, force, weight, p, SPEED, NormalForce.of(1.0), 0.0, 0.0, DURATION)
+    found = follow(MODEL, log, p, begins_sliding=False)
+    assert found is not None
+    first = next(s for s in found.guess.tail if s.ended_by == "onset")
+    assert abs(first.until - onset) < 2.0 / RATE
+    believed_onset = onset + error / (RIG["stiffness"] * SPEED)
+    assert abs(first.until - believed_onset) > 10.0 / RATE  # the parameters alone are a second off
