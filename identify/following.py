@@ -20,6 +20,7 @@ from identify.drive import NormalForce
 from identify.errors import SimulationError
 from identify.guess import Guess, LogData, Stretch
 from identify.model import SPEED, Model
+from identify.onset_places import DataSide, Wave
 from identify.phases import stick
 from identify.simulate import run
 from identify.situated import Situated
@@ -34,10 +35,6 @@ CHUNK = 6.0  # half periods that are simulated at a time
 FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
 LONGEST = 120  # half periods of one slide that are followed
 BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
-REACH = 4.0  # half periods by which an onset is moved at most around what the data or the simulation say
-PER_HALF_PERIOD = 12  # places per half period that are tried
-PEAK = 0.5  # of a rest: how far from its simulated end the peak is looked for
-COMPARED = 400  # samples that vote on a place
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
 BRIEF_LOADING = 4.0  # half periods: a first stick that is shorter has no peak of its own
 FIRST_SWINGS = 8.0  # half periods
@@ -90,7 +87,7 @@ class _Course:
         self.stretches: list[Stretch] = []
         self.start = np.array([s.start for s in model.states])
         starts = () if log.programme is None else log.programme.starts
-        self.changes = [t for t in starts if log.begin < t < log.end]
+        self.data = DataSide(log, self.half, tuple(t for t in starts if log.begin < t < log.end))
 
     def guess(self, start: Array) -> Guess:
         """The motion so far, from a state at the begin of the window."""
@@ -107,7 +104,7 @@ class _Course:
             if steady is None:
                 return None
             self.start = x = steady.state
-            t = self.change_after(t)
+            t = self.data.change_after(t)
             self.glide(self.log.begin, t)
             sliding = True
         else:
@@ -133,13 +130,9 @@ class _Course:
         end = made[-1].until
         if made[-1].ended_by == "arrest":
             slide = next(i for i in range(len(made) - 1, -1, -1) if made[i].kind == "rest" or i == 0)
-            end = min(end + AFTER * (end - made[slide].until), self.change_after(end))
+            end = min(end + AFTER * (end - made[slide].until), self.data.change_after(end))
             made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
         return Followed(self.guess(self.start), end)
-
-    def change_after(self, t: float) -> float:
-        """The next change of the drive, or the end of the window [s]."""
-        return next((c for c in self.changes if c > t), self.log.end)
 
     def inputs(self, t: float, just_before: bool = False) -> Array:
         """Inputs (4,) of the model at a time [s]."""
@@ -155,7 +148,7 @@ class _Course:
         """State at the begin of the window: the elongation from the first samples, the contact half aged or such that
         the first peak comes when it is seen."""
         log, model = self.log, self.model
-        peak = self.peak(log.begin, self.moving_from(log.begin), None)
+        peak = self.data.peak(log.begin, self.moving_from(log.begin), None)
         until = log.begin + 0.8 * (peak - log.begin)
         mine = (log.time >= log.begin) & (log.time <= until) & (log.weight > 0)
         if not np.any(mine):
@@ -183,7 +176,7 @@ class _Course:
         log, model = self.log, self.model
         x = x.copy()
         x[model.clamped] = gamma
-        until = min(log.begin + FIRST_SWINGS * self.half, self.change_after(log.begin))
+        until = min(log.begin + FIRST_SWINGS * self.half, self.data.change_after(log.begin))
         mine = np.flatnonzero((log.time >= log.begin) & (log.time < until) & (log.weight > 0))
         if mine.size == 0:
             return np.inf
@@ -195,19 +188,19 @@ class _Course:
 
     def drive_motion(self, t: float) -> float:
         """How far the drive has gone since the begin of the window [m]."""
-        edges = [self.log.begin, *(c for c in self.changes if c < t), t]
+        edges = [self.log.begin, *(c for c in self.data.changes if c < t), t]
         return sum((b - a) * self.log.speed_at(0.5 * (a + b)) for a, b in pairwise(edges))
 
     def moving_from(self, t: float) -> float:
         """When the drive next moves, from t on [s]."""
-        return next((c for c in (t, *self.changes) if c >= t and self.log.speed_at(c) > 0.0), self.log.end)
+        return next((c for c in (t, *self.data.changes) if c >= t and self.log.speed_at(c) > 0.0), self.log.end)
 
     def onset(self, t: float, x: Array) -> tuple[float, Array, list[tuple[float, Array]]]:
         """When a rest from x at t ends [s] (NaN: not within the window), the state there, and time and state at each
         change of the drive before it."""
         legs: list[tuple[float, Array]] = []
         while t < self.log.end:
-            until = self.change_after(t)
+            until = self.data.change_after(t)
             force, slope = self.log.normal_force.line(t)
             speed = self.log.speed_at(t)
             made = stick(self.model, x, Situated(self.p, speed, 1.0, force, slope, t), t, until - t)
@@ -247,76 +240,14 @@ class _Course:
 
     def placed(self, since: float, onset: float, x: Array) -> float:
         """Where on the data a slide that starts at `onset` from x fits best; after `since` [s]."""
-        log = self.log
-        window = 2.0 * self.half
-        motion = self.motion(onset, x, window)
-        slope = self.values["stiffness"] * log.speed_at(onset)
-        local = np.linspace(0.0, window, 200)
-        wave = motion.sample(local)["force"]
-        interval = log.interval
-        reach = max(REACH * self.half, 2.0 * interval)
-        step = max(self.half / PER_HALF_PERIOD, 0.25 * interval)
-        seen = self.peak(since, since, onset) - float(local[int(np.argmax(wave))])
-        # Where a rest rises by less than the noise from sample to sample, its highest one lies anywhere near its end.
-        centres = [onset, seen]
-        fall = self.steepest_fall(since, onset)
-        if fall is not None and min(abs(fall - centre) for centre in centres) > reach:
-            centres.append(fall)
-        around = np.arange(-reach, reach, step)
-        places = np.unique(np.concatenate([centre + around for centre in centres]))
-        latest = self.change_after(since) - 1e-3 * self.half
-        places = places[(places > since + 1e-3 * self.half) & (places < latest)]
-        if places.size == 0:
-            return onset
-        costs = np.full(places.size, np.inf)
-        for centre in centres:
-            inside = np.abs(places - centre) <= reach
-            first, last = np.searchsorted(log.time, [centre - reach - self.half, centre + reach + window])
-            index = np.arange(first, last, max((last - first) // COMPARED, 1))
-            # The simulated wave knows nothing of another speed of the drive.
-            index = index[(log.weight[index] > 0) & (log.time[index] > since) & (log.time[index] < latest)]
-            if index.size < 2:
-                continue
-            t, f, w = log.time[index], log.force[index], log.weight[index]
-            for i in np.flatnonzero(inside):
-                local_t = t - places[i]
-                shown = np.where(local_t < 0.0, wave[0] + slope * local_t, np.interp(local_t, local, wave))
-                counted = local_t < window
-                costs[i] = min(costs[i], float(np.sum(w[counted] * (f - shown)[counted] ** 2) / max(counted.sum(), 1)))
-        return float(places[int(np.argmin(costs))]) if np.any(np.isfinite(costs)) else onset
-
-    def steepest_fall(self, since: float, expected: float) -> float | None:
-        """Where the force falls most within half a period around the expected end of a rest [s]."""
-        log = self.log
-        until = min(expected + PEAK * (expected - since) + 2 * self.half, self.change_after(since))
-        first, last = np.searchsorted(log.time, [since, until])
-        used = np.flatnonzero(log.weight[first:last] > 0) + first
-        width = max(round(self.half / log.interval), 1)
-        if used.size < 2 * width:
-            return None
-        sums = np.concatenate([[0.0], np.cumsum(log.force[used])])
-        means = sums[width:] - sums[:-width]
-        return float(log.time[used[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
-
-    def peak(self, since: float, moving: float, expected: float | None) -> float:
-        """When the smoothed force is highest around the expected end of a rest, or first peaks [s]."""
-        log = self.log
-        length = None if expected is None else expected - since
-        until = log.end if length is None else min(expected + PEAK * length + 2 * self.half, self.change_after(since))  # type: ignore[operator]
-        if expected is None:
-            until = min(until, self.change_after(moving))
-        first, last = np.searchsorted(log.time, [max(since, moving), until])
-        used = np.flatnonzero(log.weight[first:last] > 0) + first
-        if used.size < 3:
-            return expected if expected is not None else log.begin
-        interval = log.interval
-        width = max(min(int(0.2 * self.half / interval), used.size // 3), 1)
-        smooth = np.convolve(log.force[used], np.ones(width) / width, mode="same")
-        return float(log.time[used[int(np.argmax(smooth))]])
+        local = np.linspace(0.0, 2.0 * self.half, 200)
+        wave = self.motion(onset, x, float(local[-1])).sample(local)["force"]
+        slope = self.values["stiffness"] * self.log.speed_at(onset)
+        return self.data.placed(since, onset, Wave(local, wave, slope))
 
     def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""
-        until, begun = self.change_after(t), t
+        until, begun = self.data.change_after(t), t
         parts: list[tuple[str, float, str]] = []  # mode, end, what ended it
         pieces: list[tuple[float, Trajectory]] = []
         rested = faded = False
