@@ -75,6 +75,11 @@ class Timing:
         """Median wall time [s]."""
         return float(np.median(self.wall))
 
+    @staticmethod
+    def together(timings: Sequence[Timing]) -> Timing:
+        """All repetitions of several timings of one thing."""
+        return Timing(sum((t.wall for t in timings), ()), sum((t.cpu for t in timings), ()))
+
     @property
     def seen(self) -> str:
         """The median and the range of the wall times."""
@@ -175,8 +180,7 @@ def in_new_processes(folder: Path, repeats: int) -> tuple[Timing, Timing]:
                 timing, (done,) = timed(once, 1)
                 assert done.stdout.decode().strip() == "converged", done.stdout
                 times[which].append(timing)
-    kept, new = (Timing(tuple(t.wall[0] for t in ts), tuple(t.cpu[0] for t in ts)) for ts in times)
-    return kept, new
+    return Timing.together(times[0]), Timing.together(times[1])
 
 
 def against_least_squares(
@@ -208,7 +212,7 @@ def against_least_squares(
         f"half chi^2: hard solve {costs[0]:.1f}, least squares {results[0].cost:.1f} "
         f"({results[0].nfev} evaluations, {results[0].njev} Jacobians{cut})"
     )
-    return Timing(first.wall + second.wall, first.cpu + second.cpu), usual
+    return Timing.together([first, second]), usual
 
 
 def with_the_rate(
@@ -222,8 +226,7 @@ def with_the_rate(
             timing, made = timed(partial(fit, scene, records), 1)
             times[which].append(timing)
             fits[which].extend(made)
-    first, second = (Timing(sum((t.wall for t in ts), ()), sum((t.cpu for t in ts), ())) for ts in times)
-    return (first, second), (stages_of(fits[0]), stages_of(fits[1]))
+    return (Timing.together(times[0]), Timing.together(times[1])), (stages_of(fits[0]), stages_of(fits[1]))
 
 
 def as_they_grow(chosen: Sequence[int], scene: Scene, lengths: Sequence[float]) -> tuple[Longer, ...]:

@@ -148,7 +148,7 @@ class _Course:
         """State at the begin of the window: the elongation from the first samples, the contact half aged or such that
         the first peak comes when it is seen."""
         log, model = self.log, self.model
-        peak = self.data.peak(log.begin, self.moving_from(log.begin), None)
+        peak = self.data.first_peak(self.moving_from(log.begin))
         until = log.begin + 0.8 * (peak - log.begin)
         mine = (log.time >= log.begin) & (log.time <= until) & (log.weight > 0)
         if not np.any(mine):

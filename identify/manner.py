@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from data_io.thinned import thinned
 from identify.drive import Drive
+from identify.local_fits import line_slope
 from identify.segment import SLIDING, STICK, Segmentation
 
 Array = NDArray[np.float64]
@@ -89,10 +90,9 @@ def since_settled(time: Array, force: Array, noise: float, half_period: float) -
 def _slides(time: Array, force: Array, since: float, noise: float, stick_slope: float) -> bool:
     """Whether a level force rises so much more slowly than a stick [N/s] that it cannot be one."""
     good = np.isfinite(force) & (time >= since)
-    t = time[good] - np.mean(time[good])
-    squares = float(t @ t)
-    slope = float(t @ force[good]) / squares
-    return slope < stick_slope - STUCK * noise / np.sqrt(squares)
+    t = time[good]
+    error = noise / (np.sqrt(t.size) * float(np.std(t)))
+    return line_slope(t, force[good], noise) < stick_slope - STUCK * error
 
 
 def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:

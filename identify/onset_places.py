@@ -15,6 +15,7 @@ REACH = 4.0  # half periods by which an onset is moved at most around what the d
 PER_HALF_PERIOD = 12  # places per half period that are tried
 PEAK = 0.5  # of a rest: how far from its simulated end the peak is looked for
 COMPARED = 400  # samples that vote on a place
+FEWEST = 3  # samples that have a highest one
 
 
 @dataclass(frozen=True)
@@ -83,37 +84,32 @@ class DataSide:
 
     def centres(self, since: float, onset: float, wave: Wave, reach: float) -> list[float]:
         """What an onset is looked for around [s]."""
-        found = [onset, self.peak(since, since, onset) - wave.peak]
+        used = self._used(since, min(onset + PEAK * (onset - since) + 2 * self.half, self.change_after(since)))
+        found = [onset, (onset if used.size < FEWEST else self._highest(used)) - wave.peak]
         # Where a rest rises by less than the noise from sample to sample, its highest one lies anywhere near its end.
-        fall = self.steepest_fall(since, onset)
+        fall = self._steepest_fall(used)
         if fall is not None and min(abs(fall - centre) for centre in found) > reach:
             found.append(fall)
         return found
 
-    def steepest_fall(self, since: float, expected: float) -> float | None:
-        """Where the force falls most within half a period around the expected end of a rest [s]."""
-        used = self._used(since, self._latest(since, expected))
+    def first_peak(self, moving: float) -> float:
+        """When the smoothed force is highest from where the drive moves until its speed changes [s]."""
+        used = self._used(moving, self.change_after(moving))
+        return self.log.begin if used.size < FEWEST else self._highest(used)
+
+    def _highest(self, used: NDArray[np.intp]) -> float:
+        width = max(min(int(0.2 * self.half / self.log.interval), used.size // 3), 1)
+        smooth = np.convolve(self.log.force[used], np.ones(width) / width, mode="same")
+        return float(self.log.time[used[int(np.argmax(smooth))]])
+
+    def _steepest_fall(self, used: NDArray[np.intp]) -> float | None:
+        """Where the force falls most from one half period to the next [s]; None where there are not two."""
         width = max(round(self.half / self.log.interval), 1)
         if used.size < 2 * width:
             return None
         sums = np.concatenate([[0.0], np.cumsum(self.log.force[used])])
         means = sums[width:] - sums[:-width]
         return float(self.log.time[used[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
-
-    def peak(self, since: float, moving: float, expected: float | None) -> float:
-        """When the smoothed force is highest around the expected end of a rest, or first peaks [s]."""
-        log = self.log
-        until = self.change_after(moving) if expected is None else self._latest(since, expected)
-        used = self._used(max(since, moving), until)
-        if used.size < 3:
-            return expected if expected is not None else log.begin
-        width = max(min(int(0.2 * self.half / log.interval), used.size // 3), 1)
-        smooth = np.convolve(log.force[used], np.ones(width) / width, mode="same")
-        return float(log.time[used[int(np.argmax(smooth))]])
-
-    def _latest(self, since: float, expected: float) -> float:
-        """Until when the end of a rest is looked for [s]."""
-        return min(expected + PEAK * (expected - since) + 2 * self.half, self.change_after(since))
 
     def _used(self, begin: float, end: float) -> NDArray[np.intp]:
         """Samples between two times [s] that count."""

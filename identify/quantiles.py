@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import betaincinv, chdtri, gammaincinv, ndtr, ndtri, stdtrit
+from scipy.special import betaincinv, chdtri, gammaincinv, ndtr, ndtri, stdtr, stdtrit
 
 
 def normal(probability: float) -> float:
@@ -24,6 +24,11 @@ def normal_below(deviate: float) -> float:
 def student(probability: float, freedom: ArrayLike) -> NDArray[np.float64]:
     """What Student's t of so many degrees of freedom stays below with this probability, for each of them."""
     return np.asarray(stdtrit(freedom, probability), dtype=np.float64)
+
+
+def student_below(value: float, freedom: float) -> float:
+    """The probability that Student's t of so many degrees of freedom stays below this value."""
+    return float(stdtr(freedom, value))
 
 
 def chi_square(probability: float, freedom: float) -> float:

@@ -4,34 +4,40 @@ import numpy as np
 import pytest
 
 from identify.drive import Drive
-from identify.manner import Manner, manner_of
+from identify.manner import Manner, manner_of, since_settled
 from identify.segment import segment
 
 NOISE, RATE, LOADING = 0.0045, 20.0, 0.00125  # N, Hz, N/s: a slow drive on a soft rig
+HALF_PERIOD = 0.05
 
 
-def manner(after: float, rises: float) -> Manner:
-    """Of a ramp to 1 N, a fall to 0.7 N within two samples, and then `after` seconds that rise by `rises` N/s."""
+def manner(after: float, rises: float, seed: int) -> tuple[Manner, float | None]:
+    """Of a ramp to 1 N, a fall to 0.7 N within two samples, and then `after` seconds that rise by `rises` N/s; and
+    since when it looks level."""
     ramp = np.arange(0.0, 1.0 / LOADING, 1.0 / RATE) * LOADING
     rest = 0.7 + rises * np.arange(0.0, after, 1.0 / RATE)
     force = np.concatenate([ramp, [0.85], rest])
-    force += NOISE * np.random.default_rng(4).standard_normal(force.size)
+    force += NOISE * np.random.default_rng(seed).standard_normal(force.size)
     time = np.arange(force.size) / RATE
-    found = segment(time, force, half_period=0.05, noise=NOISE)
-    falls = found.cycles.fall
-    return manner_of(found, time, force, falls, noise=NOISE, half_period=0.05, drive=Drive.of(1.67e-6))
+    found = segment(time, force, half_period=HALF_PERIOD, noise=NOISE)
+    drive = Drive.of(1.67e-6)
+    told = manner_of(found, time, force, found.cycles.fall, noise=NOISE, half_period=HALF_PERIOD, drive=drive)
+    return told, since_settled(time, force, NOISE, HALF_PERIOD)
 
 
-def test_a_slow_log_that_ends_in_the_stick_after_a_slip_does_not_slide() -> None:
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_a_slow_log_that_ends_in_the_stick_after_a_slip_does_not_slide(seed: int) -> None:
     """Four seconds after a slip of 0.3 N a stick that is loaded for four minutes looks level."""
-    assert manner(4.0, LOADING).settled is None
+    told, level_since = manner(4.0, LOADING, seed)
+    assert told.name == "course" and level_since is not None and told.settled is None
 
 
 @pytest.mark.parametrize("after", [8.0, 60.0])
 def test_a_level_force_slides_where_a_stick_would_be_seen_to_rise(after: float) -> None:
-    settled = manner(after, 0.0).settled
+    settled = manner(after, 0.0, 4)[0].settled
     assert settled == pytest.approx(1.0 / LOADING, abs=1.0)
 
 
 def test_what_is_too_short_to_be_told_from_a_stick_is_not_called_sliding() -> None:
-    assert manner(1.5, 0.0).settled is None
+    told, level_since = manner(1.5, 0.0, 4)
+    assert level_since is not None and told.settled is None

@@ -35,6 +35,7 @@ def test_students_t_does_for_every_number_of_freedoms(probability: float) -> Non
     for found, freedom in zip(quantiles.student(probability, freedoms), freedoms, strict=True):
         assert float(below_student(found, freedom)) == pytest.approx(probability, rel=1e-9)
         assert abs(found) > abs(quantiles.normal(probability))  # the tails are heavier
+        assert quantiles.student_below(found, freedom) == pytest.approx(probability, rel=1e-12)
 
 
 @pytest.mark.parametrize("freedom", [1.0, 6.0, 33.0, 30_000.0])

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from identify.comparing.compare import Comparison
 from identify.comparing.points import Common
@@ -21,6 +20,7 @@ from identify.level import LEVEL, NORMAL
 from identify.outlook import OperatingPoint, outlooks
 from identify.pooling.joint import Joint, Together
 from identify.pooling.pooled import predictive
+from identify.quantiles import student, student_below
 from identify.sliding import slidings
 
 Array = NDArray[np.float64]
@@ -136,9 +136,9 @@ def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence
         values[name] = quantities[name].shown(float(found.mean[k]))
         slope[k] = values[name] if quantities[name].logarithmic else 1.0
     normal = NORMAL
-    wide = student.ppf(0.5 + LEVEL / 2, np.maximum(found.df, LEAST_DF)) / normal
+    wide = student(0.5 + LEVEL / 2, np.maximum(found.df, LEAST_DF)) / normal
     ahead = [predictive(comparison.answered[name], group) for name in names]
-    further = student.ppf(0.5 + LEVEL / 2, np.maximum([a[2] for a in ahead], LEAST_DF)) / normal
+    further = student(0.5 + LEVEL / 2, np.maximum([a[2] for a in ahead], LEAST_DF)) / normal
     mean = found.covariance * np.outer(slope * wide, slope * wide)
     people = (found.covariance + found.scatter) * np.outer(slope * further, slope * further)
     return _Spreads(values, tuple(names), mean, people, float(max(min(a[2] for a in ahead), LEAST_DF)))
@@ -207,8 +207,8 @@ def probability(speed: float, limit: float | None, people: tuple[float, float] |
     if limit is None or people is None or not 0.0 < people[0] < people[1]:
         return None
     half = 0.5 * float(np.log(people[1] / people[0]))
-    quantile = float(student.ppf(0.5 + LEVEL / 2, df))
-    return float(student.cdf(quantile * float(np.log(limit / speed)) / half, df))
+    quantile = float(student(0.5 + LEVEL / 2, df))
+    return student_below(quantile * float(np.log(limit / speed)) / half, df)
 
 
 def _amplitude_speeds(ground: Common) -> tuple[float, ...]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from identify.pooling.mixed import Mixed, PoolingError, fit_mixed
+from identify.quantiles import student_below
 
 SUSPECT = 2.5  # studentised residual from which on the scatter is estimated again without the fit
 LEVEL = 0.05  # chance of a false alarm anywhere in one quantity
@@ -56,5 +56,5 @@ def _again(mixed: Mixed, row: int) -> Outlier | None:
     VX = inverse @ mixed.X
     P = inverse - VX @ np.linalg.solve(mixed.X.T @ VX, VX.T)
     z = float((P @ mixed.y)[row] / np.sqrt(P[row, row]))
-    chance = 2.0 * float(student.sf(abs(z), n - 1 - p))
+    chance = 2.0 * student_below(-abs(z), n - 1 - p)
     return Outlier(row, z, min(1.0, n * chance))

@@ -7,13 +7,12 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import t as student
 
 from identify.level import LEVEL
 from identify.pooling.design import RUN, SUBJECT, SUBJECT_BY_GROUP, Design, Setting, design
 from identify.pooling.mixed import Mixed, fit_mixed
 from identify.pooling.simultaneous import below, critical
+from identify.quantiles import chi_square, student
 
 Array = NDArray[np.float64]
 
@@ -132,7 +131,7 @@ def _mean(group: str, column: int, mixed: Mixed, setting: Setting) -> Mean:
     reason = _few(group, fits, subjects)
     if not reason and found.df < LEAST_DF:
         reason = "too few fits to tell the scatter"
-    half = 0.0 if reason else float(student.ppf(0.5 + LEVEL / 2, found.df)) * found.error
+    half = 0.0 if reason else float(student(0.5 + LEVEL / 2, found.df)) * found.error
     values = mixed.y[[i for i, g in enumerate(setting.group) if g == group]]
     return Mean(
         group,
@@ -225,7 +224,7 @@ def _repeatability_interval(mixed: Mixed, variance: float) -> tuple[float, float
     df = 2.0 * variance**2 / wobble
     if df < LEAST_DF:
         return None
-    low, high = (float(np.sqrt(df * variance / chi2.ppf(q, df))) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
+    low, high = (float(np.sqrt(df * variance / chi_square(q, df))) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
     return low, high
 
 

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import chdtr, ndtri
-from scipy.stats import t as student
 from scipy.stats.qmc import Sobol
+
+from identify.quantiles import student, student_below
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ def below(q: float, covariance: Array, df: float) -> float:
     if q <= 0.0:
         return 0.0
     if len(covariance) == 1:
-        return float(1.0 - 2.0 * student.sf(q, df))
+        return 1.0 - 2.0 * student_below(-q, df)
     return _below(q, _correlation(covariance), len(covariance), df)
 
 
@@ -74,9 +75,9 @@ def critical(covariance: Array, df: float, level: float) -> float:
 
 @lru_cache(maxsize=256)
 def _critical(rows: bytes, count: int, df: float, level: float) -> float:
-    single = float(student.ppf(0.5 + level / 2.0, df))
+    single = float(student(0.5 + level / 2.0, df))
     if count == 1:
         return single
-    bonferroni = float(student.isf((1.0 - level) / (2.0 * count), df))
+    bonferroni = -float(student((1.0 - level) / (2.0 * count), df))
     ends = 0.98 * single, 1.02 * bonferroni
     return float(brentq(lambda q: _below(q, rows, count, df) - level, *ends, xtol=1e-5))
