@@ -19,6 +19,7 @@ BINS = 40  # per half natural period
 BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
 SHARE = 0.42  # of the period: the window never reaches the next fall
 MODEL_ERROR = 0.01  # of the drop: what the features of an ideal log still miss
+TIMING = 0.3  # of the time between samples: how well they tell a time
 MOST_SAMPLES = 400_000  # of one log in the fold: enough for any mean
 
 
@@ -75,7 +76,9 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
     drop = float(np.max(mean[used]) - np.min(mean[used]))
     noise = 1.0 / np.sqrt(np.maximum(count[used], 1e-300))
     interval = log.interval
-    period_sd = 0.003 * period + 0.3 * interval / np.sqrt(max(periods.size, 1)) if periods.size else np.inf
+    # Where a fall holds few samples they do not tell when it was, and the mean of many is smeared.
+    blur = TIMING * interval * min(interval / half_period, 1.0) * np.gradient(mean[used], edges[:-1][used])
+    period_sd = 0.003 * period + TIMING * interval / np.sqrt(max(periods.size, 1)) if periods.size else np.inf
     if periods.size > 2:
         period_sd = max(period_sd, 1.25 * float(np.std(periods[1:])) / np.sqrt(periods.size - 1))
     return Features(
@@ -84,7 +87,7 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
         float(np.mean(log.normal_force.at(settled))),
         (0.5 * (edges[:-1] + edges[1:]))[used],
         mean[used],
-        np.hypot(noise, MODEL_ERROR * drop),
+        np.hypot(np.hypot(noise, MODEL_ERROR * drop), blur),
         period,
         float(period_sd),
         float(np.min(mean[used])),

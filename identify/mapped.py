@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify import native
+from identify import native, wide
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,18 @@ def _compile() -> None:
     native.start(jobs)
 
 
+@dataclass(frozen=True, eq=False)
+class _Code:
+    """What runs: a function that takes so many lanes at once."""
+
+    function: ca.Function
+    lanes: int
+
+    def whole(self, chunk: int) -> int:
+        """The next larger number of lanes that it takes."""
+        return -(-chunk // self.lanes) * self.lanes
+
+
 @dataclass(frozen=True)
 class _Bench:
     """Arrays with room for several chunks of lanes, and the calls that work on each chunk of them."""
@@ -53,14 +65,15 @@ class _Bench:
     out: list[Array]
     calls: list[Callable[[], None]]
     buffers: list[ca.FunctionBuffer]  # kept alive: the calls run on them
-    version: int
+    code: _Code
 
     @staticmethod
-    def of(function: ca.Function, chunk: int, room: int, version: int) -> _Bench:
+    def of(code: _Code, chunk: int, room: int) -> _Bench:
         """Bind a function, mapped over a chunk, to arrays of so many chunks."""
-        given = [np.zeros((room * chunk, function.numel_in(i))) for i in range(function.n_in())]
-        out = [np.zeros((room * chunk, function.numel_out(i))) for i in range(function.n_out())]
-        mapped = function.map(chunk)
+        function, lanes = code.function, code.lanes
+        given = [np.zeros((room * chunk, function.numel_in(i) // lanes)) for i in range(function.n_in())]
+        out = [np.zeros((room * chunk, function.numel_out(i) // lanes)) for i in range(function.n_out())]
+        mapped = function.map(chunk // lanes)
         buffers, calls = [], []
         for first in range(0, room * chunk, chunk):
             buffer, call = mapped.buffer()
@@ -72,7 +85,7 @@ class _Bench:
                     buffer.set_res(i, array[first : first + chunk].reshape(-1).data)
             buffers.append(buffer)
             calls.append(call)
-        return _Bench(chunk, given, out, calls, buffers, version)
+        return _Bench(chunk, given, out, calls, buffers, code)
 
     def run(self, arguments: Sequence[Array]) -> list[Array]:
         """The results of so many lanes as there is room for; they hold until the next call."""
@@ -100,15 +113,14 @@ class Mapped:
         self.spent, self._ask = 0.0, 0.0  # seconds, since it runs as it runs now
         self._keys: tuple[str, ...] = ()
         self._local = threading.local()
-        self._version = 0
-        self._runs = function
+        self._code = _Code(function, 1)
         self._asked = self._settled = False
         _all.add(self)
 
     @property
     def native(self) -> bool:
         """Whether machine code runs, of whatever level."""
-        return self._version > 0
+        return self._code.function is not self._function
 
     def __call__(self, arguments: Sequence[Array]) -> list[Array]:
         """Arguments (n, size_i) or (n,), results (n, size_j)."""
@@ -116,35 +128,37 @@ class Mapped:
             self._look()
         since = time.perf_counter()  # a thread's own time would cost a tenth of a fit on some systems
         count = arguments[0].shape[0]
-        whole = count - count % self._many
+        code = self._code
+        many, few = code.whole(self._many), code.whole(self._few)
+        whole = count - count % many
         arguments = [given.reshape(count, -1) for given in arguments]
         results = [np.empty((count, size)) for size in self._sizes]
-        for chunk, lanes in ((self._many, slice(0, whole)), (self._few, slice(whole, count))):
+        for chunk, lanes in ((many, slice(0, whole)), (few, slice(whole, count))):
             if lanes.stop > lanes.start:
-                bench = self._bench(chunk, lanes.stop - lanes.start)
+                bench = self._bench(code, chunk, lanes.stop - lanes.start)
                 for result, out in zip(results, bench.run([given[lanes] for given in arguments]), strict=True):
                     result[lanes] = out
         self.spent += time.perf_counter() - since
         return results
 
-    def _bench(self, chunk: int, lanes: int) -> _Bench:
-        """This thread's bench for the function that runs now, with room for so many lanes."""
+    def _bench(self, code: _Code, chunk: int, lanes: int) -> _Bench:
+        """This thread's bench for what runs now, with room for so many lanes."""
         benches: dict[int, _Bench] = self._local.__dict__.setdefault("benches", {})
         bench, chunks = benches.get(chunk), -(-lanes // chunk)
-        if bench is None or bench.version != self._version or len(bench.calls) < chunks:
+        if bench is None or bench.code is not code or len(bench.calls) < chunks:
             room = max(chunks, 2 * len(bench.calls) if bench is not None else 1)
-            bench = benches[chunk] = _Bench.of(self._runs, chunk, room, self._version)
+            bench = benches[chunk] = _Bench.of(code, chunk, room)
         return bench
 
     def _look(self) -> None:
         """Take the best machine code that is there; have better made if the function has earned it."""
         if not self._asked:
-            self._keys, self._asked = native.keys(self._function), True
+            self._keys, self._asked = native.keys(self._function, lanes=True), True
         for place in reversed(range(len(self._keys))):
             found = native.find(self._keys[place], self._function.name())
             if found is not None:
-                self._runs, self._keys = found, self._keys[place + 1 :]
-                self._version += 1
+                self._code = _Code(found, wide.lanes_of(found, self._function))
+                self._keys = self._keys[place + 1 :]
                 self.spent = 0.0
                 break
         self._settled = not self._keys

@@ -23,10 +23,13 @@ from pathlib import Path
 
 import casadi as ca
 
+from identify import wide
+
 FLAGS = ("-ffp-contract=off", "-fPIC", "-shared")
 # How the compiler is asked, quick and plain first: by name, its flag, the seconds it takes per instruction, and the
-# largest number of instructions. Plain code is some five times as fast as the virtual machine, improved code fifteen.
-LEVELS = {"plain": ("-O0", 3e-5, 200_000), "improved": ("-O1", 1.5e-4, 90_000)}
+# largest number of instructions. Plain code is some five times as fast as the virtual machine, improved code fifteen,
+# and for several lanes at once forty-five.
+LEVELS = {"plain": ("-O0", 3e-5, 200_000), "improved": ("-O1", 1.5e-4, 90_000), "wide": ("-O1", 1.5e-4, 90_000)}
 STALE = 900.0  # seconds after which another process's unfinished work is taken for dead
 # Compiles every folder given, one after the other. A finished library appears under its name at once or not at all;
 # the lock goes whatever happens.
@@ -74,23 +77,30 @@ def folder() -> Path | None:
 def _translator() -> str:
     """What besides the function decides about the machine code: compiler, its version, flags, CasADi, processor."""
     path = Path(compiler() or "/").resolve()
-    return "\n".join([str(path), str(path.stat().st_mtime_ns), *FLAGS, ca.__version__, platform.machine()])
+    lanes, flag = wide.register()
+    written = [f"{wide.WRITTEN} {lanes} {flag}", ca.__version__, platform.machine()]
+    return "\n".join([str(path), str(path.stat().st_mtime_ns), *FLAGS, *written])
 
 
-def keys(function: ca.Function) -> tuple[str, ...]:
+def keys(function: ca.Function, *, lanes: bool = False) -> tuple[str, ...]:
     """What the function computes as a hash, with the level at which it would be compiled before it: one key for every
-    level, the quick one first; none where nothing is compiled here."""
+    level, the quick one first; none where nothing is compiled here.
+
+    Args:
+        lanes: the best code takes several lanes at once, as many as `wide.lanes_of` says.
+    """
     size = function.n_instructions()
     if compiler() is None or folder() is None:
         return ()
-    levels = [name for name, (_, _, largest) in LEVELS.items() if size <= largest]
+    other = "improved" if lanes else "wide"
+    levels = [name for name, (_, _, largest) in LEVELS.items() if size <= largest and name != other]
     computes = hashlib.sha256((_translator() + function.serialize()).encode()).hexdigest()[:40] if levels else ""
     return tuple(f"{name}-{computes}" for name in levels)
 
 
-def key(function: ca.Function) -> str | None:
-    """The key of its best machine code."""
-    return next(reversed(keys(function)), None)
+def key(function: ca.Function, *, lanes: bool = False) -> str | None:
+    """The key of its best machine code; lanes as in `keys`."""
+    return next(reversed(keys(function, lanes=lanes)), None)
 
 
 def seconds(function: ca.Function, identity: str) -> float:
@@ -157,8 +167,15 @@ def _prepared(base: Path, function: ca.Function, identity: str) -> Path | None:
         return None
     work = Path(tempfile.mkdtemp(prefix="build-", dir=base))
     (work / "name").write_text(identity, encoding="ascii")
-    (work / "flag").write_text(LEVELS[_level(identity)][0], encoding="ascii")
-    code = ca.CodeGenerator("function.c")
-    code.add(function)
-    code.generate(f"{work}{os.sep}")
+    flag = LEVELS[_level(identity)][0]
+    lanes, more = wide.register()
+    code = wide.code(function, lanes) if _level(identity) == "wide" else None
+    if code is not None:
+        flag = f"{flag} {more}"
+        (work / "function.c").write_text(code, encoding="ascii")
+    else:
+        generator = ca.CodeGenerator("function.c")
+        generator.add(function)
+        generator.generate(f"{work}{os.sep}")
+    (work / "flag").write_text(flag, encoding="ascii")
     return work

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from identify.first_onsets import with_first_onsets
 from identify.guess import Grid, Guess, LogData
 from identify.loads import calmed
+from identify.pattern import Pattern
 from identify.shooting import Problem, transcribe
 from identify.solve import Solution, solve
 from identify.unknowns import Unknowns
@@ -35,6 +36,7 @@ LONGEST = 40  # passes where slips last no longer than samples lie apart: an eve
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, and iterations until then
+ENOUGH, FOLLOWS = 3, 1e-2  # iterations until then from a good start, and the largest row of a motion that comes of it
 LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 OVERTIME = 80  # iterations more where a load trembles and
 ALMOST = 1.5  # times the noise variance is what is left
@@ -142,12 +144,14 @@ def _in_passes(
     iterations, forming = 0, 0.0
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
+    pattern: Pattern | None = None
     bent = False
     hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
     for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
-        problem = transcribe(calm if coarse else logs, guesses, unknowns, grid)
+        problem = transcribe(calm if coarse else logs, guesses, unknowns, grid, pattern=pattern)
+        pattern = problem.pattern
         forming += time.perf_counter() - since
         tried = _tried(problem, tolerance, barrier, bent, trembling)
         solution, bent = tried.solution, tried.bent
@@ -206,9 +210,12 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
             return _Tried(solution, solution.iterations, True)
         iterations = solution.iterations
     slips = sum(place.onset.size for place in problem.layout.places)
-    plain = PATIENCE if slips < MANY else BRIEF
-    solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=plain)
-    iterations += solution.iterations
+    for most in (PATIENCE,) if slips < MANY else (ENOUGH, BRIEF):
+        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=most)
+        iterations += solution.iterations
+        follows = solution.infeasibility < FOLLOWS and 2.0 * solution.cost < ALL_BUT * problem.samples
+        if solution.success or follows:
+            break
     if solution.success or not solution.infeasibility < NEAR:
         return _Tried(solution, iterations, False)
     # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.

@@ -17,6 +17,7 @@ from identify.compression import Moments, compressed, samples_of
 from identify.guess import Grid, Guess, LogData
 from identify.lay_out import lay_out
 from identify.layout import Family, Indices, Layout
+from identify.pattern import Pattern
 from identify.relaid import with_every_parameter, with_finer_steps
 from identify.unknowns import Unknowns
 
@@ -25,11 +26,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Point:
-    """Everything at one point z (scaled unknowns): cost, rows, and with derivatives the gradient (n,),
-    the Jacobian (m, n) sparse and the Gauss-Newton Hessian (n, n) sparse, upper triangle."""
+    """Everything at one point z (scaled unknowns): cost, rows, the curve coefficients of every family, and with
+    derivatives the gradient (n,), the Jacobian (m, n) sparse and the Gauss-Newton Hessian (n, n) sparse, upper
+    triangle."""
 
     cost: float
     rows: Array
+    curves: tuple[Array, ...]
     gradient: Array | None = None
     jacobian: sp.csc_matrix | None = None
     hessian: sp.csc_matrix | None = None
@@ -38,15 +41,21 @@ class Point:
 class Problem:
     """min 1/2 sum w (force - curve)^2 + 1/2 sum ((x - mean)/sd)^2  subject to rows(x) = 0.
 
-    Works on scaled unknowns z = x / scale. Holds its pattern of nonzeros and the last point evaluated.
+    Works on scaled unknowns z = x / scale. Holds the last point evaluated.
     """
 
-    def __init__(self, logs: list[LogData], layout: Layout, moments: list[Moments] | None = None) -> None:
+    def __init__(
+        self,
+        logs: list[LogData],
+        layout: Layout,
+        moments: list[Moments] | None = None,
+        pattern: Pattern | None = None,
+    ) -> None:
+        """pattern: of a problem before; taken over where this one has the same unknowns and rows."""
         self.layout = layout
         self.logs = logs
         self.moments = moments or [self._compress(f) for f in layout.families]
-        self._scatter = [_scatter(f, layout) for f in layout.families]
-        self._pattern()
+        self.pattern = pattern if pattern is not None and pattern.fits(layout) else Pattern(layout)
         self._last: tuple[bytes, bool, Point] | None = None
 
     def driven(self, factor: float) -> Problem:
@@ -113,33 +122,10 @@ class Problem:
                 out[held.log][held.samples] = held.of_curve(curve.reshape(-1, family.block.order))
         return out
 
-    def _pattern(self) -> None:
-        n, m = self.layout.size, self.layout.rows
-        d_row = np.concatenate([s.jacobian_rows for s in self._scatter])
-        d_col = np.concatenate([s.jacobian_columns for s in self._scatter])
-        order = np.lexsort((d_row, d_col))
-        self._jacobian_order = order
-        # Parameters that are tied meet in one column: their entries are added up.
-        rows, columns = d_row[order], d_col[order]
-        first = np.append(True, (np.diff(rows) != 0) | (np.diff(columns) != 0))[: rows.size]
-        self._jacobian_first = None if np.all(first) else np.flatnonzero(first)
-        self._jacobian_rows, columns = rows[first].astype(np.int32), columns[first]
-        self._jacobian_starts = np.searchsorted(columns, np.arange(n + 1)).astype(np.int32)
-        h_row = np.concatenate([*(s.hessian_rows for s in self._scatter), np.arange(n)])
-        h_col = np.concatenate([*(s.hessian_columns for s in self._scatter), np.arange(n)])
-        keys, self._hessian_slot = np.unique(h_col * n + h_row, return_inverse=True)
-        self._hessian_rows = (keys % n).astype(np.int32)
-        self._hessian_starts = np.searchsorted(keys // n, np.arange(n + 1)).astype(np.int32)
-        self._shape = (m, n)
-
     def block_costs(self, z: Array) -> list[Array]:
         """Per family, the sum of squared weighted residuals of each block (B,)."""
-        x = z * self.layout.scale
-        out = []
-        for family, moments in zip(self.layout.families, self.moments, strict=True):
-            _, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
-            out.append(moments.squares_at(curve))
-        return out
+        curves = self.evaluate(z, derivatives=False).curves
+        return [moments.squares_at(curve) for moments, curve in zip(self.moments, curves, strict=True)]
 
     def evaluate(self, z: Array, *, derivatives: bool) -> Point:
         """Cost and rows at z, with derivatives on request; the last point is remembered."""
@@ -161,19 +147,15 @@ class Problem:
         assert point.hessian is not None
         x, scale = z * self.layout.scale, self.layout.scale
         parts = []
-        for family, moments, scatter in zip(self.layout.families, self.moments, self._scatter, strict=True):
+        known = zip(self.layout.families, self.moments, self.pattern.families, point.curves, strict=True)
+        for family, moments, scatter, curve in known:
             slots, count = family.slot_values(x), family.slots.shape[0]
-            _, curve = family.block.evaluate(slots, family.constants, derivatives=False)
             pull = on_cost * moments.slope_at(curve).reshape(count, -1)
             bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull, scatter.used)
             parts.append(bend.ravel()[scatter.hessian_entries])
-        summed = np.bincount(
-            self._hessian_slot, weights=np.concatenate([*parts, np.zeros(z.size)]), minlength=self._hessian_rows.size
-        )
-        columns = np.repeat(np.arange(z.size), np.diff(self._hessian_starts))
-        out = point.hessian.copy()
-        out.data = on_cost * out.data + summed * scale[columns] * scale[self._hessian_rows]
-        return out
+        summed = self.pattern.hessian(parts, np.zeros(z.size), scale)
+        summed.data += on_cost * point.hessian.data
+        return summed
 
     def _prior(self, x: Array) -> Array:
         return (x - self.layout.prior_mean) / self.layout.prior_sd
@@ -181,11 +163,13 @@ class Problem:
     def _values(self, z: Array) -> Point:
         x = z * self.layout.scale
         rows, cost = np.zeros(self.layout.rows), 0.5 * float(np.sum(self._prior(x) ** 2))
+        curves = []
         for family, moments in zip(self.layout.families, self.moments, strict=True):
             block_rows, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
             rows[family.rows] = block_rows
             cost += 0.5 * float(np.sum(moments.squares_at(curve)))
-        return Point(cost, rows)
+            curves.append(curve)
+        return Point(cost, rows, tuple(curves))
 
     def _derivatives(self, z: Array) -> Point:
         layout = self.layout
@@ -193,13 +177,14 @@ class Problem:
         prior = self._prior(x)
         rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
         gradient = prior / layout.prior_sd * scale
-        jacobian_parts, hessian_parts = [], []
-        for family, moments, scatter in zip(layout.families, self.moments, self._scatter, strict=True):
+        curves, jacobian_parts, hessian_parts = [], [], []
+        for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
             block_rows, curve, d_rows, d_curve = family.block.evaluate(
                 family.slot_values(x), family.constants, derivatives=True
             )
             rows[family.rows] = block_rows
             cost += 0.5 * float(np.sum(moments.squares_at(curve)))
+            curves.append(curve)
             bend = np.matmul(moments.curvature, d_curve)  # (B, cells, order, n_slots)
             count, n_slots = family.slots.shape
             shape = (count, -1, n_slots)
@@ -217,52 +202,19 @@ class Problem:
             )
             jacobian_parts.append(d_rows.ravel()[scatter.jacobian_entries])
             hessian_parts.append(hessian.ravel()[scatter.hessian_entries])
-        flat = np.concatenate(jacobian_parts)[self._jacobian_order]
-        if self._jacobian_first is not None:
-            flat = np.add.reduceat(flat, self._jacobian_first)
-        columns = np.repeat(np.arange(z.size), np.diff(self._jacobian_starts))
-        jacobian = sp.csc_matrix((flat * scale[columns], self._jacobian_rows, self._jacobian_starts), self._shape)
-        diagonal = 1.0 / layout.prior_sd**2
-        bends = np.bincount(
-            self._hessian_slot, weights=np.concatenate([*hessian_parts, diagonal]), minlength=self._hessian_rows.size
-        )
-        h_columns = np.repeat(np.arange(z.size), np.diff(self._hessian_starts))
-        bends = np.asarray(bends * scale[h_columns] * scale[self._hessian_rows])
-        hessian_matrix = sp.csc_matrix((bends, self._hessian_rows, self._hessian_starts), (z.size, z.size))
-        return Point(cost, rows, gradient, jacobian, hessian_matrix)
-
-
-@dataclass(frozen=True)
-class _Scatter:
-    """Constant index maps from a family's dense block derivatives to the global nonzeros."""
-
-    jacobian_entries: Indices
-    jacobian_rows: Indices
-    jacobian_columns: Indices
-    hessian_entries: Indices
-    hessian_rows: Indices
-    hessian_columns: Indices
-    known_slots: NDArray[np.bool_]
-    used: tuple[int, ...]  # slots that are an unknown in some block
-
-
-def _scatter(family: Family, layout: Layout) -> _Scatter:
-    count, n_slots = family.slots.shape
-    n_rows = family.block.n_rows
-    rows = np.broadcast_to(family.rows[:, :, None], (count, n_rows, n_slots)).ravel()
-    columns = np.broadcast_to(family.slots[:, None, :], (count, n_rows, n_slots)).ravel()
-    entries = np.flatnonzero(columns >= 0)
-    left = np.broadcast_to(family.slots[:, :, None], (count, n_slots, n_slots)).ravel()
-    right = np.broadcast_to(family.slots[:, None, :], (count, n_slots, n_slots)).ravel()
-    # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
-    upper = np.flatnonzero((left >= 0) & (right >= 0) & (left <= right))
-    known = family.slots >= 0
-    used = tuple(np.flatnonzero(np.any(known, axis=0)).tolist())
-    return _Scatter(entries, rows[entries], columns[entries], upper, left[upper], right[upper], known.ravel(), used)
+        jacobian = self.pattern.jacobian(jacobian_parts, scale)
+        hessian_matrix = self.pattern.hessian(hessian_parts, 1.0 / layout.prior_sd**2, scale)
+        return Point(cost, rows, tuple(curves), gradient, jacobian, hessian_matrix)
 
 
 def transcribe(
-    logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, grid: Grid, *, free: Indices | None = None
+    logs: list[LogData],
+    guesses: list[Guess],
+    unknowns: Unknowns,
+    grid: Grid,
+    *,
+    free: Indices | None = None,
+    pattern: Pattern | None = None,
 ) -> Problem:
-    """The multiple-shooting problem of several logs around their guesses; see `lay_out`."""
-    return Problem(logs, lay_out(logs, guesses, unknowns, grid, free=free))
+    """The multiple-shooting problem of several logs around their guesses; see `lay_out`, and `Problem` for pattern."""
+    return Problem(logs, lay_out(logs, guesses, unknowns, grid, free=free), pattern=pattern)

@@ -9,7 +9,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from identify.shooting import Problem
@@ -81,16 +80,10 @@ class _Port(ca.Callback):
         return 0
 
 
-def _sparsity(matrix: sp.csc_matrix) -> ca.Sparsity:
-    return ca.Sparsity(*matrix.shape, matrix.indptr.tolist(), matrix.indices.tolist())
-
-
 def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
     """The four functions IPOPT asks for."""
-    first = problem.evaluate(problem.start, derivatives=True)
-    assert first.jacobian is not None and first.hessian is not None
     n, m = problem.layout.size, problem.layout.rows
-    jacobian, hessian = _sparsity(first.jacobian), _sparsity(first.hessian)
+    jacobian, hessian = problem.pattern.sparsities
     vector, none, rows, one = ca.Sparsity.dense(n), ca.Sparsity.dense(0, 1), ca.Sparsity.dense(m), ca.Sparsity.dense(1)
     xp = [("x", vector), ("p", none)]
 

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ROOMS = """
 errors quantities quantiles level speeds typical signal outcome examples
 effects base composition chain model scene
-native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts
+wide native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts
 stepper plan machine phases
 samples averaging trajectory initial admission
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
@@ -28,7 +28,7 @@ axes outline plane crossings flood chart continuation mapping chart_closed chart
 guess loads lanes steadiness onset_places following one_way gaps parting partly_read scene_records
 reageing block_equations blocks features
 unknowns cutting manner window prepare rhythms vibration placing first_onsets
-layout start collector rest_parts footing lay_out relaid compression shooting
+layout start collector rest_parts footing lay_out relaid compression pattern shooting
 equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
 profile widened attempt status_words events joining search shaken ridge_ends grouped shares certainty

@@ -40,7 +40,7 @@ LANES = [np.linspace(0.1, 2.0, 10).reshape(5, 2), np.linspace(-1.0, 1.0, 5)]
 
 
 def made(f: ca.Function) -> None:
-    identity = native.key(f)
+    identity = native.key(f, lanes=True)
     assert identity is not None
     native.start([(f, identity)])
     native.wait()
@@ -101,7 +101,7 @@ def test_what_costs_much_is_compiled_while_it_runs_at_first_quickly_then_well(ca
         for a, b in zip(before, after, strict=True):
             np.testing.assert_array_equal(a, b)
     assert run.native and not run.jobs
-    assert levels == [["plain"], ["improved", "plain"], ["improved", "plain"]]
+    assert levels == [["plain"], ["plain", "wide"], ["plain", "wide"]]
 
 
 def test_what_is_kept_for_later_is_compiled_well_at_once(cache, monkeypatch):
@@ -110,7 +110,7 @@ def test_what_is_kept_for_later_is_compiled_well_at_once(cache, monkeypatch):
     run(LANES)
     mapped.keep()
     native.wait()
-    assert native.find(native.key(function(9.0)), "sample") is not None
+    assert native.find(native.key(function(9.0), lanes=True), "sample") is not None
     again = Mapped(function(9.0), 4)
     again(LANES)
     assert again.native and not again.jobs, "the best there is"
@@ -140,7 +140,7 @@ def test_the_larger_a_function_the_less_is_done_to_it(cache, monkeypatch):
     (only,) = native.keys(function())
     assert only.startswith("plain-") and native.seconds(function(), only) == size
     monkeypatch.setattr(native, "LEVELS", {"plain": ("-O0", 1.0, size - 1)})
-    assert native.keys(function()) == () and native.key(function()) is None
+    assert native.keys(function()) == () and native.key(function(), lanes=True) is None
 
 
 @pytest.mark.parametrize("lanes", [1, 3, 31, 32, 33, 70])
@@ -172,7 +172,7 @@ def ignores(process: int, what: signal.Signals) -> bool:
 def test_the_compiler_steps_back_for_the_fit_and_outlives_its_terminal(cache):
     """Nice counts within a session only; an interrupt from the keyboard reaches the foreground's process group."""
     f = function(7.0)
-    native.start([(f, native.key(f))])
+    native.start([(f, native.key(f, lanes=True))])
     (compiling,) = native._running
     assert os.getsid(compiling.pid) == os.getsid(0)
     assert os.getpgid(compiling.pid) != os.getpgid(0)
@@ -182,7 +182,7 @@ def test_the_compiler_steps_back_for_the_fit_and_outlives_its_terminal(cache):
     assert compiling.poll() is None, "compiling takes longer than setting a trap"
     os.killpg(compiling.pid, signal.SIGHUP)
     native.wait()
-    assert native.find(native.key(f), "sample") is not None
+    assert native.find(native.key(f, lanes=True), "sample") is not None
 
 
 def test_a_damaged_library_is_as_good_as_none(cache):
@@ -198,10 +198,10 @@ def test_a_folder_that_others_can_write_to_is_not_trusted(cache):
     native.folder()
     cache.chmod(0o777)
     native.folder.cache_clear()
-    assert native.folder() is None and native.key(function()) is None
+    assert native.folder() is None and native.key(function(), lanes=True) is None
 
 
 def test_nothing_is_compiled_where_it_is_switched_off(cache, monkeypatch):
     monkeypatch.setenv("STICKSLIP_COMPILE", "0")
     native.compiler.cache_clear()
-    assert native.key(function()) is None
+    assert native.key(function(), lanes=True) is None
