@@ -77,7 +77,7 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
     noise = 1.0 / np.sqrt(np.maximum(count[used], 1e-300))
     interval = log.interval
     # Where a fall holds few samples they do not tell when it was, and the mean of many is smeared.
-    blur = TIMING * interval * min(interval / half_period, 1.0) * np.gradient(mean[used], edges[:-1][used])
+    blur = TIMING * interval * min(interval / half_period, 1.0) ** 2 * np.gradient(mean[used], edges[:-1][used])
     period_sd = 0.003 * period + TIMING * interval / np.sqrt(max(periods.size, 1)) if periods.size else np.inf
     if periods.size > 2:
         period_sd = max(period_sd, 1.25 * float(np.std(periods[1:])) / np.sqrt(periods.size - 1))

@@ -126,7 +126,7 @@ def test_a_model_taken_over_from_another_one_is_judged_by_itself(case):
 
 
 def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
-    case, scene, _ = wrong("stiffness", 51)
+    case, scene, _ = wrong("stiffness", 36)
     suspect = next(suspect for suspect in GROSS if suspect.parameter == "stiffness")
     freed = suspect.freed(scene, [])
     unknowns = from_scene(freed)
