@@ -36,24 +36,26 @@ def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds
     if level <= 0:
         text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
         return Load(level, 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
-    drift, ripple = _course(time, normal, level)
+    drift, ripple = _course(thinned(time), thinned(normal), level)
     load = Load(level, drift, ripple, float(np.mean(normal < UNLOADED * level)))
     notes = []
-    if np.ptp(normal) == 0 and not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
+    if np.ptp(normal) > 0:
+        notes += clipping("normal force", normal, limits)[1]
+    elif not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
         text = f"the normal force is exactly {level:g} N in every row; it was set, not measured"
         notes.append(Finding("normal_force_not_measured", "info", text))
-    _, clipped = clipping("normal force", normal, limits)
-    return load, [*notes, *clipped, *_findings(load, limits)]
+    return load, [*notes, *_findings(load, limits)]
 
 
 def typical_load(normal: FloatArray) -> float:
     """Return the median normal force of the loaded rows [N], 0 where nothing presses; (n,) may hold NaN."""
-    finite = normal[np.isfinite(normal)]
+    some = thinned(normal)
+    finite = some[np.isfinite(some)]
     size = np.abs(finite)
     if size.size == 0 or not size.any():
         return 0.0
-    level = abs(float(np.median(thinned(finite[size >= 0.5 * np.quantile(thinned(size), 0.99)]))))
-    return float(np.median(thinned(finite[size >= _LOADED * level])))
+    level = abs(float(np.median(finite[size >= 0.5 * np.quantile(size, 0.99)])))
+    return float(np.median(finite[size >= _LOADED * level]))
 
 
 def _course(time: FloatArray, normal: FloatArray, level: float) -> tuple[float, float]:

@@ -13,6 +13,8 @@ FEWEST: Final = 20
 """Rows of a rest that is worth a word."""
 _SLOW: Final = 0.05
 """Share of the usual speed of the drive below which it rests."""
+_PORTION: Final = 1 << 14
+"""Rows that are smoothed at once."""
 _BAND: Final = 4.0
 """Standard deviations of the noise that a force at rest may span to either side."""
 _LOW: Final = 0.5
@@ -137,9 +139,13 @@ def _flat(force: FloatArray, noise: float) -> int:
     level = float(np.median(force[: FEWEST // 2]))
     band = max(_BAND * noise, 1e-9 * float(np.max(np.abs(force))))
     width = FEWEST // 4
-    smooth = np.convolve(force, np.ones(width) / width, mode="valid")
-    out = np.abs(smooth - level) > band
-    rows = int(np.argmax(out)) + width // 2 if out.any() else force.size
+    rows = force.size
+    for first in range(0, force.size - width + 1, _PORTION):  # it leaves its level soon, as a rule
+        smooth = np.convolve(force[first : first + _PORTION + width - 1], np.ones(width) / width, mode="valid")
+        out = np.flatnonzero(np.abs(smooth - level) > band)
+        if out.size:
+            rows = first + int(out[0]) + width // 2
+            break
     if rows < FEWEST:
         return 0
     inside = force[: int(_SHARE * rows)]

@@ -74,10 +74,10 @@ def describe_sampling(
         intervals = [np.diff(record.time)]
         local = [_local_interval(intervals[0])]
         begins = [record.time[:-1]]
-    change, level = np.concatenate(intervals), np.concatenate(local)
+    change, level = (parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (intervals, local))
     ratio = change / level
     gaps = ratio > _DROPOUT
-    calm = thinned(ratio[~gaps])
+    calm = thinned(ratio[~gaps] if gaps.any() else ratio)
     sampling = Sampling(
         rate=float(1 / np.median(thinned(change))),
         jitter=float(1.4826 * np.median(np.abs(calm - np.median(calm)))) if calm.size else 0.0,
@@ -114,6 +114,8 @@ def _switches(time: FloatArray, level: FloatArray, previous: float | None, facto
     """Return the places where the local interval leaves a factor about the one before, within one step."""
     found: list[RateSwitch] = []
     reference = previous if previous is not None else float(level[0])
+    if level.max() / reference <= factor and level.min() / reference >= 1 / factor:
+        return found
     start = 0
     while True:
         ratio = level[start:] / reference

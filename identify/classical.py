@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.thinned import thinned
 from identify.segment import SLIDING, SLIP, STICK, Cycles, Segmentation, segment
 from identify.strokes import Drive, Stroke, strokes
 from identify.zigzag import smooth
@@ -150,7 +151,7 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
     told: Figures = dict.fromkeys(keys)
     if np.count_nonzero(part.good) < FEWEST_ROWS:
         return told, {}
-    if float(np.median(part.load[part.good])) <= 0.0:
+    if float(np.median(thinned(part.load[part.good]))) <= 0.0:
         return told, dict.fromkeys(keys, "the normal force is not positive: no coefficient of friction")
     cycles, phase = part.found.cycles, part.found.phase
     load = smooth(part.load, max(5, part.load.size // 200) | 1)

@@ -20,7 +20,7 @@ BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
 SHARE = 0.42  # of the period: the window never reaches the next fall
 MODEL_ERROR = 0.01  # of the drop: what the features of an ideal log still miss
 TIMING = 0.3  # of the time between samples: how well they tell a time
-MOST_SAMPLES = 400_000  # of one log in the fold: enough for any mean
+MOST_SAMPLES = 100_000  # of one log in the fold: enough for any mean
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ def _fold(log: LogData, falls: Array, edges: Array) -> tuple[Array, Array, Array
     first = np.searchsorted(log.time, falls + edges[0])
     last = np.searchsorted(log.time, falls + edges[-1])
     lengths = np.maximum(last - first, 0)
-    stride = max(int(lengths.sum()) // MOST_SAMPLES, 1)
-    cycle = np.repeat(np.arange(falls.size), lengths)
-    index = np.arange(int(lengths.sum())) + np.repeat(first - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths)
-    cycle, index = cycle[::stride], index[::stride]
+    ends = np.cumsum(lengths)
+    number = np.arange(0, int(ends[-1]), max(int(ends[-1]) // MOST_SAMPLES, 1))
+    cycle = np.searchsorted(ends, number, side="right")
+    index = number + (first - (ends - lengths))[cycle]
     good = log.weight[index] > 0
     cycle, index = cycle[good], index[good]
     load = log.normal_force.at(falls)

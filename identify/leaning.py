@@ -57,17 +57,20 @@ def most_leaning(logs: Sequence[LogData], fitted: Sequence[Array]) -> Lean | Non
 
 def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
     """The most leaning window of each length."""
-    told = (log.weight > 0) & np.isfinite(fitted)
+    rows = np.flatnonzero((log.weight > 0) & np.isfinite(fitted))
+    whole = rows.size and rows[-1] - rows[0] == rows.size - 1
+    told = slice(rows[0], rows[-1] + 1) if whole else rows  # a slice copies nothing
     time, residual = log.time[told], log.force[told] - fitted[told]
     summed = np.concatenate([[0.0], np.cumsum(residual * np.sqrt(log.weight[told]))])
     lengths = [2**i for i in range(1, int(np.log2(LONGEST)) + 1) if 8 * 2**i <= residual.size]
     out = []
     for width in lengths:
         step = max(width // OVERLAP, 1)
-        sums = (summed[width::step] - summed[:-width:step]) / np.sqrt(width)
-        low, high = np.quantile(thinned(sums), (0.25, 0.75))
+        sums = summed[width::step] - summed[:-width:step]
+        low, high = np.quantile(thinned(sums), (0.25, 0.75)) / np.sqrt(width)
         spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
-        about = step * int(np.argmax(np.abs(sums)))
+        ends = (int(np.argmin(sums)), int(np.argmax(sums)))
+        about = step * max(ends, key=lambda end: abs(float(sums[end])))
         near = np.arange(max(about - step + 1, 0), min(about + step, summed.size - width))
         around = np.abs(summed[near + width] - summed[near]) / np.sqrt(width)
         first = int(near[np.argmax(around)])

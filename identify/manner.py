@@ -73,18 +73,25 @@ def since_settled(time: Array, force: Array, noise: float, half_period: float) -
     count = t.size // width
     if count < 2:
         return None
+    if not _level(f[t.size - width :][None], noise)[0]:  # most logs end in a stick or a slip
+        return None
     # Bins are counted from the end, so that the last one is whole.
-    rows = f[t.size - count * width :].reshape(count, width)
-    local = np.linspace(-1.0, 1.0, width)
-    slope = rows @ local / float(local @ local)
-    left = rows - rows.mean(axis=1)[:, None] - slope[:, None] * local
-    allowed = noise**2 * (1.0 + LOOSE * np.sqrt(2.0 / width))
-    # A swing that fades hides in a bin of one period as little as a slope does.
-    tilted = np.abs(slope) > LOOSE * noise / np.sqrt(float(local @ local)) + 0.02 * np.abs(rows.mean(axis=1))
-    restless = np.flatnonzero((np.sum(left**2, axis=1) / (width - 2) > allowed) | tilted)
+    restless = np.flatnonzero(~_level(f[t.size - count * width :].reshape(count, width), noise))
     first = int(restless[-1]) + 1 if restless.size else 0
     start = t.size - (count - first) * width
     return float(t[start]) if count > first and t.size - start >= LEAST_SETTLED else None
+
+
+def _level(rows: Array, noise: float) -> NDArray[np.bool_]:
+    """Which stretches (b, width) of a force stay level within its noise, shape (b,)."""
+    width = rows.shape[1]
+    local = np.linspace(-1.0, 1.0, width)
+    mean, slope = rows.mean(axis=1), rows @ local / float(local @ local)
+    left = rows - mean[:, None] - slope[:, None] * local
+    allowed = noise**2 * (1.0 + LOOSE * np.sqrt(2.0 / width))
+    # A swing that fades hides in a bin of one period as little as a slope does.
+    tilted = np.abs(slope) > LOOSE * noise / np.sqrt(float(local @ local)) + 0.02 * np.abs(mean)
+    return np.asarray((np.sum(left**2, axis=1) / (width - 2) <= allowed) & ~tilted)
 
 
 def _slides(time: Array, force: Array, since: float, noise: float, stick_slope: float) -> bool:

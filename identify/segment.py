@@ -158,7 +158,7 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
     phase, ends_sliding = label(trace, slips)
     return Segmentation(
         cycles=_cycles(trace, slips),
-        noise=_noise(force[~holes], clean, phase, white) if noise is None else noise,
+        noise=_noise(force[~holes] if holes.any() else force, clean, phase, white) if noise is None else noise,
         spikes=masked | holes,
         phase=phase,
         begins_in_slip=slips.starts_falling and bool(slips.kept.any()),
