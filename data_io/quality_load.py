@@ -49,8 +49,7 @@ def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds
 
 def typical_load(normal: FloatArray) -> float:
     """Return the median normal force of the loaded rows [N], 0 where nothing presses; (n,) may hold NaN."""
-    some = thinned(normal)
-    finite = some[np.isfinite(some)]
+    finite = thinned(normal[np.isfinite(normal)])  # in this order: every so many-th row may be the one without a load
     size = np.abs(finite)
     if size.size == 0 or not size.any():
         return 0.0

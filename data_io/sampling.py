@@ -114,8 +114,6 @@ def _switches(time: FloatArray, level: FloatArray, previous: float | None, facto
     """Return the places where the local interval leaves a factor about the one before, within one step."""
     found: list[RateSwitch] = []
     reference = previous if previous is not None else float(level[0])
-    if level.max() / reference <= factor and level.min() / reference >= 1 / factor:
-        return found
     start = 0
     while True:
         ratio = level[start:] / reference

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from identify.first_onsets import with_first_onsets
 from identify.guess import Grid, Guess, LogData
 from identify.loads import calmed
-from identify.pattern import Pattern
 from identify.shooting import Problem, transcribe
 from identify.solve import Solution, solve
 from identify.unknowns import Unknowns
@@ -144,14 +143,13 @@ def _in_passes(
     iterations, forming = 0, 0.0
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
-    pattern: Pattern | None = None
     bent = False
     hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
     for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
+        pattern = None if solved is None else solved.problem.pattern
         problem = transcribe(calm if coarse else logs, guesses, unknowns, grid, pattern=pattern)
-        pattern = problem.pattern
         forming += time.perf_counter() - since
         tried = _tried(problem, tolerance, barrier, bent, trembling)
         solution, bent = tried.solution, tried.bent

@@ -17,20 +17,6 @@ from identify.mapped import Mapped
 from identify.model import assemble
 
 
-@pytest.fixture
-def cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("STICKSLIP_COMPILE", "1")
-    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path / "cache"))
-    for known in (native.compiler, native.folder, native._translator):
-        known.cache_clear()
-    if native.compiler() is None:
-        pytest.skip("no C compiler here")
-    yield tmp_path / "cache"
-    native.wait()
-    for known in (native.compiler, native.folder, native._translator):
-        known.cache_clear()
-
-
 def function(factor: float = 2.0) -> ca.Function:
     x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
     return ca.Function("sample", [x, y], [factor * x * ca.exp(y), ca.sin(y) / x[0]])
@@ -54,7 +40,7 @@ def test_any_number_of_lanes_gives_what_the_formula_says():
     assert not run.native
 
 
-def test_machine_code_is_found_by_the_next_who_asks_and_gives_the_same_numbers(cache):
+def test_machine_code_is_found_by_the_next_who_asks_and_gives_the_same_numbers(machine_code):
     plain = Mapped(function(), 4)
     before = plain(LANES)
     made(function())
@@ -63,10 +49,10 @@ def test_machine_code_is_found_by_the_next_who_asks_and_gives_the_same_numbers(c
     assert again.native and not plain.native
     for a, b in zip(before, after, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-14)
-    assert not list(cache.glob("*.lock")) and not list(cache.glob("build-*"))
+    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
 
 
-def test_another_function_is_not_mistaken_for_it(cache):
+def test_another_function_is_not_mistaken_for_it(machine_code):
     made(function())
     other = Mapped(function(3.0), 4)
     np.testing.assert_allclose(other(LANES)[0], 3 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
@@ -74,7 +60,7 @@ def test_another_function_is_not_mistaken_for_it(cache):
 
 
 @pytest.mark.parametrize("kind", ["stick_reaged", "slip", "saturated"])
-def test_shooting_blocks_agree_to_ten_digits(cache, kind):
+def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
     made_block = block(assemble(MAIN), kind, 2)
     slots, constants, _, _ = made_block.expressions
     random = np.random.default_rng(3)
@@ -89,7 +75,7 @@ def test_shooting_blocks_agree_to_ten_digits(cache, kind):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10 * np.max(np.abs(a)))
 
 
-def test_what_costs_much_is_compiled_while_it_runs_at_first_quickly_then_well(cache, monkeypatch):
+def test_what_costs_much_is_compiled_while_it_runs_at_first_quickly_then_well(machine_code, monkeypatch):
     monkeypatch.setattr(mapped, "WORTH", 0.0)
     monkeypatch.setattr(mapped, "RETRY", 0.0)
     run, levels = Mapped(function(5.0), 4), []
@@ -97,14 +83,14 @@ def test_what_costs_much_is_compiled_while_it_runs_at_first_quickly_then_well(ca
     for _ in range(3):
         native.wait()
         after = run(LANES)
-        levels.append(sorted(library.name.partition("-")[0] for library in cache.glob("*.so")))
+        levels.append(sorted(library.name.partition("-")[0] for library in machine_code.glob("*.so")))
         for a, b in zip(before, after, strict=True):
             np.testing.assert_array_equal(a, b)
     assert run.native and not run.jobs
     assert levels == [["plain"], ["plain", "wide"], ["plain", "wide"]]
 
 
-def test_what_is_kept_for_later_is_compiled_well_at_once(cache, monkeypatch):
+def test_what_is_kept_for_later_is_compiled_well_at_once(machine_code, monkeypatch):
     monkeypatch.setattr(mapped, "USED", 0.0)
     run = Mapped(function(9.0), 4)
     run(LANES)
@@ -116,7 +102,7 @@ def test_what_is_kept_for_later_is_compiled_well_at_once(cache, monkeypatch):
     assert again.native and not again.jobs, "the best there is"
 
 
-def test_the_dearest_is_compiled_first_and_no_more_than_is_soon_done(cache, monkeypatch):
+def test_the_dearest_is_compiled_first_and_no_more_than_is_soon_done(machine_code, monkeypatch):
     started = []
     monkeypatch.setattr(mapped, "_all", weakref.WeakSet())
     monkeypatch.setattr(mapped, "WORTH", 0.0)
@@ -134,7 +120,7 @@ def test_the_dearest_is_compiled_first_and_no_more_than_is_soon_done(cache, monk
         assert started == [[one.jobs[0] for one in expected]]
 
 
-def test_the_larger_a_function_the_less_is_done_to_it(cache, monkeypatch):
+def test_the_larger_a_function_the_less_is_done_to_it(machine_code, monkeypatch):
     size = function().n_instructions()
     monkeypatch.setattr(native, "LEVELS", {"plain": ("-O0", 1.0, size), "improved": ("-O1", 2.0, size - 1)})
     (only,) = native.keys(function())
@@ -169,7 +155,7 @@ def ignores(process: int, what: signal.Signals) -> bool:
 @pytest.mark.skipif(
     not Path("/proc/self/status").exists(), reason="signals of a process are looked up as Linux has them"
 )
-def test_the_compiler_steps_back_for_the_fit_and_outlives_its_terminal(cache):
+def test_the_compiler_steps_back_for_the_fit_and_outlives_its_terminal(machine_code):
     """Nice counts within a session only; an interrupt from the keyboard reaches the foreground's process group."""
     f = function(7.0)
     native.start([(f, native.key(f, lanes=True))])
@@ -185,23 +171,23 @@ def test_the_compiler_steps_back_for_the_fit_and_outlives_its_terminal(cache):
     assert native.find(native.key(f, lanes=True), "sample") is not None
 
 
-def test_a_damaged_library_is_as_good_as_none(cache):
+def test_a_damaged_library_is_as_good_as_none(machine_code):
     made(function())
-    (library,) = cache.glob("*.so")
+    (library,) = machine_code.glob("*.so")
     library.write_bytes(b"no library")
     run = Mapped(function(), 4)
     np.testing.assert_allclose(run(LANES)[0], 2 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
     assert not run.native and not library.exists()
 
 
-def test_a_folder_that_others_can_write_to_is_not_trusted(cache):
+def test_a_folder_that_others_can_write_to_is_not_trusted(machine_code):
     native.folder()
-    cache.chmod(0o777)
+    machine_code.chmod(0o777)
     native.folder.cache_clear()
     assert native.folder() is None and native.key(function(), lanes=True) is None
 
 
-def test_nothing_is_compiled_where_it_is_switched_off(cache, monkeypatch):
+def test_nothing_is_compiled_where_it_is_switched_off(machine_code, monkeypatch):
     monkeypatch.setenv("STICKSLIP_COMPILE", "0")
     native.compiler.cache_clear()
     assert native.key(function(), lanes=True) is None

@@ -10,7 +10,7 @@ import pytest
 
 from experiments.draws import draw
 from experiments.hard_scenes import PAIR
-from identify import native, stepper
+from identify import stepper
 from identify.effects import MAIN
 from identify.errors import SimulationError
 from identify.methods import LOW
@@ -62,24 +62,14 @@ def test_slips_that_are_no_time_at_all_are_refused_with_that_reason() -> None:
 
 
 @pytest.fixture
-def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A cache of its own."""
-    monkeypatch.setenv("STICKSLIP_COMPILE", "1")
-    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path / "cache"))
-    known = (native.compiler, native.folder, native._translator, stepper._key)
-    for function in known:
-        function.cache_clear()
+def burst_code(machine_code: Path) -> Iterator[None]:
+    """Bursts are compiled as well."""
     stepper.forget()
-    if native.compiler() is None:
-        pytest.skip("no C compiler here")
     yield
-    native.wait()
     stepper.forget()
-    for function in known:
-        function.cache_clear()
 
 
-def test_bursts_as_machine_code_give_the_same_numbers(machine_code: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bursts_as_machine_code_give_the_same_numbers(burst_code: None, monkeypatch: pytest.MonkeyPatch) -> None:
     model = assemble(MAIN)
 
     def motion() -> np.ndarray:

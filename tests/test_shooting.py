@@ -265,3 +265,19 @@ def test_a_wrong_model_does_not_fit(wrong):
         assert solved.solution.cost < 2.0
     else:
         assert not solved.solution.cost < 200.0
+
+
+def test_a_pattern_is_taken_over_by_problems_with_the_same_unknowns_and_rows_only():
+    first, _ = _problem(free=case.FRICTION[:-1])
+    finer, _ = _problem(free=case.FRICTION[:-1], grid=replace(SMALL, steps=4))
+    other, _ = _problem(free=case.FRICTION[1:])  # as many unknowns and rows, but they are others
+    assert other.pattern.shape == first.pattern.shape
+    taken = {
+        problem: Problem(problem.logs, problem.layout, problem.moments, first.pattern) for problem in (finer, other)
+    }
+    assert taken[finer].pattern is first.pattern and taken[other].pattern is not first.pattern
+    for problem, again in taken.items():
+        z = _somewhere(problem)
+        expected, found = (p.evaluate(z, derivatives=True) for p in (problem, again))
+        for name in ("jacobian", "hessian"):
+            np.testing.assert_array_equal(getattr(found, name).toarray(), getattr(expected, name).toarray())

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from data_io import Record
+from experiments.run_fit_speed import TRUTH, simulated
 from experiments.run_recovery_study import Study, fit_case
-from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS
+from experiments.study_problem import RIG, SPEEDS
 from identify import Scene, features, passes
 from identify.effects import MAIN
-from identify.model import assemble
 from identify.prepare import prepare
 from identify.search import features_of
-from identify.simulate import run
 from identify.start import GOOD, fit_features
 from identify.unknowns import from_scene
 
@@ -29,29 +27,24 @@ def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypat
 
 def test_the_mean_of_many_falls_knows_how_much_a_few_samples_each_blur_it(monkeypatch):
     """A truth that does not fit the mean waveform is no start: the search would begin somewhere else."""
-    (slow, _, hertz), quick = SPEEDS[0], SPEEDS[2]
-    unlike = {}
-    for timing in (features.TIMING, 0.0):  # negative control: without the blur
+    blurred, at_once = features.TIMING, 0.0  # negative control: without the blur
+    slow, quick = {}, {}
+    for timing in (blurred, at_once):
         monkeypatch.setattr(features, "TIMING", timing)
-        unlike[timing] = _folded(slow, 8000.0, hertz)
-    told, untold = unlike.values()
-    assert told[0].cycles > 30 and told[1] < GOOD and untold[1] > 10.0 * GOOD
-    before = _folded(*quick)[0]
-    monkeypatch.setattr(features, "TIMING", 0.3)
-    np.testing.assert_allclose(_folded(*quick)[0].sd, before.sd, rtol=0.01)  # well sampled, nothing is blurred
+        slow[timing], quick[timing] = _folded(0, 10.0), _folded(2, 1.0)
+    assert slow[blurred][0].cycles > 30 and slow[blurred][1] < GOOD and slow[at_once][1] > 10.0 * GOOD
+    np.testing.assert_allclose(
+        quick[blurred][0].sd, quick[at_once][0].sd, rtol=0.01
+    )  # well sampled, nothing is blurred
 
 
-def _folded(speed: float, duration: float, hertz: float) -> tuple[features.Features, float]:
-    """The features of one log of the test problem, and the cost per residual of the truth."""
-    times = np.arange(round(duration * hertz) + 1) / hertz
-    force = run(assemble(MAIN), DEMO | RIG, speed, NORMAL_FORCE, duration).sample(times)["force"]
-    force += NOISE * np.random.default_rng(1).standard_normal(times.size)
-    record = Record(times, np.full(times.size, NORMAL_FORCE), force)
-    scene = Scene.from_document(
-        {"effects": list(MAIN), "rig": dict(RIG), "logs": [{"path": "a", "drive_speed": speed}]}
-    )
+def _folded(log: int, length: float) -> tuple[features.Features, float]:
+    """The features of one log of the test problem, so many times as long, and the cost per residual of the truth."""
+    (record,) = simulated([log], 1.0, length)
+    entry = {"path": "a", "drive_speed": SPEEDS[log][0]}
+    scene = Scene.from_document({"effects": list(MAIN), "rig": dict(RIG), "logs": [entry]})
     unknowns = from_scene(scene)
     found, bases = features_of([prepare(scene, scene.logs[0], record, unknowns)])
-    truth = unknowns.theta(np.array([(DEMO | RIG)[name] for name in unknowns.names]), bases[0])
+    truth = unknowns.theta(np.array([TRUTH[name] for name in unknowns.names]), bases[0])
     (start,) = fit_features(unknowns, found, bases, truth[None])
     return found[0], start.cost

@@ -12,21 +12,6 @@ from identify.mapped import Mapped
 SAMPLES = np.array([-2.5, -1.0, -0.3, -0.0, 0.0, 0.2, 0.7, 1.0, 1.9, 30.0, math.nan])
 
 
-@pytest.fixture
-def cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("STICKSLIP_COMPILE", "1")
-    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path / "cache"))
-    known = (native.compiler, native.folder, native._translator)
-    for one in known:
-        one.cache_clear()
-    if native.compiler() is None:
-        pytest.skip("no C compiler here")
-    yield
-    native.wait()
-    for one in known:
-        one.cache_clear()
-
-
 def compiled(function: ca.Function) -> Mapped:
     """The function as its best machine code, which is made now."""
     identity = native.key(function, lanes=True)
@@ -58,7 +43,7 @@ def test_every_operation_that_is_written_is_tried_here():
 
 @pytest.mark.parametrize("register", [wide.register(), (2, ""), (4, "")])
 @pytest.mark.parametrize("lanes", [1, 7, 121])
-def test_lane_by_lane_the_numbers_are_those_of_the_virtual_machine(cache, monkeypatch, register, lanes):
+def test_lane_by_lane_the_numbers_are_those_of_the_virtual_machine(machine_code, monkeypatch, register, lanes):
     monkeypatch.setattr(wide, "register", lambda: register)
     f = every_operation()
     points = np.stack(np.meshgrid(SAMPLES, SAMPLES), axis=-1).reshape(-1, 2)[:lanes]
@@ -70,7 +55,7 @@ def test_lane_by_lane_the_numbers_are_those_of_the_virtual_machine(cache, monkey
         np.testing.assert_array_equal(a, b)
 
 
-def test_what_cannot_be_written_for_several_lanes_is_compiled_for_one(cache):
+def test_what_cannot_be_written_for_several_lanes_is_compiled_for_one(machine_code):
     x = ca.SX.sym("x")
     for unwritten in (ca.erf(x), x + math.inf):
         f = ca.Function("alone", [x], [unwritten])
@@ -80,7 +65,7 @@ def test_what_cannot_be_written_for_several_lanes_is_compiled_for_one(cache):
         assert run.native and run._code.lanes == 1
 
 
-def test_a_small_rest_of_lanes_is_filled_up_to_a_register(cache, monkeypatch):
+def test_a_small_rest_of_lanes_is_filled_up_to_a_register(machine_code, monkeypatch):
     f = every_operation()
     run = compiled(f)
     monkeypatch.setattr(run, "_few", 1)
