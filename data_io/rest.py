@@ -122,8 +122,8 @@ def _noise(force: FloatArray) -> float:
     """Return the standard deviation of the noise [N], from the steps between samples; at least their quantisation."""
     steps = np.abs(np.diff(force))
     robust = 1.4826 * float(np.median(thinned(steps))) / np.sqrt(2.0)
-    moving = steps[steps > 0]
-    return max(robust, float(moving.min()) / np.sqrt(12.0)) if moving.size else 0.0
+    smallest = float(np.min(steps, where=steps > 0, initial=np.inf))
+    return max(robust, smallest / np.sqrt(12.0)) if smallest < np.inf else 0.0
 
 
 def _swings(force: FloatArray) -> int:

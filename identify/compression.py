@@ -24,12 +24,13 @@ PORTION = 1 << 14  # samples worked on at once: few enough to stay in cache
 @dataclass(frozen=True)
 class CellSamples:
     """Samples of one log in cells of a family: number of the log; cells (k,) that hold any, how many each holds (k,),
-    and of these samples, cell by cell, the index and u in [0, 1] (n,)."""
+    and of these samples, cell by cell, the index (n,), or their slice where they follow each other, and u in [0, 1]
+    (n,)."""
 
     log: int
     cells: Indices
     lengths: Indices
-    samples: Indices
+    samples: Indices | slice
     u: Array
 
     def of_curve(self, coefficients: Array) -> Array:
@@ -92,7 +93,10 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
         for part in _portions(lengths):
             held = lengths[part]
             before = np.cumsum(held) - held
-            sample = np.arange(int(held.sum())) + np.repeat(first[part] - before, held)
+            begin, stop = int(first[part][0]), int(first[part][-1] + held[-1])
+            sample: Indices | slice = slice(begin, stop)  # cells without a gap, as a rule: a slice copies nothing
+            if stop - begin > int(held.sum()):
+                sample = np.arange(int(held.sum())) + np.repeat(first[part] - before, held)
             t0, t1 = (np.repeat(edge, held) for edge in flat[cells[part]].T)
             yield CellSamples(number, cells[part], held, sample, (log.time[sample] - t0) / (t1 - t0))
 

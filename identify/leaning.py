@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 LONGEST = 512  # samples of a window
 CHANCE = 1e-7  # that noise leans so far somewhere in a log
 QUARTILE = normal(0.75)
+ENOUGH = 1 << 12  # sums that tell their spread: to 3 %
 OVERLAP = 8  # windows of one length that share a sample; about the one that leans most all are asked
 
 
@@ -67,7 +68,7 @@ def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
     for width in lengths:
         step = max(width // OVERLAP, 1)
         sums = summed[width::step] - summed[:-width:step]
-        low, high = np.quantile(thinned(sums), (0.25, 0.75)) / np.sqrt(width)
+        low, high = np.quantile(thinned(sums, ENOUGH), (0.25, 0.75)) / np.sqrt(width)
         spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
         ends = (int(np.argmin(sums)), int(np.argmax(sums)))
         about = step * max(ends, key=lambda end: abs(float(sums[end])))

@@ -9,6 +9,7 @@ import scipy  # its parts come with their first use: a third of a second of impo
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.thinned import thinned
 from identify.drive import NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
@@ -223,10 +224,10 @@ def swing(course: NormalForce, begin: float, end: float) -> float:
 
 def _finite(time: Array, normal_force: Array, name: str) -> tuple[Array, Array]:
     good = np.isfinite(normal_force) & np.isfinite(time)
-    t, f = time[good], normal_force[good]
+    t, f = (time, normal_force) if good.all() else (time[good], normal_force[good])
     if t.size == 0:
         raise FitError(f"{name} has no finite normal force; give it with --normal-force")
-    if np.median(f) <= 0.0:
+    if np.median(thinned(f)) <= 0.0:
         raise FitError(
             f"{name} has a median normal force of {np.median(f):.3g} N; expected a positive load: "
             "check the column and its sign"

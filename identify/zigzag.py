@@ -18,6 +18,7 @@ SECOND_LOOK_SD = 4.0
 CONFIRMED_SD = 5.0
 LONG_INTERVAL = 1.6  # times the median: look again there
 BLOCKS, REDUCED = 1 << 12, (32, 128)  # blocks of a force that are looked at as a whole; samples of one
+AGAIN = 8  # samples of a block of the second look
 WIDTH_SHARE = 0.2  # of the half period: impulses too weak to be masked vanish
 QUIET, QUIET_OF_WHITE = 0.1, 0.01579  # share of second differences that are quiet, and their limit for unit variance
 COLOURED = 1.5  # times what white noise leaves after smoothing: from there on noise is taken to have a memory
@@ -64,8 +65,14 @@ def smooth(force: Array, width: int) -> Array:
 
 def _corners(values: Array, hysteresis: float) -> Indices:
     """The samples that can be turning points of a zigzag: of a block that spans less than the hysteresis only
-    its lowest and highest one, which changes nothing but the time it takes."""
-    length = int(np.clip(values.size // BLOCKS, *REDUCED))
+    its lowest and highest one, which changes nothing but the time it takes. What is left of long blocks is looked at
+    again in short ones."""
+    left = np.flatnonzero(_within_blocks(values, hysteresis, int(np.clip(values.size // BLOCKS, *REDUCED))))
+    return left[_within_blocks(values[left], hysteresis, AGAIN)]
+
+
+def _within_blocks(values: Array, hysteresis: float, length: int) -> NDArray[np.bool_]:
+    """Which values (n,) a look at blocks of one length leaves."""
     blocks = values.size // length
     table = values[: blocks * length].reshape(blocks, length)
     ends = np.sort(np.stack([table.argmin(axis=1), table.argmax(axis=1)]), axis=0)
@@ -75,7 +82,7 @@ def _corners(values: Array, hysteresis: float) -> Indices:
     candidate[: blocks * length] = np.repeat(~quiet, length)
     candidate[(rows * length + ends).ravel()] = True
     candidate[:1] = candidate[-1:] = True
-    return np.flatnonzero(candidate)
+    return candidate
 
 
 def zigzag(values: Array, hysteresis: float, confirmation: float) -> tuple[list[int], list[int], int]:
