@@ -93,9 +93,9 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
         for part in _portions(lengths):
             held = lengths[part]
             before = np.cumsum(held) - held
-            begin, stop = int(first[part][0]), int(first[part][-1] + held[-1])
-            sample: Indices | slice = slice(begin, stop)  # cells without a gap, as a rule: a slice copies nothing
-            if stop - begin > int(held.sum()):
+            begin, ends = first[part], first[part] + held
+            sample: Indices | slice = slice(int(begin[0]), int(ends[-1]))  # as a rule; it copies nothing
+            if np.any(begin[1:] != ends[:-1]):
                 sample = np.arange(int(held.sum())) + np.repeat(first[part] - before, held)
             t0, t1 = (np.repeat(edge, held) for edge in flat[cells[part]].T)
             yield CellSamples(number, cells[part], held, sample, (log.time[sample] - t0) / (t1 - t0))

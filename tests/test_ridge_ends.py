@@ -95,6 +95,8 @@ def test_friction_that_rises_is_tried_with_friction_that_falls():
 
 
 WEAKENING = {"mu_s": 0.47084, "mu_k0": 0.48411, "delta_mu_k": -0.339895, "a": 218.157, "D": 1.3183e-05, "t_cr": 959.3}
+# Which valley a solve from there ends in hangs on its last digits, and so on the processor: starts beside each other.
+BESIDE = (0.0, 1e-6, 1e-4, 1e-5, -1e-5, 2e-4, -2e-4, 3e-4)
 
 
 def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
@@ -109,12 +111,17 @@ def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
         theta = unknowns.theta(np.array([(values | made.rig)[n] for n in unknowns.names]), unknowns.base(made.rig))
         return solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock())
 
-    weakening, right = answer(WEAKENING), answer(made.truth)
+    right = answer(made.truth)
+    starts = (WEAKENING | {name: WEAKENING[name] * (1.0 + by) for name in ("mu_s", "a")} for by in BESIDE)
+    settled = (attempt for attempt in map(answer, starts) if attempt.gate.status is Status.CONVERGED)
+    weakening = next(settled)
     mu_s, mu_k0 = (unknowns.names.index(name) for name in ("mu_s", "mu_k0"))
     wrong = weakening.solved.theta
     assert wrong[mu_s] < wrong[mu_k0] and weakening.gate.chi2_per_sample < 1.03
     assert 2 * (weakening.solved.solution.cost - right.solved.solution.cost) > 40
     found = strengthened(weakening, unknowns)
-    assert found is not None and found.solved.theta[mu_s] > found.solved.theta[mu_k0]
-    assert abs(2 * (found.solved.solution.cost - right.solved.solution.cost)) < 1
+    assert found is not None and abs(found.solved.theta[mu_s] - made.truth["mu_s"]) < 0.005
+    assert found.solved.theta[mu_s] > found.solved.theta[mu_k0]
+    # The valley is flat: a solve from the truth may stand still a little above the lowest point of it.
+    assert 2 * (found.solved.solution.cost - right.solved.solution.cost) < 1
     assert strengthened(right, unknowns) is None
