@@ -92,11 +92,12 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
             continue
         for part in _portions(lengths):
             held = lengths[part]
-            before = np.cumsum(held) - held
             begin, ends = first[part], first[part] + held
-            sample: Indices | slice = slice(int(begin[0]), int(ends[-1]))  # as a rule; it copies nothing
-            if np.any(begin[1:] != ends[:-1]):
-                sample = np.arange(int(held.sum())) + np.repeat(first[part] - before, held)
+            sample: Indices | slice
+            if np.array_equal(begin[1:], ends[:-1]):  # as a rule: a slice copies nothing
+                sample = slice(int(begin[0]), int(ends[-1]))
+            else:
+                sample = np.arange(int(held.sum())) + np.repeat(ends - np.cumsum(held), held)
             t0, t1 = (np.repeat(edge, held) for edge in flat[cells[part]].T)
             yield CellSamples(number, cells[part], held, sample, (log.time[sample] - t0) / (t1 - t0))
 

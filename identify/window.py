@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from identify.drive import Drive
 from identify.manner import Manner, moving_pieces
 from identify.segment import STICK, Segmentation
+from identify.zigzag import running_means
 
 Array = NDArray[np.float64]
 
@@ -56,13 +57,13 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
         return begin
     # The upper part of the rise, by force and not by time: however long the machine waited before it.
     width = max(min(t.size // 10, 25), 1)
-    flat = _means(f, width)
+    flat = running_means(f, width)
     low, high = float(np.min(flat)), float(np.max(flat))
     below = [int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE]
     late = slice(below[0], max(below[1], below[0] + 3))
     middle, height = float(np.mean(t[late])), float(np.mean(f[late]))
     slope = float((t[late] - middle) @ (f[late] - height)) / max(float(np.sum((t[late] - middle) ** 2)), 1e-300)
-    off = _means(f - height - slope * (t - middle), width)
+    off = running_means(f - height - slope * (t - middle), width)
     centre = t[width // 2 : width // 2 + off.size]
     # The line itself is uncertain where it is extrapolated: twice the late stretch away, about three times as much.
     n = max(late.stop - late.start, 3)
@@ -74,12 +75,6 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     # Where the difference was last seen it had become small, not nought: a little of the line is left out as well.
     bend = float(centre[wrong[-1]] + width * np.median(np.diff(t)))
     return bend + CLEAR * max(float(t[late][0]) - bend, 0.0)
-
-
-def _means(values: Array, width: int) -> Array:
-    """Means of every `width` neighbours, shape (n - width + 1,)."""
-    total = np.concatenate(([0.0], np.cumsum(values - values[0])))
-    return np.asarray(values[0] + (total[width:] - total[:-width]) / width)
 
 
 def of_a_course(

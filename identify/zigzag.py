@@ -58,9 +58,14 @@ def smooth(force: Array, width: int) -> Array:
     width = min(width, force.size if force.size % 2 else force.size - 1)
     if width < 3:
         return force
-    total = np.concatenate(([0.0], np.cumsum(force - force[0])))
-    inner = force[0] + (total[width:] - total[:-width]) / width
+    inner = running_means(force, width)
     return np.concatenate((np.full(width // 2, inner[0]), inner, np.full(width // 2, inner[-1])))
+
+
+def running_means(values: Array, width: int) -> Array:
+    """Means of every `width` neighbours of values (n,), shape (n - width + 1,)."""
+    total = np.concatenate(([0.0], np.cumsum(values - values[0])))
+    return np.asarray(values[0] + (total[width:] - total[:-width]) / width)
 
 
 def _corners(values: Array, hysteresis: float) -> Indices:

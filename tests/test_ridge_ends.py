@@ -107,9 +107,13 @@ def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, made.records, strict=True)]
 
-    def answer(values):
-        theta = unknowns.theta(np.array([(values | made.rig)[n] for n in unknowns.names]), unknowns.base(made.rig))
+    def settle(theta):
         return solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock())
+
+    def answer(values):
+        return settle(
+            unknowns.theta(np.array([(values | made.rig)[n] for n in unknowns.names]), unknowns.base(made.rig))
+        )
 
     right = answer(made.truth)
     starts = (WEAKENING | {name: WEAKENING[name] * (1.0 + by) for name in ("mu_s", "a")} for by in BESIDE)
@@ -122,6 +126,8 @@ def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
     found = strengthened(weakening, unknowns)
     assert found is not None and abs(found.solved.theta[mu_s] - made.truth["mu_s"]) < 0.005
     assert found.solved.theta[mu_s] > found.solved.theta[mu_k0]
-    # The valley is flat: a solve from the truth may stand still a little above the lowest point of it.
-    assert 2 * (found.solved.solution.cost - right.solved.solution.cost) < 1
+    # Its slips were laid out from afar: a few samples lie in no cell. Laid out anew both count the same samples.
+    anew = settle(found.solved.theta)
+    assert anew.solved.problem.samples == right.solved.problem.samples
+    assert abs(2 * (anew.solved.solution.cost - right.solved.solution.cost)) < 1
     assert strengthened(right, unknowns) is None
