@@ -9,7 +9,7 @@ import numpy.typing as npt
 from data_io.frozen import Finding, FloatArray
 from data_io.quality_signal import clipping
 from data_io.record import Record
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned
 from data_io.thresholds import Thresholds
 
 UNLOADED: Final = 0.1
@@ -31,7 +31,7 @@ class Load:
 
 def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds) -> tuple[Load, list[Finding]]:
     """Measure the normal force of the rows that count, and say what lies beyond the thresholds."""
-    time, normal = record.time[used], record.normal_force[used]
+    time, normal = kept(record.time, used), kept(record.normal_force, used)
     level = typical_load(normal)
     if level <= 0:
         text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
@@ -49,7 +49,8 @@ def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds
 
 def typical_load(normal: FloatArray) -> float:
     """Return the median normal force of the loaded rows [N], 0 where nothing presses; (n,) may hold NaN."""
-    finite = thinned(normal[np.isfinite(normal)])  # in this order: every so many-th row may be the one without a load
+    # In this order: every so many-th row may be the one without a load.
+    finite = thinned(kept(normal, np.isfinite(normal)))
     size = np.abs(finite)
     if size.size == 0 or not size.any():
         return 0.0

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from data_io.frozen import Finding, FloatArray
 from data_io.record import Record
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned
 from data_io.thresholds import Thresholds
 
 _CLIPPED_RUN: Final = 10
@@ -31,7 +31,7 @@ class Signal:
 
 def look_at_friction(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds) -> tuple[Signal, list[Finding]]:
     """Measure the friction force of the rows that count, used (n,), and say what lies beyond the thresholds."""
-    friction = record.friction_force[used]
+    friction = kept(record.friction_force, used)
     span = float(np.ptp(friction))
     if span == 0:
         text = f"the friction force is exactly {friction[0]:g} N in every row; a living signal was expected; check it"

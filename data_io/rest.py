@@ -7,7 +7,7 @@ import numpy as np
 
 from data_io.frozen import FloatArray
 from data_io.record import Record
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned_steps
 
 FEWEST: Final = 20
 """Rows of a rest that is worth a word."""
@@ -65,17 +65,18 @@ def find_rests(record: Record, friction: FloatArray) -> Rests:
         if moving.size and speed.max() > 0:
             first, last = int(moving[0]), int(moving[-1]) + 1
             return Rests(_told(friction, 0, first), _told(friction, last, friction.size))
-    finite = np.flatnonzero(np.isfinite(friction))
-    force = friction[finite]
+    finite = np.isfinite(friction)
+    force = kept(friction, finite)
     if force.size < 3 * FEWEST:
         return Rests(None, None)
     noise = _noise(force)
-    head, tail = _flat(force, noise), _flat(force[::-1], noise)
+    band = max(_BAND * noise, 1e-9 * float(max(force.max(), -force.min())))
+    head, tail = _flat(force, band), _flat(force[::-1], band)
     before = after = None
     if FEWEST <= head < _SHARE * force.size:
         level = float(np.mean(force[: int(_SHARE * head)]))
         if abs(level) < _LOW * float(np.median(np.abs(force[head:]))):
-            before = Rest(0, int(finite[head - 1]) + 1, level, told=False)
+            before = Rest(0, int(np.flatnonzero(finite)[head - 1]) + 1, level, told=False)
     if (
         max(5 * FEWEST, _LEAST * force.size) <= tail < _SHARE * force.size
         and np.std(force[head : force.size - tail]) > _LIVELY * noise
@@ -84,7 +85,7 @@ def find_rests(record: Record, friction: FloatArray) -> Rests:
         if _swings(lively) < _SWINGS or np.ptp(lively[-lively.size // 4 :]) < 0.5 * np.ptp(lively):  # or they decay
             return Rests(before, None)
         level = float(np.mean(force[force.size - int(_SHARE * tail) :]))
-        after = Rest(int(finite[force.size - tail]), friction.size, level, told=False)
+        after = Rest(int(np.flatnonzero(finite)[force.size - tail]), friction.size, level, told=False)
     return Rests(before, after)
 
 
@@ -120,10 +121,16 @@ def _told(friction: FloatArray, start: int, stop: int) -> Rest | None:
 
 def _noise(force: FloatArray) -> float:
     """Return the standard deviation of the noise [N], from the steps between samples; at least their quantisation."""
-    steps = np.abs(np.diff(force))
-    robust = 1.4826 * float(np.median(thinned(steps))) / np.sqrt(2.0)
-    smallest = float(np.min(steps, where=steps > 0, initial=np.inf))
-    return max(robust, smallest / np.sqrt(12.0)) if smallest < np.inf else 0.0
+    steps = np.abs(thinned_steps(force))
+    robust = 1.4826 * float(np.median(steps)) / np.sqrt(2.0)
+    if _smallest(steps) > np.sqrt(12.0) * robust:  # the smallest of all may be smaller still
+        robust = max(robust, _smallest(np.abs(np.diff(force))) / np.sqrt(12.0))
+    return robust if robust < np.inf else 0.0
+
+
+def _smallest(steps: FloatArray) -> float:
+    """Return the smallest of the steps that are any, infinity without one."""
+    return float(np.min(steps, where=steps > 0, initial=np.inf))
 
 
 def _swings(force: FloatArray) -> int:
@@ -134,10 +141,9 @@ def _swings(force: FloatArray) -> int:
     return int(np.count_nonzero(np.diff(side))) // 2
 
 
-def _flat(force: FloatArray, noise: float) -> int:
-    """Return how many rows from the start stay level within the noise; 0 where they rise instead."""
+def _flat(force: FloatArray, band: float) -> int:
+    """Return how many rows from the start stay level within a band [N]; 0 where they rise instead."""
     level = float(np.median(force[: FEWEST // 2]))
-    band = max(_BAND * noise, 1e-9 * float(np.max(np.abs(force))))
     width = FEWEST // 4
     rows = force.size
     for first in range(0, force.size - width + 1, _PORTION):  # it leaves its level soon, as a rule

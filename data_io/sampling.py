@@ -9,7 +9,7 @@ import pandas as pd
 
 from data_io.frozen import Finding, FloatArray
 from data_io.record import Record
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned
 from data_io.thresholds import DEFAULTS, Thresholds
 
 _EVEN: Final = 1e-3
@@ -75,14 +75,14 @@ def describe_sampling(
         local = [_local_interval(intervals[0])]
         begins = [record.time[:-1]]
     change, level = (parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (intervals, local))
-    ratio = change / level
-    gaps = ratio > _DROPOUT
-    calm = thinned(ratio[~gaps] if gaps.any() else ratio)
+    gaps = change > _DROPOUT * level
+    ratio = change[gaps] / level[gaps]
+    calm = thinned(kept(change, ~gaps)) / thinned(kept(level, ~gaps))
     sampling = Sampling(
         rate=float(1 / np.median(thinned(change))),
         jitter=float(1.4826 * np.median(np.abs(calm - np.median(calm)))) if calm.size else 0.0,
         dropouts=int(np.count_nonzero(gaps)),
-        missing=int(np.sum(np.round(ratio[gaps]) - 1)),
+        missing=int(np.sum(np.round(ratio) - 1)),
         longest_gap=float(np.max(change[gaps], initial=0.0)),
         longest_at=float(np.concatenate(begins)[gaps][np.argmax(change[gaps])]) if gaps.any() else 0.0,
         odd_first=bool(odd),
@@ -105,7 +105,7 @@ def _pieces(record: Record, used: npt.NDArray[np.bool_] | None) -> list[tuple[in
 def _local_interval(change: FloatArray) -> FloatArray:
     """Median interval around each interval, shape (n - 1,): a few dropouts do not move it, a switch does."""
     if change.size and np.ptp(change) <= _EVEN * change[0]:  # an even clock needs no window
-        return np.full(change.size, np.median(thinned(change)))
+        return np.broadcast_to(np.median(thinned(change)), change.shape)
     window = min(_WINDOW, change.size)
     return pd.Series(change).rolling(window, center=True, min_periods=1).median().to_numpy(dtype=np.float64)
 
@@ -116,11 +116,10 @@ def _switches(time: FloatArray, level: FloatArray, previous: float | None, facto
     reference = previous if previous is not None else float(level[0])
     start = 0
     while True:
-        ratio = level[start:] / reference
-        out = np.flatnonzero((ratio > factor) | (ratio < 1 / factor))
-        if out.size == 0:
+        later, low, high = level[start:], reference / factor, reference * factor
+        if low <= later.min() and later.max() <= high:
             return found
-        here = start + int(out[0])
+        here = start + int(np.argmax((later < low) | (later > high)))
         settled = float(level[min(here + _WINDOW // 2, level.size - 1)])
         if max(settled / reference, reference / settled) > factor:
             found.append(RateSwitch(float(time[here]), 1 / reference, 1 / settled))

@@ -39,7 +39,7 @@ from experiments.event_driven import Series, fit_by_least_squares  # noqa: E402
 from experiments.machine import describe  # noqa: E402
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS  # noqa: E402
 from experiments.workprec import one_core  # noqa: E402
-from identify import Scene, fit  # noqa: E402
+from identify import Scene, fit, native  # noqa: E402
 from identify.attempt import Clock  # noqa: E402
 from identify.effects import MAIN as NAMES  # noqa: E402
 from identify.identification import find  # noqa: E402
@@ -263,8 +263,10 @@ def main(fast: bool = False) -> Figures:
         scene = written(records, chosen, Path(folder))
         if not fast:
             fit(scene)
+            native.wait()  # no compiler runs beside what is timed
         longer = as_they_grow(chosen, scene, (1.0, 2.0) if fast else LENGTHS)
         dense = simulated(chosen, RATE)
+        native.wait()
         whole, fits = timed(lambda: fit(scene), repeats)
         few = max(repeats // 2, 1)
         solve, usual = against_least_squares(records, scene, few, most)

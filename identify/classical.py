@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned
 from identify.segment import SLIDING, SLIP, STICK, Cycles, Segmentation, segment
 from identify.strokes import Drive, Stroke, strokes
 from identify.zigzag import smooth
@@ -133,7 +133,7 @@ def _filled(values: Array) -> Array:
 
 
 def _loads(part: _Part) -> tuple[Figures, Reasons]:
-    load = part.load[part.good]
+    load = kept(part.load, part.good)
     tenth = max(load.size // 10, 1)
     first, last = (float(np.mean(x)) if x.size else 0.0 for x in (load[:tenth], load[-tenth:]))
     drift = 100.0 * (last - first) / first if first > 0 and load.size > 1 else None
@@ -151,14 +151,15 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
     told: Figures = dict.fromkeys(keys)
     if np.count_nonzero(part.good) < FEWEST_ROWS:
         return told, {}
-    if float(np.median(thinned(part.load[part.good]))) <= 0.0:
+    if float(np.median(thinned(kept(part.load, part.good)))) <= 0.0:
         return told, dict.fromkeys(keys, "the normal force is not positive: no coefficient of friction")
     cycles, phase = part.found.cycles, part.found.phase
     load = smooth(part.load, max(5, part.load.size // 200) | 1)
     load = np.where(load > 0, load, np.nan)
     coefficient, loaded = part.force / load, _begins_loading(part)
     begin = int(np.searchsorted(part.time, cycles.onset[0])) if cycles.count else _end_of_first_stick(phase)
-    moving = part.good & (np.arange(phase.size) >= (begin if loaded else 0))
+    moving = part.good.copy()
+    moving[: begin if loaded else 0] = False
     peaks = cycles.onset_force / np.interp(cycles.onset, part.time, load)
     middles = 0.5 * (cycles.onset_force + cycles.arrest_force) / np.interp(cycles.fall, part.time, load)
     breakaway = (float(peaks[0]) if cycles.count else _first_peak(part, load, begin)) if loaded else None
@@ -192,7 +193,7 @@ def _coefficient_reasons(cycles: Cycles) -> Reasons:
 
 def _put(told: Figures, name: str, values: Array) -> None:
     """Mean and sample standard deviation where there are values for them."""
-    values = values[np.isfinite(values)]
+    values = kept(values, np.isfinite(values))
     told[name] = float(np.mean(values)) if values.size else None
     told[f"{name}_sd"] = float(np.std(values, ddof=1)) if values.size > 1 else None
 

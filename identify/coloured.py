@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 MOST = 24  # order of the autoregression
 FEWEST = 50  # samples per order
+PORTION = 1 << 14  # samples worked on at once
 PAYS = 1.5  # times Schwarz's price: white noise is called coloured once in many thousand logs
 
 
@@ -68,8 +69,13 @@ def colour(residual: Array) -> Colour:
 
 def _correlation(residual: Array, known: NDArray[np.bool_], most: int) -> Array:
     """Correlation at lags 0 to `most`, divided by the full count so that it belongs to a process."""
-    centred = np.where(known, np.nan_to_num(residual), 0.0)
-    lags = np.array([centred[: centred.size - lag] @ centred[lag:] for lag in range(most + 1)])
+    centred = np.where(known, residual, 0.0)
+    lags = np.zeros(most + 1)
+    for first in range(0, centred.size, PORTION):  # few enough samples to stay in cache for every lag
+        later = centred[first : first + PORTION + most]
+        for lag in range(most + 1):
+            moved = later[lag : lag + PORTION]
+            lags[lag] += later[: moved.size] @ moved
     return np.asarray(lags / max(lags[0], 1e-300))
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +17,14 @@ from identify.layout import Family, Indices
 
 Array = NDArray[np.float64]
 
-PORTION = 1 << 14  # samples worked on at once: few enough to stay in cache
+PORTION = 1 << 15  # samples worked on at once: few enough to stay in cache
 
 
 @dataclass(frozen=True)
 class CellSamples:
-    """Samples of one log in cells of a family: number of the log; cells (k,) that hold any, how many each holds (k,),
-    and of these samples, cell by cell, the index (n,), or their slice where they follow each other, and u in [0, 1]
-    (n,)."""
+    """Samples of one log in cells of a family: number of the log; cells (k,) that hold any, none twice, how many each
+    holds (k,), and of these samples, cell by cell, the index (n,), or their slice where they follow each other, and
+    u in [0, 1] (n,). A cell of many samples is cut: its others come later."""
 
     log: int
     cells: Indices
@@ -39,8 +38,8 @@ class CellSamples:
         order, rest = coefficients.shape[1], coefficients.shape[2:]
         taken = coefficients[self.cells]
         u = self.u.reshape(-1, *(1 for _ in rest))
-        value = np.zeros((self.u.size, *rest))
-        for power in range(order - 1, -1, -1):
+        value = np.repeat(taken[:, order - 1], self.lengths, axis=0)
+        for power in range(order - 2, -1, -1):
             value *= u
             value += np.repeat(taken[:, power], self.lengths, axis=0)
         return value
@@ -90,16 +89,17 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
         cells, first, lengths = cells[full], first[full], (last - first)[full]
         if cells.size == 0:
             continue
-        for part in _portions(lengths):
-            held = lengths[part]
-            begin, ends = first[part], first[part] + held
+        for part, begin, held in _portions(first, lengths):
+            ends = begin + held
             sample: Indices | slice
             if np.array_equal(begin[1:], ends[:-1]):  # as a rule: a slice copies nothing
                 sample = slice(int(begin[0]), int(ends[-1]))
             else:
                 sample = np.arange(int(held.sum())) + np.repeat(ends - np.cumsum(held), held)
-            t0, t1 = (np.repeat(edge, held) for edge in flat[cells[part]].T)
-            yield CellSamples(number, cells[part], held, sample, (log.time[sample] - t0) / (t1 - t0))
+            edges = flat[cells[part]]
+            u = log.time[sample] - np.repeat(edges[:, 0], held)
+            u /= np.repeat(edges[:, 1] - edges[:, 0], held)
+            yield CellSamples(number, cells[part], held, sample, u)
 
 
 def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Moments:
@@ -113,15 +113,15 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Mom
         log, cells, u = logs[held.log], held.cells, held.u
         weight, force = log.weight[held.samples], log.force[held.samples]
         first = np.cumsum(held.lengths) - held.lengths
-        r = np.where(weight > 0, force - held.of_curve(curve), 0.0)
-        number[cells] = np.add.reduceat((weight > 0).astype(float), first)
+        r = force - held.of_curve(curve)
+        number[cells] += held.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
         pulled = weight * r
-        square[cells] = np.add.reduceat(pulled * r, first)
+        square[cells] += np.add.reduceat(np.multiply(pulled, r, out=r), first)
         for i in range(2 * order - 1):
-            powers[cells, i] = np.add.reduceat(weight, first)
+            powers[cells, i] += np.add.reduceat(weight, first)
             if i < order:
-                pull[cells, i] = np.add.reduceat(pulled, first)
-                pulled = pulled * u
+                pull[cells, i] += np.add.reduceat(pulled, first)
+                pulled *= u
             weight = weight * u
     hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
     shape = (count, n_cells)
@@ -134,9 +134,13 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Mom
     )
 
 
-def _portions(lengths: Indices) -> Iterator[slice]:
-    """Cells in a row that together hold about PORTION samples (k,)."""
-    total = np.cumsum(lengths)
-    edges = np.searchsorted(total, np.arange(PORTION, int(total[-1]), PORTION), side="right")
-    for start, stop in pairwise(np.unique([0, *edges.tolist(), lengths.size]).tolist()):
-        yield slice(start, stop)
+def _portions(first: Indices, lengths: Indices) -> Iterator[tuple[slice, Indices, Indices]]:
+    """PORTION samples at a time of cells (k,): which cells in a row, and where their samples of it begin, and how many
+    they are."""
+    ends = np.cumsum(lengths)
+    begins = ends - lengths
+    for start in range(0, int(ends[-1]), PORTION):
+        stop = start + PORTION
+        part = slice(int(np.searchsorted(ends, start, side="right")), int(np.searchsorted(begins, stop)))
+        skipped = np.maximum(start - begins[part], 0)
+        yield part, first[part] + skipped, np.minimum(ends[part], stop) - begins[part] - skipped

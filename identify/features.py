@@ -20,7 +20,7 @@ BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
 SHARE = 0.42  # of the period: the window never reaches the next fall
 MODEL_ERROR = 0.01  # of the drop: what the features of an ideal log still miss
 TIMING = 0.3  # of the time between samples: how well they tell a time
-MOST_SAMPLES = 100_000  # of one log in the fold: enough for any mean
+MOST_SAMPLES = 1 << 14  # of one log in the fold: enough for any mean
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import thinned
+from data_io.thinned import thinned_steps
 from identify.drive import Drive, NormalForce
 
 Array = NDArray[np.float64]
@@ -29,7 +29,8 @@ class Grid:
 class LogData:
     """One log as the estimator sees it: samples in the fitted window, rig and what acts from outside.
 
-    time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked;
+    time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked (the
+    force there is finite, and says nothing);
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
     normal_force_sd [N] (0: exact), tremor_sd [N] of it in fast rhythms (0: none), calm: these were taken out; the
@@ -68,7 +69,7 @@ class LogData:
     @cached_property
     def interval(self) -> float:
         """How far samples lie apart [s]."""
-        return float(np.median(thinned(np.diff(self.time))))
+        return float(np.median(thinned_steps(self.time)))
 
     @property
     def samples(self) -> int:

@@ -19,6 +19,7 @@ from identify.errors import FitError
 from identify.findings import Findings
 from identify.fitted import as_it_ended, described
 from identify.grouped import search_grouped
+from identify.heap import keep_freed_memory
 from identify.held import Held, against_data
 from identify.hints import what_is_held
 from identify.loads import calmed
@@ -105,6 +106,7 @@ def find(
 ) -> tuple[list[Prepared], Findings]:
     """The identification without report and outlook; arguments and errors as `fit`."""
     began = time.perf_counter()
+    keep_freed_memory()
     if scene.model.balance is not None:
         raise FitError(
             "the effect inertia is off: a fit follows slips, which have no duration without a mass; "

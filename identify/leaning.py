@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from data_io.thinned import thinned
 from identify.guess import LogData
 from identify.quantiles import normal
+from identify.zigzag import running_means
 
 Array = NDArray[np.float64]
 
@@ -58,23 +59,27 @@ def most_leaning(logs: Sequence[LogData], fitted: Sequence[Array]) -> Lean | Non
 
 def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
     """The most leaning window of each length."""
-    rows = np.flatnonzero((log.weight > 0) & np.isfinite(fitted))
-    whole = rows.size and rows[-1] - rows[0] == rows.size - 1
-    told = slice(rows[0], rows[-1] + 1) if whole else rows  # a slice copies nothing
+    good = (log.weight > 0) & np.isfinite(fitted)
+    first, stop = int(np.argmax(good)), good.size - int(np.argmax(good[::-1]))
+    told = slice(first, stop) if good[first:stop].all() else good  # a slice copies nothing
     time, residual = log.time[told], log.force[told] - fitted[told]
-    summed = np.concatenate([[0.0], np.cumsum(residual * np.sqrt(log.weight[told]))])
+    weight = log.weight[told]
+    even = residual.size and weight.min() == weight.max()  # as a rule: a million roots take their time
+    scaled = residual * np.sqrt(weight[0] if even else weight)
     lengths = [2**i for i in range(1, int(np.log2(LONGEST)) + 1) if 8 * 2**i <= residual.size]
-    out = []
+    out, sums, step = [], scaled, 1
     for width in lengths:
-        step = max(width // OVERLAP, 1)
-        sums = summed[width::step] - summed[:-width:step]
+        half = width // 2 // step
+        sums = sums[:-half] + sums[half:]
+        if width > OVERLAP * step:
+            sums, step = sums[::2], 2 * step
         low, high = np.quantile(thinned(sums, ENOUGH), (0.25, 0.75)) / np.sqrt(width)
         spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
         ends = (int(np.argmin(sums)), int(np.argmax(sums)))
         about = step * max(ends, key=lambda end: abs(float(sums[end])))
-        near = np.arange(max(about - step + 1, 0), min(about + step, summed.size - width))
-        around = np.abs(summed[near + width] - summed[near]) / np.sqrt(width)
-        first = int(near[np.argmax(around)])
+        begin = max(about - step + 1, 0)
+        around = np.abs(running_means(scaled[begin : about + step - 1 + width], width)) * np.sqrt(width)
+        first = begin + int(np.argmax(around))
         limit = -normal(0.5 * CHANCE / (residual.size * len(lengths)))
         window = slice(first, first + width)
         length = float(time[first + width - 1] - time[first])

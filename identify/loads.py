@@ -9,7 +9,7 @@ import scipy  # its parts come with their first use: a third of a second of impo
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned
 from identify.drive import NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
@@ -62,7 +62,7 @@ def as_modelled(
     Raises:
         FitError: no finite value, or a force that is not positive throughout.
     """
-    course = smooth(record.time[used], record.normal_force[used], name, cycles)
+    course = smooth(kept(record.time, used), kept(record.normal_force, used), name, cycles)
     if follows:
         return course, 0.0
     begin, end = window
@@ -224,7 +224,7 @@ def swing(course: NormalForce, begin: float, end: float) -> float:
 
 def _finite(time: Array, normal_force: Array, name: str) -> tuple[Array, Array]:
     good = np.isfinite(normal_force) & np.isfinite(time)
-    t, f = (time, normal_force) if good.all() else (time[good], normal_force[good])
+    t, f = kept(time, good), kept(normal_force, good)
     if t.size == 0:
         raise FitError(f"{name} has no finite normal force; give it with --normal-force")
     if np.median(thinned(f)) <= 0.0:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from data_io import Record
 from data_io.record import within
 from identify.classical import classical_table
@@ -22,7 +20,7 @@ def log_document(scene: Scene, index: int, log: Prepared, found: Findings, answe
     table = classical_table(
         _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
     )
-    load = float(np.nanmean(record.normal_force))
+    load = log.mean_load
     stroke = part_of(scene, log.entry)
     return {
         **({} if stroke is None else {"part_of": stroke}),

@@ -34,7 +34,7 @@ def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Any
         p = unknowns.values(theta, log.data.base)
         slope = np.where(unknowns.logarithmic, p, 1.0)[free]
         values = dict(zip(unknowns.names, p.tolist(), strict=True))
-        load = float(np.nanmean(log.record.normal_force))
+        load = log.mean_load
         points.append(OperatingPoint(values, log.data.drive_speed, load, covariance * np.outer(slope, slope)))
     names = [unknowns.names[i] for i in free]
     if found.sure is not None and found.sure.of_groups:  # what points have in common is only shared within a pair

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned, thinned_steps
 from identify.drive import Drive
 from identify.local_fits import line_slope
 from identify.segment import SLIDING, STICK, Segmentation
@@ -64,11 +64,11 @@ def manner_of(
 
 def since_settled(time: Array, force: Array, noise: float, half_period: float) -> float | None:
     """Since when a force is level within its noise up to the end [s]; None where it is not for long enough."""
-    good = np.flatnonzero(np.isfinite(force))
-    if good.size < LEAST_SETTLED:
+    good = np.isfinite(force)
+    if np.count_nonzero(good) < LEAST_SETTLED:
         return None
-    t, f = time[good], force[good]
-    interval = float(np.median(thinned(np.diff(t))))
+    t, f = kept(time, good), kept(force, good)
+    interval = float(np.median(thinned_steps(t)))
     width = max(round(2.0 * half_period / interval), BIN) if half_period else BIN
     count = t.size // width
     if count < 2:
@@ -110,4 +110,4 @@ def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, f
 
 def _starts_loaded(force: Array) -> bool:
     finite = force[np.isfinite(force)]
-    return bool(finite.size and np.median(finite[: max(finite.size // 100, 3)]) > LEVEL * np.median(finite))
+    return bool(finite.size and np.median(finite[: max(finite.size // 100, 3)]) > LEVEL * np.median(thinned(finite)))

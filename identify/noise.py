@@ -141,7 +141,8 @@ def _extrapolated(samples: Array, steps: NDArray[np.int64]) -> Array:
 
 def _jumps(force: Array, limit: float) -> NDArray[np.int64]:
     """Samples after which the force jumps."""
-    return np.flatnonzero(np.abs(np.diff(force)) > 0.6 * limit)
+    steps = np.diff(force)
+    return np.flatnonzero(np.abs(steps, out=steps) > 0.6 * limit)
 
 
 def _candidates(jump: NDArray[np.int64], force: Array, length: int) -> NDArray[np.int64]:

@@ -132,10 +132,13 @@ def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
             x[i] = 0.5 * (s.lower + s.upper)
     if falls.size:
         end = log.begin + 0.8 * max(falls[0] - log.begin, 0.0)
-        mine = (log.time >= log.begin) & (log.time <= max(end, log.time[0])) & (log.weight > 0)
+        last = int(np.searchsorted(log.time, max(end, log.time[0]), side="right"))
+        rows = slice(int(np.searchsorted(log.time, log.begin)), last)
+        mine = log.weight[rows] > 0
         if np.any(mine):
             k = p[model.parameter_names.index("stiffness")]
-            level = np.median(thinned(log.force[mine] - k * log.drive_speed * (log.time[mine] - log.begin)))
+            moved = k * log.drive_speed * (log.time[rows] - log.begin)
+            level = np.median(thinned((log.force[rows] - moved)[mine]))
             u = np.array([[log.drive_speed, float(log.normal_force.at(log.begin)), 1.0, log.begin]])
             settled = lanes.at_force(model, np.array([level]), p[None, :], u)[0]
             x = np.where(np.arange(x.size) == (-1 if model.clamped is None else model.clamped), x, settled)

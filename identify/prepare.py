@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned
 from identify import window
 from identify.cutting import Account, account, cut_and_correct
 from identify.drive import Drive, NormalForce
@@ -75,6 +76,12 @@ class Prepared:
         """Short name of the log in sentences."""
         return name_of(self.entry)
 
+    @cached_property
+    def mean_load(self) -> float:
+        """Mean of the measured normal force, all of it [N]."""
+        load = self.record.normal_force
+        return float(np.mean(kept(load, np.isfinite(load))))
+
     @property
     def scatter(self) -> float:
         """How much the force drop differs from one settled cycle to the next, as a share of the mean drop, beyond
@@ -121,7 +128,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         raise FitError(
             f"{name} has {np.count_nonzero(used)} usable samples; expected hundreds: widen window and exclude"
         )
-    sign = _sign(entry, force[used])
+    sign = _sign(entry, kept(force, used))
     force = sign * force
     shown = np.where(used, force, np.nan)
     inside = np.flatnonzero(used)
@@ -162,7 +169,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     load_sd = float(np.hypot(course.sd, repeatable))
     data = LogData(
         np.ascontiguousarray(record.time),
-        np.nan_to_num(force),
+        np.where(np.isfinite(force), force, 0.0),
         weight,
         unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
         speed,

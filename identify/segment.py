@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import kept, thinned_steps
 from identify.local_fits import crossing, level, noise_on_lines, slope, span
 from identify.noise import bridged, quantum, spikes, white_noise
 from identify.slips import SLIDING, SLIP, STICK, Slips, Trace, judge, label, loading_knee, not_slipping
@@ -150,7 +151,7 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
     white = white_noise(clean)
     masked = spikes(clean, max(white, noise or 0.0))
     clean = bridged(clean, masked)
-    interval = float(np.median(np.diff(time)))
+    interval = float(np.median(thinned_steps(time)))
     sd = white if noise is None else noise
     turns = find_falls(clean, sd, None if half_period is None else half_period / interval)
     trace = Trace(time, clean, turns.smoothed, sd, turns.hysteresis)
@@ -158,7 +159,7 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
     phase, ends_sliding = label(trace, slips)
     return Segmentation(
         cycles=_cycles(trace, slips),
-        noise=_noise(force[~holes] if holes.any() else force, clean, phase, white) if noise is None else noise,
+        noise=_noise(kept(force, ~holes), clean, phase, white) if noise is None else noise,
         spikes=masked | holes,
         phase=phase,
         begins_in_slip=slips.starts_falling and bool(slips.kept.any()),
@@ -177,7 +178,7 @@ def _noise(finite: Array, clean: Array, phase: NDArray[np.int8], white: float) -
 def _nothing(time: Array, holes: NDArray[np.bool_], noise: float) -> Segmentation:
     none = np.empty(0)
     phase = np.full(time.size, SLIDING, dtype=np.int8)
-    interval = float(np.median(np.diff(time))) if time.size > 1 else 1.0
+    interval = float(np.median(thinned_steps(time))) if time.size > 1 else 1.0
     return Segmentation(Cycles(none, none, none, none, none), noise, holes, phase, False, True, none, None, interval)
 
 

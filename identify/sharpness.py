@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from data_io.thinned import kept
 from identify.segment import Segmentation
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> t
     stick = float(np.median(cycles.onset[1:] - cycles.arrest[:-1]))
     grid = np.arange(-BEFORE * slip, min(AFTER * slip, 0.5 * slip + OF_STICK * stick), step)
     good = np.isfinite(force) & ~found.spikes
-    sound, there = time[good], force[good]
+    sound, there = kept(time, good), kept(force, good)
     falls = [t for t in cycles.fall[1:] if t + grid[0] >= time[0] and t + grid[-1] <= time[-1]]
     if len(falls) < FEWEST_SLIPS - 1:
         return None

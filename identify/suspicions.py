@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.frozen import Finding
-from data_io.thinned import thinned
+from data_io.thinned import kept, thinned
 from data_io.thresholds import DEFAULTS, Thresholds
 from identify.segment import Segmentation, segment
 
@@ -45,7 +45,8 @@ def strange_coefficient(record: Record, thresholds: Thresholds = DEFAULTS) -> Fi
     loaded = np.isfinite(record.normal_force) & np.isfinite(record.friction_force) & (record.normal_force > 0)
     if not loaded.any():
         return None
-    ratio = float(np.quantile(thinned(np.abs(record.friction_force[loaded]) / record.normal_force[loaded]), 0.9))
+    friction, normal = (thinned(kept(values, loaded)) for values in (record.friction_force, record.normal_force))
+    ratio = float(np.quantile(np.abs(friction) / normal, 0.9))
     severity = thresholds.severity("coefficient_highest", ratio) or thresholds.severity("coefficient_lowest", ratio)
     if severity is None or ratio == 0.0:
         return None

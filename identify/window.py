@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import thinned_steps
 from identify.drive import Drive
 from identify.manner import Manner, moving_pieces
 from identify.segment import STICK, Segmentation
@@ -73,7 +74,7 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     if wrong.size == 0:
         return begin
     # Where the difference was last seen it had become small, not nought: a little of the line is left out as well.
-    bend = float(centre[wrong[-1]] + width * np.median(np.diff(t)))
+    bend = float(centre[wrong[-1]] + width * np.median(thinned_steps(t)))
     return bend + CLEAR * max(float(t[late][0]) - bend, 0.0)
 
 

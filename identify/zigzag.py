@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, sqrt
 
 import numpy as np
@@ -31,7 +31,8 @@ class Turns:
     """Falls of the smoothed force: sample indices of peak and valley, each shape (c,), and how they were found.
 
     Every peak has a rise before it and every valley a rise after it, both higher than `hysteresis` [N],
-    except that the first peak may be the first sample. `width` is the smoothing [samples], `smoothed` the force (n,).
+    except that the first peak may be the first sample. `width` is the smoothing [samples], `smoothed` the force (n,);
+    `corners` are the samples among which all its turning points are.
     """
 
     peaks: Indices
@@ -40,6 +41,7 @@ class Turns:
     hysteresis: float
     starts_falling: bool
     smoothed: Array
+    corners: Indices
 
     @property
     def drops(self) -> Array:
@@ -63,9 +65,18 @@ def smooth(force: Array, width: int) -> Array:
 
 
 def running_means(values: Array, width: int) -> Array:
-    """Means of every `width` neighbours of values (n,), shape (n - width + 1,)."""
-    total = np.concatenate(([0.0], np.cumsum(values - values[0])))
-    return np.asarray(values[0] + (total[width:] - total[:-width]) / width)
+    """Means of every `width` neighbours of values (n,), shape (n - width + 1,).
+
+    Put together of sums of 1, 2, 4, ... neighbours: faster than differences of a running total, which a processor can
+    only add up one by one, and not rounded by what came long before.
+    """
+    total, begin, sums = np.zeros(values.size - width + 1), 0, values
+    for many in (1 << power for power in range(width.bit_length())):
+        if width & many:
+            total += sums[begin : begin + total.size]
+            begin += many
+        sums = sums[:-many] + sums[many:] if 2 * many <= width else sums
+    return total / width
 
 
 def _corners(values: Array, hysteresis: float) -> Indices:
@@ -73,7 +84,16 @@ def _corners(values: Array, hysteresis: float) -> Indices:
     its lowest and highest one, which changes nothing but the time it takes. What is left of long blocks is looked at
     again in short ones."""
     left = np.flatnonzero(_within_blocks(values, hysteresis, int(np.clip(values.size // BLOCKS, *REDUCED))))
-    return left[_within_blocks(values[left], hysteresis, AGAIN)]
+    return _fewer(values, left, hysteresis)
+
+
+def _fewer(values: Array, corners: Indices, hysteresis: float) -> Indices:
+    """Those of the corners that a second look leaves, or one with a larger hysteresis: where the force turns."""
+    left = corners[_within_blocks(values[corners], hysteresis, AGAIN)]
+    steps = np.diff(values[left])
+    turns = np.ones(left.size, dtype=bool)
+    turns[1:-1] = steps[1:] * steps[:-1] <= 0.0
+    return left[turns]
 
 
 def _within_blocks(values: Array, hysteresis: float, length: int) -> NDArray[np.bool_]:
@@ -90,13 +110,15 @@ def _within_blocks(values: Array, hysteresis: float, length: int) -> NDArray[np.
     return candidate
 
 
-def zigzag(values: Array, hysteresis: float, confirmation: float) -> tuple[list[int], list[int], int]:
+def zigzag(
+    values: Array, hysteresis: float, confirmation: float, corners: Indices | None = None
+) -> tuple[list[int], list[int], int]:
     """Alternating turning points of values (n,), each confirmed by a move of more than `hysteresis` after it;
-    for a last valley the smaller `confirmation` is enough.
+    for a last valley the smaller `confirmation` is enough. `corners` are all that can be turning points, if known.
 
     Returns: indices of the peaks, of the valleys, and the direction of the first confirmed move (0: none).
     """
-    turning = _corners(values, hysteresis)
+    turning = _corners(values, hysteresis) if corners is None else corners
     peaks: list[int] = []
     valleys: list[int] = []
     way = first = 0
@@ -122,9 +144,9 @@ def zigzag(values: Array, hysteresis: float, confirmation: float) -> tuple[list[
     return peaks, valleys, first
 
 
-def _falls(values: Array, hysteresis: float, confirmation: float) -> tuple[Indices, Indices, int]:
+def _falls(values: Array, hysteresis: float, confirmation: float, corners: Indices) -> tuple[Indices, Indices, int]:
     """Complete falls: peaks paired with the valleys after them."""
-    peaks, valleys, first = zigzag(values, hysteresis, confirmation)
+    peaks, valleys, first = zigzag(values, hysteresis, confirmation, corners)
     if first < 0:
         valleys = valleys[1:]  # the fall before it began outside the record
     n = min(len(peaks), len(valleys))
@@ -136,17 +158,17 @@ def _strict(samples: int, width: int) -> float:
     return 2.0 * sqrt(2.0 * log(max(samples / width, 8.0))) + 1.0
 
 
-def left_by_smoothing(force: Array, noise: float, width: int) -> float:
-    """Standard deviation that noise leaves in a force smoothed over so many samples [N].
+def left_by_smoothing(smoothed: Array, noise: float, width: int) -> float:
+    """Standard deviation that noise leaves in a force `smoothed` over so many samples (n,) [N].
 
     Of white noise noise/sqrt(width); noise with a memory leaves more, which second differences of the means of
     neighbouring stretches show. Most of them may hold a slip: the quietest tenth is asked.
     """
     white = noise / sqrt(width)
-    count = force.size // width
+    count = smoothed.size // width
     if width < 3 or count < 30:
         return white
-    means = force[: count * width].reshape(count, width).mean(axis=1)
+    means = smoothed[width // 2 :: width][:count]
     seen = sqrt(float(np.quantile(thinned(np.diff(means, 2) ** 2), QUIET)) / QUIET_OF_WHITE / 6.0)
     return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
 
@@ -158,10 +180,11 @@ def typical(drops: Array) -> float:
 
 def _look(force: Array, noise: float, width: int) -> Turns:
     values = smooth(force, width)
-    left = left_by_smoothing(force, noise, width)
+    left = left_by_smoothing(values, noise, width)
     hysteresis = max(_strict(force.size, width) * left, 1e-9 * float(np.ptp(force)))
-    peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * left)
-    return Turns(peaks, valleys, width, hysteresis, first < 0, values)
+    corners = _corners(values, hysteresis)
+    peaks, valleys, first = _falls(values, hysteresis, CONFIRMED_SD * left, corners)
+    return Turns(peaks, valleys, width, hysteresis, first < 0, values, corners)
 
 
 def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
@@ -187,31 +210,32 @@ def find_falls(force: Array, noise: float, half_period: float | None) -> Turns:
     if half_period is None and best.count:
         usual = int(0.5 * WIDTH_SHARE * float(np.median(best.valleys - best.peaks))) | 1
         best = _look(force, noise, usual) if usual > best.width else best
-    return _second_look(force, noise, _without_small(force, noise, best))
+    return _second_look(noise, _without_small(noise, best))
 
 
-def _without_small(force: Array, noise: float, turns: Turns) -> Turns:
+def _without_small(noise: float, turns: Turns) -> Turns:
     """Without falls below a fifth of the typical one."""
     hysteresis = SMALLEST_SHARE * typical(turns.drops)
     if hysteresis <= turns.hysteresis:
         return turns
-    left = left_by_smoothing(force, noise, turns.width)
-    peaks, valleys, first = _falls(turns.smoothed, hysteresis, min(hysteresis, CONFIRMED_SD * left))
-    return Turns(peaks, valleys, turns.width, hysteresis, first < 0, turns.smoothed)
+    left = left_by_smoothing(turns.smoothed, noise, turns.width)
+    corners = _fewer(turns.smoothed, turns.corners, hysteresis)
+    peaks, valleys, first = _falls(turns.smoothed, hysteresis, min(hysteresis, CONFIRMED_SD * left), corners)
+    return replace(turns, peaks=peaks, valleys=valleys, hysteresis=hysteresis, starts_falling=first < 0)
 
 
-def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
+def _second_look(noise: float, turns: Turns) -> Turns:
     """Searches again, less strictly, where the interval between falls is suspiciously long."""
     if turns.count < 3:
         return turns
     values = turns.smoothed
     usual = float(np.median(np.diff(turns.peaks)))
     sds = max(SECOND_LOOK_SD, _strict(int(LONG_INTERVAL * usual), turns.width) - 1.0)
-    lenient = max(sds * left_by_smoothing(force, noise, turns.width), 2 * SMALLEST_SHARE * typical(turns.drops))
+    lenient = max(sds * left_by_smoothing(values, noise, turns.width), 2 * SMALLEST_SHARE * typical(turns.drops))
     if lenient >= turns.hysteresis:
         return turns
     starts = np.concatenate(([0], turns.peaks))
-    stops = np.append(turns.peaks, force.size - 1)
+    stops = np.append(turns.peaks, values.size - 1)
     peaks: list[int] = []
     valleys: list[int] = []
     known = [None, *turns.valleys.tolist()]
@@ -225,4 +249,4 @@ def _second_look(force: Array, noise: float, turns: Turns) -> Turns:
             if bottom is not None and (top > 0 or first > 0):
                 peaks.append(top)
                 valleys.append(bottom)
-    return Turns(np.array(peaks), np.array(valleys), turns.width, lenient, turns.starts_falling, values)
+    return replace(turns, peaks=np.array(peaks), valleys=np.array(valleys), hysteresis=lenient)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.coloured import Colour, colour, coloured_covariance
+from identify.coloured import Colour, _correlation, colour, coloured_covariance
 
 
 def _process(random, n, regression):
@@ -51,3 +51,12 @@ def test_covariance_is_that_of_repeated_draws():
     white = coloured_covariance([moves], [1.0], [Colour(np.empty(0), 1.0)])
     np.testing.assert_allclose(white, moves.T @ moves)
     assert np.all(np.diag(expected) > 4 * np.diag(white)), "the memory matters here"
+
+
+@pytest.mark.parametrize("portion", [1, 7, 300, 1000, 5000])
+def test_correlation_in_portions_is_that_of_the_whole(portion, monkeypatch):
+    monkeypatch.setattr("identify.coloured.PORTION", portion)
+    residual = _process(np.random.default_rng(6), 1000, [0.8])
+    whole = [residual[: 1000 - lag] @ residual[lag:] for lag in range(25)]
+    found = _correlation(residual, np.ones(1000, bool), 24)
+    np.testing.assert_allclose(found, np.array(whole) / whole[0], rtol=1e-12, atol=1e-14)

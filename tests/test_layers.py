@@ -18,7 +18,7 @@ wide native mapped compiled dop853 tableaus drive modes situated crossing restin
 stepper plan machine phases
 samples averaging trajectory initial admission
 quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
-noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality
+heap noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality
 judgement draft
 bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread
 drawn scatter stated calculable choice price selection_numbers comparison form_slopes

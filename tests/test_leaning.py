@@ -67,3 +67,28 @@ def test_what_is_not_fitted_does_not_count():
     curve[100:200] = np.nan
     assert most_leaning([_log(residual)], [curve]).share < 0.9
     assert most_leaning([], []) is None
+
+
+def test_the_window_is_that_of_running_totals_over_every_start(monkeypatch):
+    """Widths up to OVERLAP are looked at from every sample: the lean that stands out most is found exactly."""
+    residual = NOISE * np.random.default_rng(5).standard_normal(3001)
+    monkeypatch.setattr("identify.leaning.LONGEST", 8)
+    monkeypatch.setattr("identify.leaning.QUARTILE", np.inf)  # the noise is white, and known
+    lean = most_leaning([_log(residual)], [np.full(residual.size, 2.0)])
+    total = np.concatenate([[0.0], np.cumsum(residual / NOISE)])
+    widths = {w: int(np.argmax(np.abs(total[w:] - total[:-w]))) for w in (2, 4, 8)}
+    highest = {w: abs(float(total[i + w] - total[i])) / np.sqrt(w) for w, i in widths.items()}
+    width = max(highest, key=lambda w: highest[w])
+    assert lean.deviations == pytest.approx(highest[width], rel=1e-9)
+    assert lean.time == pytest.approx((widths[width] + 0.5 * (width - 1)) / 1000.0, rel=1e-9)
+
+
+def test_weights_may_differ_from_sample_to_sample():
+    residual = NOISE * np.random.default_rng(1).standard_normal(SAMPLES)
+    residual[7000:7030] -= 2.0 * NOISE
+    logs = [_log(residual), _log(residual)]
+    logs[1].weight[0] *= 1.0 + 1e-9
+    even, uneven = (most_leaning([log], [np.full(SAMPLES, 2.0)]).deviations for log in logs)
+    assert uneven == pytest.approx(even, rel=1e-8)
+    logs[1].weight[7000:7030] /= 100.0
+    assert most_leaning([logs[1]], [np.full(SAMPLES, 2.0)]).deviations < 0.7 * even

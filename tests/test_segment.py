@@ -9,7 +9,7 @@ import pytest
 
 from identify.noise import quantum, spikes, white_noise
 from identify.segment import SLIDING, SLIP, STICK, segment
-from identify.zigzag import _corners, smooth, zigzag
+from identify.zigzag import _corners, left_by_smoothing, running_means, smooth, zigzag
 
 PAIR = {
     "mu_s": 0.62,
@@ -315,3 +315,23 @@ def test_a_million_samples_take_little_time(fast):
     found = segment(t, f, half_period=HALF_PERIOD)
     assert clock.process_time() - start < 1.5
     assert found.count == run.arrests.size
+
+
+@pytest.mark.parametrize(("samples", "width"), [(10, 1), (10, 10), (1001, 7), (5000, 64), (5000, 219)])
+def test_means_of_neighbours_are_a_convolution(samples, width):
+    values = 5.0 + np.random.default_rng(samples).standard_normal(samples)
+    np.testing.assert_allclose(
+        running_means(values, width), np.convolve(values, np.ones(width) / width, "valid"), rtol=1e-13
+    )
+
+
+def test_a_smoothed_force_tells_what_means_of_stretches_of_the_force_do():
+    rng = np.random.default_rng(8)
+    for correlated, width in ((False, 9), (True, 9), (True, 31)):
+        force = rng.standard_normal(20_000)
+        force = np.convolve(force, np.full(6, 6**-0.5), "same") if correlated else force
+        means = force[: force.size // width * width].reshape(-1, width).mean(axis=1)
+        seen = np.sqrt(np.quantile(np.diff(means, 2) ** 2, 0.1) / 0.01579 / 6.0)
+        left, white = left_by_smoothing(smooth(force, width), 1.0, width), width**-0.5
+        assert left == pytest.approx(min(seen, 3.0) if seen > 1.5 * white else white, rel=1e-9)
+        assert (left > white) is correlated

@@ -158,6 +158,19 @@ def test_compression_is_exact(size):
     assert cost == pytest.approx(0.5 * (blocks + float(prior.sum())), rel=1e-12)
 
 
+@pytest.mark.parametrize("portion", [1, 10, 997])
+def test_a_cell_may_be_compressed_in_portions(portion, monkeypatch):
+    whole = _masked(_problem(load_sd=1e-3)[0])
+    z = _somewhere(whole, 3e-2)
+    cost, fitted = whole.evaluate(z, derivatives=False).cost, whole.fitted(z)
+    monkeypatch.setattr("identify.compression.PORTION", portion)
+    cut = Problem(whole.logs, whole.layout)
+    assert cut.evaluate(z, derivatives=False).cost == pytest.approx(cost, rel=1e-12)
+    assert cut.samples == whole.samples
+    for one, other in zip(cut.fitted(z), fitted, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_one_sample_moved_is_seen():
     problem = _problem()[0]
     log = problem.logs[1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from data_io.thinned import ENOUGH, thinned
+from data_io.thinned import ENOUGH, kept, thinned, thinned_steps
 
 
 @pytest.mark.parametrize("size", [0, 1, ENOUGH, 2 * ENOUGH - 1])
@@ -31,3 +31,15 @@ def test_what_alternates_is_seen_both_ways():
     values = np.tile([0.0, 1.0], 20 * ENOUGH)
     assert np.mean(thinned(values)) == pytest.approx(0.5, abs=1e-4)
     assert np.mean(values[::40]) == 0.0, "an even stride would see one kind only"
+
+
+@pytest.mark.parametrize("size", [2, 1000, 30 * ENOUGH + 7])
+def test_steps_are_those_that_would_be_chosen_from_all(size):
+    values = np.random.default_rng(2).standard_normal(size)
+    np.testing.assert_array_equal(thinned_steps(values), thinned(np.diff(values)))
+
+
+def test_what_is_whole_is_not_copied():
+    values = np.arange(5.0)
+    assert kept(values, values >= 0) is values
+    np.testing.assert_array_equal(kept(values, values > 2), [3.0, 4.0])
