@@ -41,7 +41,7 @@ class CellSamples:
         value = np.repeat(taken[:, order - 1], self.lengths, axis=0)
         for power in range(order - 2, -1, -1):
             value *= u
-            value += np.repeat(taken[:, power], self.lengths, axis=0)
+            value += _each(taken[:, power], self.lengths)
         return value
 
 
@@ -97,8 +97,8 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
             else:
                 sample = np.arange(int(held.sum())) + np.repeat(ends - np.cumsum(held), held)
             edges = flat[cells[part]]
-            u = log.time[sample] - np.repeat(edges[:, 0], held)
-            u /= np.repeat(edges[:, 1] - edges[:, 0], held)
+            u = log.time[sample] - _each(edges[:, 0], held)
+            u /= _each(edges[:, 1] - edges[:, 0], held)
             yield CellSamples(number, cells[part], held, sample, u)
 
 
@@ -118,11 +118,11 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Mom
         pulled = weight * r
         square[cells] += np.add.reduceat(np.multiply(pulled, r, out=r), first)
         for i in range(2 * order - 1):
+            weight = weight * u if i else weight
             powers[cells, i] += np.add.reduceat(weight, first)
             if i < order:
+                pulled = np.multiply(pulled, u, out=pulled) if i else pulled
                 pull[cells, i] += np.add.reduceat(pulled, first)
-                pulled *= u
-            weight = weight * u
     hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
     shape = (count, n_cells)
     return Moments(
@@ -132,6 +132,11 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Mom
         square.reshape(shape).sum(axis=1),
         number.reshape(shape).sum(axis=1),
     )
+
+
+def _each(values: Array, lengths: Indices) -> Array:
+    """What belongs to cells (k, *rest), for each of their samples (n, *rest), or for all of one cell (1, *rest)."""
+    return values if lengths.size == 1 else np.repeat(values, lengths, axis=0)
 
 
 def _portions(first: Indices, lengths: Indices) -> Iterator[tuple[slice, Indices, Indices]]:

@@ -130,15 +130,16 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         )
     sign = _sign(entry, kept(force, used))
     force = sign * force
-    shown = np.where(used, force, np.nan)
+    shown = force if used.all() else np.where(used, force, np.nan)
     inside = np.flatnonzero(used)
     first, last = int(inside[0]), int(inside[-1]) + 1
     found = segment(record.time[first:last], shown[first:last], half_period=rig.half_period or None, noise=rig.noise)
     spikes = np.ones(record.time.size, bool)
     spikes[first:last] = found.spikes
     noise = rig.noise or found.noise
-    floor = 1e-6 * float(np.nanmax(np.abs(force)))
-    weight = np.where(used & ~spikes & np.isfinite(force), 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
+    measured = kept(force, used)
+    floor = 1e-6 * float(max(measured.max(), -measured.min()))
+    weight = np.where(used & ~spikes, 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
     falls = found.cycles.fall[entry.skip_cycles :]
     soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
     expected = None if soft or not drive.constant else speed * rig.stiffness

@@ -261,6 +261,5 @@ def _label_without_slips(trace: Trace, phase: Phase) -> None:
 
 def not_slipping(phase: Phase) -> list[tuple[int, int]]:
     """First sample and end of every stretch of stick and of sliding."""
-    runs = np.where(phase == SLIP, -1, phase)
-    edges = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), int(runs.size)]
-    return [(first, end) for first, end in pairwise(edges) if runs[first] >= 0]
+    edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
+    return [(first, end) for first, end in pairwise(edges) if phase[first] != SLIP]

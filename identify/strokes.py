@@ -97,8 +97,8 @@ def _lasting_sign(force: Array) -> NDArray[np.int64]:
         return one
     filled = force if finite.all() else np.where(finite, force, np.median(force[finite]))
     clear = CLEAR * float(np.quantile(np.abs(thinned(filled)), 0.9))
-    up, down = float(np.mean(filled > clear)), float(np.mean(filled < -clear))
-    if min(up, down) < LEAST_SHARE:
+    up, down = np.count_nonzero(filled > clear), np.count_nonzero(filled < -clear)
+    if min(up, down) < LEAST_SHARE * filled.size:
         return one
     slow = smooth(filled, max(3, force.size // 100) | 1)
     decided = np.abs(slow) > clear
