@@ -28,6 +28,7 @@ from identify.ridge_ends import better_course, other_sign, strengthened
 from identify.shares import Share, share_estimates, shares
 from identify.uncertainty import IDENTIFIED, Estimate, Information, Interval, estimates, information, sizes
 from identify.unknowns import Unknowns
+from identify.valleys import Valley, other_valleys
 from identify.vibration import rhythmic
 from identify.widened import widened
 
@@ -95,7 +96,7 @@ def certainty(
         return None
     accepted = attempt.gate.status is Status.CONVERGED
     walked: Profiles | None = None
-    mirrored = False
+    mirrored, valleys = False, list[Valley]()
     for tries in range(1 + BETTER_TRIES):
         solved = attempt.solved
         bounds = at_bound(solved.theta)
@@ -122,6 +123,8 @@ def certainty(
             if other is not None:
                 attempt, known, walked = other, information_at(other, unknowns), None
                 continue
+            progress("looking for other valleys", None)
+            valleys = other_valleys(attempt, unknowns)
         # What one peak or one level does not tell, no walk along it will find an end of.
         tells = onsets(solved.guesses) > 1
         asks = asked.profile or bool(bounds) or (tells and doubtful(unknowns, covariance, found))
@@ -134,15 +137,21 @@ def certainty(
         if walked is not None or not accepted or along == [] or tries == BETTER_TRIES:
             break
         steps = CURVE_STEPS if asked.profile else 1
-        walked = profile(attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along)
+        walked = profile(
+            attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along, valleys=valleys
+        )
         if walked.better is not None:
             moved = resolve_firmly(attempt, unknowns, walked.better.theta, walked.better.guesses)
             inside = walked.gain < chi_square(LEVEL, int(np.sum(unknowns.free)))
             if moved.gate.status is not Status.CONVERGED and inside:
-                continue  # inside the joint region: another point of the same ridge, at which the solver finds no end
+                # Inside the joint region: another point of the same ridge, at which the solver finds no end.
+                walked = walked.seen_from(unknowns, solved.theta)
+                continue
             if moved.gate.status is not Status.CONVERGED:
                 moved = replace(moved, gate=_another_start(moved, unknowns, walked, base))
-            seen = walked.seen_from(unknowns, solved.theta, moved.solved.theta) if tries + 1 == BETTER_TRIES else None
+            seen = walked.seen_from(unknowns, moved.solved.theta) if tries + 1 == BETTER_TRIES else None
+            if inside:  # the data hardly prefer the one to the other
+                valleys = [*valleys, Valley(solved.theta, solved.guesses)]
             attempt, known, walked = moved, information_at(moved, unknowns), seen
             accepted = attempt.gate.status is Status.CONVERGED
     if accepted and not bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel

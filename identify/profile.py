@@ -20,6 +20,7 @@ from identify.profile_line import ProfileLine, ProfilePoint
 from identify.quantiles import chi_square
 from identify.uncertainty import WEAK
 from identify.unknowns import Unknowns
+from identify.valleys import Valley
 from identify.vibration import rhythmic
 
 Array = NDArray[np.float64]
@@ -62,28 +63,31 @@ class Curve:
 @dataclass(frozen=True)
 class Profiles:
     """Interval ends and curves per parameter name, the point of a better optimum where one was met, the
-    likelihood-ratio statistic by which it is better, the points met that the data hardly object to, from the answer
-    (m, f), and the squared distance (m,) at which each should lie."""
+    likelihood-ratio statistic by which it is better, theta (n_p,) at the middle of the walks, the points met that the
+    data hardly object to, from there (m, f), and the squared distance (m,) at which each should lie."""
 
     ends: dict[str, tuple[Side, Side]]
     better: ProfilePoint | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
     gain: float = 0.0
+    middle: Array = field(default_factory=lambda: np.empty(0))
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
     objection: Array = field(default_factory=lambda: np.empty(0))
 
-    def seen_from(self, unknowns: Unknowns, before: Array, answer: Array) -> Profiles:
-        """The same points seen from another answer (n_p,) than that before: what they say where no walk comes to an
-        end. An interval that does not hold the other answer is open on its side."""
+    def seen_from(self, unknowns: Unknowns, answer: Array) -> Profiles:
+        """The same points seen from an answer (n_p,) that is not their middle: what they say where no walk comes to an
+        end. An interval that does not hold the answer is open on its side."""
+        if not self.middle.size:
+            return replace(self, better=None)
         ends = {}
         for name, (low, high) in self.ends.items():
             at = answer[unknowns.names.index(name)]
             below = low.end if low.end is not None and low.end <= at else None
             above = high.end if high.end is not None and high.end >= at else None
             ends[name] = (replace(low, end=below), replace(high, end=above))
-        moved = (answer - before)[np.flatnonzero(unknowns.free)]
+        moved = (answer - self.middle)[np.flatnonzero(unknowns.free)]
         away = self.likely - moved if self.likely.size else self.likely
-        return replace(self, ends=ends, better=None, likely=away)
+        return replace(self, ends=ends, better=None, middle=answer, likely=away)
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,7 @@ def profile(
     memory: Array | None = None,
     steps: int = 1,
     only: Sequence[int] | None = None,
+    valleys: Sequence[Valley] = (),
 ) -> Profiles:
     """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
 
@@ -112,9 +117,12 @@ def profile(
         memory: (f,) by how much the variance of each is larger than that: noise with a memory objects later.
         steps: of a side, at least: one finds the ends, more draw the curve.
         only: indices of parameters, where not all are asked.
+        valleys: other places that count as points met, as far as the data do not object to them.
     """
     sizes = np.sqrt(np.diag(covariance))
     line = ProfileLine(logs, solved, unknowns, sizes)
+    for valley in valleys:
+        line.settled(valley.theta, valley.motion)
     walks: dict[tuple[int, float], _Walk] = {}
     beside = rhythmic(unknowns)
     free = [i for i in np.flatnonzero(unknowns.free).tolist() if not beside[i] and (only is None or i in only)]
@@ -137,7 +145,8 @@ def profile(
         for (index, sign), walk in walks.items():
             _past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
-    better = lowest if 2 * (lowest.cost - line.best.cost) < -BETTER else None
+    gain = max(0.0, 2 * (line.answer - lowest.cost))
+    better = lowest if gain > BETTER else None
     ends, curves = {}, {}
     for i in free:
         inside = [point.theta[i] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait[i]]
@@ -152,7 +161,7 @@ def profile(
     likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
-    return Profiles(ends, better, curves, max(0.0, 2 * (line.best.cost - lowest.cost)), away, objection)
+    return Profiles(ends, better, curves, gain, line.best.theta, away, objection)
 
 
 def _past(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:

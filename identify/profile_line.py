@@ -62,7 +62,11 @@ class ProfilePoint:
 
 
 class ProfileLine:
-    """Solves with one parameter held; costs are of the data and the user's priors only."""
+    """Solves with one parameter held; costs are of the data and the user's priors only.
+
+    `best` is where the walks begin: the answer, settled; where the answer is no lowest point, that which was found from
+    it, whose cost is below that of the `answer`.
+    """
 
     def __init__(self, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array) -> None:
         self.logs = [log.data for log in logs]
@@ -76,6 +80,9 @@ class ProfileLine:
         self.seen: list[ProfilePoint] = []
         self._recent: deque[Home] = deque(maxlen=KEPT)  # of a long log each takes as much memory as the log
         home = self._first = self._home(solved.theta, solved.guesses)
+        self.answer = solved.solution.cost
+        if home is not None:  # with the steps and without the soft priors of all other points
+            self.answer = home.problem.evaluate(home.problem.start, derivatives=False).cost
         settled = None if home is None else home.warm.settle(home.problem.start)
         if home is None or settled is None:
             known = ProfilePoint(solved.theta, solved.guesses, solved.solution.cost, FREE)
@@ -86,6 +93,10 @@ class ProfileLine:
     def point(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
         """The best point with theta[held] = value, from a neighbour; None where nothing succeeds."""
         return self._warm(near, held, value) or self._from_theta(near, held, value)
+
+    def settled(self, theta: Array, guesses: list[Guess]) -> ProfilePoint | None:
+        """The lowest point near a motion, nothing held; None where the solver fails."""
+        return self._solved(theta, guesses, FREE)
 
     def _warm(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
         """The point by Newton's steps from a neighbour, None where they do not get there; where events move far, once

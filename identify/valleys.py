@@ -1,0 +1,63 @@
+"""Valleys beside that of an answer: where data do not tell a parameter, the way of the search may have chosen.
+
+From a start of the data's own features a solve wanders as far as the data do not hold it, and few slips, hardly
+sampled, are described as well from two valleys: of a contact that has aged after a few seconds, and of one that ages on
+and on. Held about the start on its way, and released at the end of it, a solve ends in the valley that is nearest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.attempt import Attempt, Clock, resolve, solve_from, usable
+from identify.guess import Guess
+from identify.level import LEVEL
+from identify.outcome import Status
+from identify.quantiles import chi_square
+from identify.search import own_starts
+from identify.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+STARTS = 2  # of the data's own that are held
+FIRMNESS = 5.0  # of the priors that hold them on their way
+
+
+@dataclass(frozen=True)
+class Valley:
+    """A place where a solve settles, at which the data object no more than within the joint region of the answer: theta
+    (n_p,), and the motion there."""
+
+    theta: Array
+    motion: list[Guess]
+
+
+def other_valleys(attempt: Attempt, unknowns: Unknowns) -> list[Valley]:
+    """Return the valleys that solves end in which are held about the data's own starts; the answer's may be among them.
+
+    An answer of which not every log shows in the same window is none of these data.
+    """
+    limit = attempt.solved.solution.cost + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
+    found = []
+    for held in _held(attempt, unknowns):
+        freed = resolve(held, replace(unknowns, start=held.solved.theta))
+        if freed.gate.status is Status.CONVERGED and freed.solved.solution.cost < limit:
+            found.append(Valley(freed.solved.theta, freed.solved.guesses))
+    return found
+
+
+def _held(attempt: Attempt, unknowns: Unknowns) -> Iterator[Attempt]:
+    """The accepted answers that are held about the data's own starts."""
+    logs = list(attempt.prepared)
+    windows = [(log.data.begin, log.data.end) for log in logs]
+    for theta in islice(own_starts(logs, unknowns), STARTS):
+        held = solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock(), FIRMNESS)
+        if held is None or held.gate.status is not Status.CONVERGED:
+            continue
+        if [(log.data.begin, log.data.end) for log in held.prepared] == windows:
+            yield held
