@@ -121,8 +121,7 @@ def profile(
     """
     sizes = np.sqrt(np.diag(covariance))
     line = ProfileLine(logs, solved, unknowns, sizes)
-    for valley in valleys:
-        line.settled(valley.theta, valley.motion)
+    met = [point for valley in valleys if (point := line.settled(valley.theta, valley.motion)) is not None]
     walks: dict[tuple[int, float], _Walk] = {}
     beside = rhythmic(unknowns)
     free = [i for i in np.flatnonzero(unknowns.free).tolist() if not beside[i] and (only is None or i in only)]
@@ -134,6 +133,11 @@ def profile(
             walks[index, sign] = _walk(line, index, sign, float(sizes[place[index]]), line.best, wait[index], steps)
     for (index, sign), walk in walks.items():
         _follow(line, index, sign, walk)
+    for index, sign in walks:
+        for point in met:
+            walks[index, sign] = _from_there(
+                line, index, sign, walks[index, sign], point, wait[index], sizes[place[index]]
+            )
     progress("profiles from other points", None)
     for (index, sign), walk in walks.items():
         straight = np.sqrt(CRITICAL * wait[index]) * sizes[place[index]]
@@ -162,6 +166,16 @@ def profile(
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
     return Profiles(ends, better, curves, gain, line.best.theta, away, objection)
+
+
+def _from_there(
+    line: ProfileLine, index: int, sign: float, walk: _Walk, point: ProfilePoint, wait: float, size: float
+) -> _Walk:
+    """The walk, or one that begins at a point beyond its end to which the data do not object either."""
+    if walk.side.end is None or sign * (point.theta[index] - walk.side.end) <= 0.0:
+        return walk
+    objected = line.loss_root(point) ** 2 >= CRITICAL * wait
+    return walk if objected else _walk(line, index, sign, size, point, wait)
 
 
 def _past(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:

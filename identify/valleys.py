@@ -7,7 +7,6 @@ and on. Held about the start on its way, and released at the end of it, a solve 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -40,24 +39,17 @@ class Valley:
 def other_valleys(attempt: Attempt, unknowns: Unknowns) -> list[Valley]:
     """Return the valleys that solves end in which are held about the data's own starts; the answer's may be among them.
 
-    An answer of which not every log shows in the same window is none of these data.
+    They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere.
     """
     limit = attempt.solved.solution.cost + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
+    logs = list(attempt.prepared)
     found = []
-    for held in _held(attempt, unknowns):
-        freed = resolve(held, replace(unknowns, start=held.solved.theta))
+    for theta in islice(own_starts(logs, unknowns), STARTS):
+        held = solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock(), FIRMNESS)
+        if held is None or held.gate.status is not Status.CONVERGED or len(held.logs) < len(logs):
+            continue
+        there = replace(attempt, solved=replace(attempt.solved, guesses=held.solved.guesses))
+        freed = resolve(there, replace(unknowns, start=held.solved.theta))
         if freed.gate.status is Status.CONVERGED and freed.solved.solution.cost < limit:
             found.append(Valley(freed.solved.theta, freed.solved.guesses))
     return found
-
-
-def _held(attempt: Attempt, unknowns: Unknowns) -> Iterator[Attempt]:
-    """The accepted answers that are held about the data's own starts."""
-    logs = list(attempt.prepared)
-    windows = [(log.data.begin, log.data.end) for log in logs]
-    for theta in islice(own_starts(logs, unknowns), STARTS):
-        held = solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock(), FIRMNESS)
-        if held is None or held.gate.status is not Status.CONVERGED:
-            continue
-        if [(log.data.begin, log.data.end) for log in held.prepared] == windows:
-            yield held

@@ -1,0 +1,141 @@
+"""Answers beside the lowest one: handed back by a profile, and found from the data's own starts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments import in_vivo
+from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
+from identify import certainty as sureness
+from identify import search
+from identify.asked import NOTHING_MORE
+from identify.attempt import Clock, resolve, solve_from
+from identify.outcome import Status
+from identify.parting import parted
+from identify.prepare import prepare
+from identify.profile import profile
+from identify.scene_records import with_records
+from identify.uncertainty import information
+from identify.unknowns import from_scene
+from identify.valleys import other_valleys
+from identify.vibration import tuned
+
+
+def _prepared(scene, records):
+    unknowns = from_scene(scene)
+    return tuned([prepare(scene, e, r, unknowns) for e, r in zip(scene.logs, records, strict=True)], unknowns)
+
+
+def _covariance(attempt, unknowns):
+    solved = attempt.solved
+    at = replace(unknowns, start=solved.theta)
+    return information(*solved.problem.with_all_parameters(at, solved.solution.z)).covariance()
+
+
+def _sure(attempt, unknowns):
+    base = attempt.prepared[0].data.base
+    quiet = {"speed_tolerance": 0.0, "seed": 0, "progress": lambda *_: None}
+    return sureness.certainty(attempt, unknowns, base, NOTHING_MORE, lambda _: {}, **quiet)
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """A good answer, the search space, and an answer that stopped too early: with mu_k0 held five errors away."""
+    kind = Kind("", (SLOW, FAST), (SLOW, FAST), DEMO, RIG)
+    prepared, unknowns = _prepared(*kind.made(1))
+    right, _ = search.search(prepared, unknowns)
+    assert right.gate.status is Status.CONVERGED
+    covariance = _covariance(right, unknowns)
+    i = unknowns.names.index("mu_k0")
+    place = np.flatnonzero(unknowns.free).tolist().index(i)
+    held, sd = right.solved.theta.copy(), unknowns.prior_sd.copy()
+    held[i] += 5.0 * np.sqrt(covariance[place, place])
+    sd[i] = 1e-6
+    mean = np.where(np.isfinite(sd), held, unknowns.prior_mean)
+    early = resolve(right, replace(unknowns, start=held, prior_mean=mean, prior_sd=sd))
+    assert early.gate.status is Status.CONVERGED, "its curve fits: the gate alone does not see it"
+    return right, early, unknowns, covariance
+
+
+def test_a_profile_hands_back_the_lowest_point_from_which_it_began(pair):
+    right, early, unknowns, covariance = pair
+    d = [unknowns.names.index("D")]
+    found = {}
+    for name, attempt in (("right", right), ("early", early)):
+        solved = attempt.solved
+        found[name] = profile(attempt.prepared, solved, unknowns, covariance, lambda *_: None, only=d)
+    assert found["right"].better is None
+    gain = 2.0 * (early.solved.solution.cost - right.solved.solution.cost)
+    assert gain == pytest.approx(25.0, rel=0.2), "five standard errors"
+    assert found["early"].gain == pytest.approx(gain, rel=0.02)
+    sizes = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose((found["early"].better.theta - right.solved.theta)[unknowns.free] / sizes, 0.0, atol=0.3)
+
+
+def test_an_answer_that_stopped_too_early_is_moved_to_the_lowest_point(pair):
+    right, early, unknowns, covariance = pair
+    sure = _sure(early, unknowns)
+    assert sure.attempt.gate.status is Status.CONVERGED
+    away = (sure.attempt.solved.theta - right.solved.theta)[unknowns.free]
+    assert float(away @ np.linalg.solve(covariance, away)) < 0.2
+    before = (early.solved.theta - right.solved.theta)[unknowns.free]
+    assert float(before @ np.linalg.solve(covariance, before)) > 20.0
+
+
+def test_intervals_seen_from_an_answer_that_they_do_not_hold_are_open(pair):
+    right, early, unknowns, covariance = pair
+    walked = profile(right.prepared, right.solved, unknowns, covariance, lambda *_: None)
+    low, high = walked.ends["mu_k0"]
+    assert low.end is not None and high.end is not None
+    seen = walked.seen_from(unknowns, early.solved.theta)
+    assert seen.ends["mu_k0"][0].end == low.end and seen.ends["mu_k0"][1].end is None
+    free = unknowns.free
+    np.testing.assert_allclose(
+        seen.likely + early.solved.theta[free], walked.likely + walked.middle[free], rtol=1e-12, err_msg="same points"
+    )
+
+
+VALLEY = {
+    "mu_s": 1.02, "mu_k0": 0.649, "D": 2.28e-4, "t_cr": 17.6, "delta_mu_k": -0.138, "a": 331.0, "stiffness": 1366.0,
+    "mass": 0.235, "damping": 147.0, "occlusion_level": -0.0656, "occlusion_time": 24.9, "skin_stiffness": 3360.0,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def doubled():
+    """An in-vivo twin at 50 Hz, and an answer whose contact ages on and on, which describes it nearly as well."""
+    made = in_vivo.twin(32)
+    prepared, unknowns = _prepared(*parted(*with_records(made.scene(all_known=False), made.records(50.0))))
+    values = np.array([(made.truth | VALLEY).get(name, 1.0) for name in unknowns.names])
+    start = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
+    wrong = solve_from(prepared, [0, 1], replace(unknowns, start=start), Clock())
+    assert wrong.gate.status is Status.CONVERGED, "it passes the gate"
+    return made, wrong, unknowns
+
+
+def _off(theta, made, unknowns, name):
+    i = unknowns.names.index(name)
+    value = np.exp(theta[i]) if unknowns.logarithmic[i] else theta[i]
+    return abs(value / made.truth[name] - 1.0)
+
+
+def test_a_solve_held_about_the_datas_own_start_ends_in_the_other_valley(doubled):
+    made, wrong, unknowns = doubled
+    assert _off(wrong.solved.theta, made, unknowns, "t_cr") > 2.0
+    valleys = other_valleys(wrong, unknowns)
+    assert any(
+        all(_off(v.theta, made, unknowns, name) < 0.15 for name in ("mu_s", "mu_k0", "D", "t_cr")) for v in valleys
+    )
+
+
+def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
+    made, wrong, unknowns = doubled
+    i, truth = unknowns.names.index("mu_k0"), made.truth["mu_k0"]
+    covariance, ends = _covariance(wrong, unknowns), []
+    for valleys in ([], other_valleys(wrong, unknowns)):
+        walked = profile(wrong.prepared, wrong.solved, unknowns, covariance, lambda *_: None, only=[i], valleys=valleys)
+        ends.append([side.end for side in walked.ends["mu_k0"]])
+    assert ends[0][0] > truth + 0.02, "who does not look for it claims what is wrong"
+    assert ends[1][0] < truth - 0.005 and truth < ends[1][1]
+    assert ends[1][1] > wrong.solved.theta[i], "and holds the answer still"
