@@ -122,29 +122,11 @@ def profile(
     sizes = np.sqrt(np.diag(covariance))
     line = ProfileLine(logs, solved, unknowns, sizes)
     met = [point for valley in valleys if (point := line.settled(valley.theta, valley.motion)) is not None]
-    walks: dict[tuple[int, float], _Walk] = {}
-    beside = rhythmic(unknowns)
-    free = [i for i in np.flatnonzero(unknowns.free).tolist() if not beside[i] and (only is None or i in only)]
-    place = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
+    beside, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
+    free = [i for i in searched.tolist() if not beside[i] and (only is None or i in only)]
+    place = {index: number for number, index in enumerate(searched.tolist())}
     wait = {i: 1.0 if memory is None else float(memory[place[i]]) for i in free}
-    for index in free:
-        progress(f"profile of {unknowns.names[index]}", None)
-        for sign in (-1.0, 1.0):
-            walks[index, sign] = _walk(line, index, sign, float(sizes[place[index]]), line.best, wait[index], steps)
-    for (index, sign), walk in walks.items():
-        _follow(line, index, sign, walk)
-    for index, sign in walks:
-        for point in met:
-            walks[index, sign] = _from_there(
-                line, index, sign, walks[index, sign], point, wait[index], sizes[place[index]]
-            )
-    progress("profiles from other points", None)
-    for (index, sign), walk in walks.items():
-        straight = np.sqrt(CRITICAL * wait[index]) * sizes[place[index]]
-        if walk.side.end is not None and not walk.side.walled:
-            length = abs(walk.side.end - line.best.theta[index])
-            if abs(length - straight) > ALIKE * straight:
-                walks[index, sign] = _retried(line, index, sign, walk, wait[index])
+    walks = _walks(line, {i: float(sizes[place[i]]) for i in free}, wait, steps, met, progress)
     if only is not None:  # they are walked for the ridge, not for their ends
         for (index, sign), walk in walks.items():
             _past(line, index, sign, walk)
@@ -160,12 +142,41 @@ def profile(
             _stretched(walks[i, 1.0].side, max(inside), max),
         )
         curves[unknowns.names[i]] = _curve(line, i)
-    searched = np.flatnonzero(unknowns.free)
     slow = max(wait.values(), default=1.0)
     likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
     return Profiles(ends, better, curves, gain, line.best.theta, away, objection)
+
+
+def _walks(
+    line: ProfileLine,
+    sizes: Mapping[int, float],
+    wait: Mapping[int, float],
+    steps: int,
+    met: Sequence[ProfilePoint],
+    progress: Callable[[str, float | None], None],
+) -> dict[tuple[int, float], _Walk]:
+    """Both sides of every parameter, by its index, from the best point, from points met in other valleys, and past its
+    end where others know a way."""
+    walks: dict[tuple[int, float], _Walk] = {}
+    for index, size in sizes.items():
+        progress(f"profile of {line.unknowns.names[index]}", None)
+        for sign in (-1.0, 1.0):
+            walks[index, sign] = _walk(line, index, sign, size, line.best, wait[index], steps)
+    for (index, sign), walk in walks.items():
+        _follow(line, index, sign, walk)
+    for index, sign in walks:
+        for point in met:
+            walks[index, sign] = _from_there(line, index, sign, walks[index, sign], point, wait[index], sizes[index])
+    progress("profiles from other points", None)
+    for (index, sign), walk in walks.items():
+        straight = np.sqrt(CRITICAL * wait[index]) * sizes[index]
+        if walk.side.end is not None and not walk.side.walled:
+            length = abs(walk.side.end - line.best.theta[index])
+            if abs(length - straight) > ALIKE * straight:
+                walks[index, sign] = _retried(line, index, sign, walk, wait[index])
+    return walks
 
 
 def _from_there(
