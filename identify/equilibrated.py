@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import lu_solve
+from scipy.linalg.lapack import dgetrf
 from scipy.sparse.linalg import splu
 
 Array = NDArray[np.float64]
@@ -36,12 +37,14 @@ class Factors:
         self._factors = _Bordered.of(scaled) or splu(scaled)
 
     def solve(self, right: Array) -> Array:
-        """x of matrix x = right, (n,) or (n, k), with one step of refinement."""
+        """x of matrix x = right, (n,) or (n, k), with one step of refinement; not finite where the matrix is
+        singular."""
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
         b = scale * right
-        x = self._factors.solve(b)
-        x += self._factors.solve(b - self._scaled @ x)
-        return np.asarray(scale * x)
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = self._factors.solve(b)
+            x += self._factors.solve(b - self._scaled @ x)
+            return np.asarray(scale * x)
 
 
 class _Bordered:
@@ -55,7 +58,8 @@ class _Bordered:
         self._factors = splu(inside[:, self._inner].tocsc())
         self._reached = self._factors.solve(self._border)
         schur = outside[:, self._outer].toarray() - self._border.T @ self._reached
-        self._schur = lu_factor(schur, check_finite=False)
+        # Unlike lu_factor it does not print that a matrix is singular: the answers say so.
+        self._schur = dgetrf(schur)[:2]
 
     @classmethod
     def of(cls, matrix: sp.csc_matrix) -> _Bordered | None:

@@ -1,0 +1,47 @@
+"""Factors of the optimality conditions: right where a plain LU is not, and silent where there are none."""
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from identify.equilibrated import Factors, _Bordered
+
+
+def _bordered(random, size, crowded):
+    """A band matrix and a few full columns, its rows scaled over many orders of magnitude; symmetric."""
+    dense = np.zeros((size + crowded, size + crowded))
+    band = random.standard_normal(size)
+    dense[:size, :size] = np.diag(4.0 + band**2) + np.diag(band[1:], 1) + np.diag(band[1:], -1)
+    dense[size:, :] = random.standard_normal((crowded, size + crowded))
+    dense[:, size:] = dense[size:, :].T
+    corner = random.standard_normal((crowded, crowded))
+    dense[size:, size:] = corner + corner.T
+    scale = 10.0 ** random.uniform(-6, 6, size + crowded)
+    return scale[:, None] * dense * scale
+
+
+@pytest.mark.parametrize("right_sides", [None, 3])
+def test_bordered_factors_solve_badly_scaled_systems(right_sides):
+    random = np.random.default_rng(1)
+    matrix = _bordered(random, 300, 4)
+    assert _Bordered.of(sp.csc_matrix(matrix)) is not None, "its full columns stand out"
+    x = random.standard_normal(304 if right_sides is None else (304, right_sides))
+    scale = np.sqrt(np.abs(np.diag(matrix)))  # unknowns as large as their rows allow
+    x = (x.T / scale).T
+    found = Factors(sp.csc_matrix(matrix)).solve(matrix @ x)
+    np.testing.assert_allclose((found.T * scale).T, (x.T * scale).T, rtol=1e-6, atol=1e-8)
+
+
+def test_a_singular_border_is_told_by_the_answer_alone():
+    size = 64  # a power of four: nothing is rounded
+    matrix = np.eye(size + 1)
+    matrix[size, :size] = matrix[:size, size] = 1.0
+    matrix[size, size] = size
+    made = _Bordered.of(sp.csc_matrix(matrix))
+    assert made is not None and float(made._schur[0][0, 0]) == 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = Factors(sp.csc_matrix(matrix)).solve(np.ones(size + 1))
+    assert not np.all(np.isfinite(found))
