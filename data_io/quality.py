@@ -15,7 +15,7 @@ from data_io.quality_signal import Signal, look_at_friction
 from data_io.record import Record
 from data_io.rest import FEWEST, Rest, Rests, find_rests
 from data_io.sampling import Sampling, describe_sampling
-from data_io.thinned import kept, thinned
+from data_io.thinned import kept, shown, thinned
 from data_io.thresholds import DEFAULTS, Thresholds
 
 Verdict = Literal["accept", "accept with warnings", "reject"]
@@ -109,7 +109,7 @@ def assess(record: Record, used: npt.NDArray[np.bool_] | None = None, thresholds
             (*record.findings, *notes, nothing),
         )  # fmt: skip
     load, about_load = look_at_load(record, sound, thresholds)
-    rests = find_rests(record, record.friction_force if sound.all() else np.where(sound, record.friction_force, np.nan))
+    rests = find_rests(record, shown(record.friction_force, sound))
     moving = _moving(sound, rests)
     signal, about_friction = look_at_friction(record, sound, thresholds)
     residual, about_rest = _rest_findings(record, sound, moving, load, rests, thresholds)

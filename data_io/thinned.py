@@ -29,3 +29,8 @@ def thinned_steps(values: FloatArray) -> FloatArray:
 def kept(values: FloatArray, which: npt.NDArray[np.bool_]) -> FloatArray:
     """The values (n,) that are marked; the very array where all are."""
     return values if which.all() else values[which]
+
+
+def shown(values: FloatArray, which: npt.NDArray[np.bool_]) -> FloatArray:
+    """The values (n,) where they are marked, NaN elsewhere; the very array where all are."""
+    return values if which.all() else np.where(which, values, np.nan)

@@ -96,7 +96,8 @@ def certainty(
         return None
     accepted = attempt.gate.status is Status.CONVERGED
     walked: Profiles | None = None
-    mirrored, valleys = False, list[Valley]()
+    mirrored = False
+    valleys: list[Valley] | None = []  # None: looked for before the next walk
     for tries in range(1 + BETTER_TRIES):
         solved = attempt.solved
         bounds = at_bound(solved.theta)
@@ -123,8 +124,7 @@ def certainty(
             if other is not None:
                 attempt, known, walked = other, information_at(other, unknowns), None
                 continue
-            progress("looking for other valleys", None)
-            valleys = other_valleys(attempt, unknowns)
+            valleys = None
         # What one peak or one level does not tell, no walk along it will find an end of.
         tells = onsets(solved.guesses) > 1
         asks = asked.profile or bool(bounds) or (tells and doubtful(unknowns, covariance, found))
@@ -137,6 +137,9 @@ def certainty(
         if walked is not None or not accepted or along == [] or tries == BETTER_TRIES:
             break
         steps = CURVE_STEPS if asked.profile else 1
+        if valleys is None:
+            progress("looking for other valleys", None)
+            valleys = other_valleys(attempt, unknowns)
         walked = profile(
             attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along, valleys=valleys
         )

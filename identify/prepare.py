@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import kept, thinned
+from data_io.thinned import kept, shown, thinned
 from identify import window
 from identify.cutting import Account, account, cut_and_correct
 from identify.drive import Drive, NormalForce
@@ -130,30 +130,30 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         )
     sign = _sign(entry, kept(force, used))
     force = sign * force
-    shown = force if used.all() else np.where(used, force, np.nan)
+    measured = shown(force, used)
     inside = np.flatnonzero(used)
     first, last = int(inside[0]), int(inside[-1]) + 1
-    found = segment(record.time[first:last], shown[first:last], half_period=rig.half_period or None, noise=rig.noise)
+    found = segment(record.time[first:last], measured[first:last], half_period=rig.half_period or None, noise=rig.noise)
     spikes = np.ones(record.time.size, bool)
     spikes[first:last] = found.spikes
     noise = rig.noise or found.noise
-    measured = kept(force, used)
-    floor = 1e-6 * float(max(measured.max(), -measured.min()))
+    sound = kept(force, used)
+    floor = 1e-6 * float(max(sound.max(), -sound.min()))
     weight = np.where(used & ~spikes, 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
     falls = found.cycles.fall[entry.skip_cycles :]
     soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
     expected = None if soft or not drive.constant else speed * rig.stiffness
-    part = Part(record.time[first:last], shown[first:last], found, expected)
+    part = Part(record.time[first:last], measured[first:last], found, expected)
     judgement = judge(record, [part], scene.thresholds, used)
     inner = slice(first, last)
     half_period = rig.half_period or 0.0
     manner = manner_of(
-        found, record.time[inner], shown[inner], falls, noise=noise, half_period=half_period, drive=drive
+        found, record.time[inner], measured[inner], falls, noise=noise, half_period=half_period, drive=drive
     )
     if manner.name == "cycles":
-        begin, end = window.of_cycles(record.time[inner], shown[inner], found, noise, entry.skip_cycles)
+        begin, end = window.of_cycles(record.time[inner], measured[inner], found, noise, entry.skip_cycles)
     else:
-        begin, end = window.of_a_course(record.time[inner], shown[inner], found, noise, manner, drive, half_period)
+        begin, end = window.of_a_course(record.time[inner], measured[inner], found, noise, manner, drive, half_period)
     reason = _reason(manner, falls, name) or _rejected(judgement, name)
     try:
         course, hidden = as_modelled(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from data_io.thinned import ENOUGH, kept, thinned, thinned_steps
+from data_io.thinned import ENOUGH, kept, shown, thinned, thinned_steps
 
 
 @pytest.mark.parametrize("size", [0, 1, ENOUGH, 2 * ENOUGH - 1])
@@ -43,3 +43,5 @@ def test_what_is_whole_is_not_copied():
     values = np.arange(5.0)
     assert kept(values, values >= 0) is values
     np.testing.assert_array_equal(kept(values, values > 2), [3.0, 4.0])
+    assert shown(values, values >= 0) is values
+    np.testing.assert_array_equal(shown(values, values > 2), [np.nan, np.nan, np.nan, 3.0, 4.0])
