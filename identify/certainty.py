@@ -23,6 +23,7 @@ from identify.level import LEVEL, NORMAL
 from identify.outcome import Status
 from identify.passes import solve_in_passes
 from identify.profile import Profiles, profile
+from identify.profile_line import ProfilePoint
 from identify.quantiles import chi_square
 from identify.ridge_ends import better_course, other_sign, strengthened
 from identify.shares import Share, share_estimates, shares
@@ -98,6 +99,8 @@ def certainty(
     walked: Profiles | None = None
     mirrored = False
     valleys: list[Valley] | None = []  # None: looked for before the next walk
+    met: tuple[ProfilePoint, ...] = ()  # by the walk before, of so many samples
+    samples = 0
     for tries in range(1 + BETTER_TRIES):
         solved = attempt.solved
         bounds = at_bound(solved.theta)
@@ -140,9 +143,20 @@ def certainty(
         if valleys is None:
             progress("looking for other valleys", None)
             valleys = other_valleys(attempt, unknowns)
+        met = () if samples != solved.problem.samples else met
         walked = profile(
-            attempt.prepared, solved, unknowns, white, progress, memory=memory, steps=steps, only=along, valleys=valleys
+            attempt.prepared,
+            solved,
+            unknowns,
+            white,
+            progress,
+            memory=memory,
+            steps=steps,
+            only=along,
+            valleys=valleys,
+            before=met,
         )
+        samples, met = solved.problem.samples, walked.met
         if walked.better is not None:
             moved = resolve_firmly(attempt, unknowns, walked.better.theta, walked.better.guesses)
             inside = walked.gain < chi_square(LEVEL, int(np.sum(unknowns.free)))

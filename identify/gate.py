@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.consistency import inconsistency
+from identify.guess import Guess, LogData
 from identify.leaning import most_leaning
 from identify.outcome import Status
 from identify.passes import SETTLED, Solved
@@ -135,7 +136,7 @@ def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
     for data, guess, name in zip(solved.problem.logs, solved.guesses, names, strict=True):
         if not data.normal_force_sd > 0.0 or not guess.deviation.size:
             continue
-        off = np.concatenate([guess.deviation, guess.slip_deviation]) / data.normal_force_sd
+        off = _load_pulls(data, guess)
         excess = (float(off @ off) - off.size) / np.sqrt(2.0 * off.size)
         worst = int(np.argmax(np.abs(off)))
         cycle = worst % guess.deviation.size
@@ -146,6 +147,14 @@ def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
                 "differs from cycle to cycle; give start values, or add occlusion to effects"
             )
     return None
+
+
+def _load_pulls(data: LogData, guess: Guess) -> Array:
+    """By how many of its standard errors the normal force is off in every part, then at the end of every slip."""
+    slid = guess.slip_deviation.size
+    mean = np.where(np.arange(guess.deviation.size) < guess.cycles, data.expected[0], 0.0)
+    at_onset = (guess.deviation - mean) / data.load_sd_at(guess.loaded_at)
+    return np.append(at_onset, (guess.slip_deviation - data.expected[1]) / data.load_sd_at(guess.arrest[:slid]))
 
 
 def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from data_io.thinned import thinned_steps
 from identify.drive import Drive, NormalForce
@@ -26,6 +26,16 @@ class Grid:
 
 
 @dataclass(frozen=True)
+class Pull:
+    """How the sticks of a log load, as its cycles show it: friction over normal force at an onset, rate of the force
+    [N/s]; and how long a slip takes [s]."""
+
+    coefficient: float
+    rate: float
+    slip: float
+
+
+@dataclass(frozen=True)
 class LogData:
     """One log as the estimator sees it: samples in the fitted window, rig and what acts from outside.
 
@@ -33,9 +43,11 @@ class LogData:
     force there is finite, and says nothing);
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
-    normal_force_sd [N] (0: exact), tremor_sd [N] of it in fast rhythms (0: none), calm: these were taken out; the
-    fitted window [s]; groups (n_p): the group of logs it shares each parameter with, "" for none; programme: the drive
-    where it changes its speed within the window (None: drive_speed throughout).
+    normal_force_sd [N] (0: exact), over time sd_course (None: the same throughout), tremor_sd [N] of it in fast rhythms
+    (0: none), calm: these were taken out, expected [N]: where the normal force then lies about its course at the onset
+    and at the end of a slip; pull (None: no cycles were seen); the fitted window [s]; groups (n_p): the group of logs
+    it shares each parameter with, "" for none; programme: the drive where it changes its speed within the window (None:
+    drive_speed throughout).
     """
 
     time: Array
@@ -52,6 +64,9 @@ class LogData:
     programme: Drive | None = None
     tremor_sd: float = 0.0
     calm: bool = False
+    sd_course: NormalForce | None = None
+    expected: tuple[float, float] = (0.0, 0.0)
+    pull: Pull | None = None
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""
@@ -60,6 +75,11 @@ class LogData:
     def speed_at(self, time: float) -> float:
         """Drive speed at a time [m/s]."""
         return self.drive_speed if self.programme is None else self.programme.at(time)
+
+    def load_sd_at(self, time: ArrayLike) -> Array:
+        """By how much the course of the normal force may be off at times [s], any shape [N]."""
+        known = self.sd_course
+        return np.full(np.shape(time), self.normal_force_sd) if known is None else known.at(time)
 
     @property
     def noise(self) -> float:
@@ -158,6 +178,12 @@ class Guess:
     def parts(self) -> int:
         """Number of parts of the record that are judged one by one: cycles, then slides."""
         return self.units[-1] + 1 if self.tail else self.cycles
+
+    @property
+    def loaded_at(self) -> Array:
+        """When the deviation of the normal force counts in every part (p,) [s]: at the onset, or early in a slide."""
+        first = {unit: stretch.until for unit, stretch in zip(self.units[::-1], self.tail[::-1], strict=True)}
+        return np.append(self.onset, [first[unit] for unit in sorted(first)])
 
     @property
     def saturates(self) -> NDArray[np.bool_]:

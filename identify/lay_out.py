@@ -35,7 +35,7 @@ class _LogWalk(Footing):
         self._own()
         start = self._begin()
         for cycle in range(self.guess.cycles):
-            self._load(cycle)
+            self._load(cycle, self.log.expected[0])
             self._stick(cycle)
             self._slide(cycle)
         if self.guess.tail:
@@ -75,15 +75,15 @@ class _LogWalk(Footing):
         self.node, self.value, self.offset = start, self.guess.start, NO_OFFSET
         return start
 
-    def _load(self, cycle: int) -> None:
+    def _load(self, cycle: int, expected: float) -> None:
         """The normal force of this cycle: known to within the error of its measurement, or exactly.
 
         A slow log tells its periods to a millisecond, which is a millionth of the load: no measured load is
         that good, and a fit that took it as exact would answer with wrong friction.
         """
-        sd = np.array([self.log.normal_force_sd])
+        sd, mean = self.log.load_sd_at(self.guess.loaded_at[[cycle]]), np.array([expected])
         if sd[0] > 0.0:
-            self.loads[cycle] = self.c.add(self.guess.deviation[[cycle]], sd, mean=ZERO, sd=sd)[0]
+            self.loads[cycle] = self.c.add(self.guess.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
         self.load = np.array([self.loads[cycle]])
         self.load_value = self.guess.deviation[[cycle]] if sd[0] > 0.0 else ZERO
 
@@ -96,8 +96,9 @@ class _LogWalk(Footing):
         kind: BlockKind = "slip"
         if self.log.tremor_sd > 0.0:
             kind = "slip_trembling"
-            sd, value = np.array([self.log.normal_force_sd]), self.guess.sliding_deviation[[cycle]]
-            index = self.c.add(value, sd, mean=ZERO, sd=sd)
+            sd, mean = self.log.load_sd_at([self.guess.arrest[cycle]]), np.array([self.log.expected[1]])
+            value = self.guess.sliding_deviation[[cycle]]
+            index = self.c.add(value, sd, mean=mean, sd=sd)
             self.loads_in_slips.append(int(index[0]))
             self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
         self._part(kind, cycle, self.slip, self.guess.slip[cycle], span, end, (), known_at_end)
@@ -163,7 +164,7 @@ class _LogWalk(Footing):
         stretches, units = self.guess.tail, self.guess.units
         for i, (unit, stretch) in enumerate(zip(units, stretches, strict=True)):
             if i == 0 or unit != units[i - 1]:
-                self._load(unit)
+                self._load(unit, 0.0)
             if stretch.steady:
                 self._steady(unit, stretch)
                 continue

@@ -13,6 +13,8 @@ from data_io.thinned import kept, thinned
 from identify.drive import NormalForce
 from identify.errors import FitError
 from identify.guess import LogData
+from identify.harmonics import harmonics
+from identify.passage import first_passage
 from identify.quantiles import chi_square, chi_square_exceeded
 
 Array = NDArray[np.float64]
@@ -22,15 +24,20 @@ SEGMENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 BINS = 2048  # means of samples a spline is fitted to: enough for the finest one
 WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaike's 2, so that noise stays out
 DRAWN = 8  # straight pieces per spline segment
-NEIGHBOURS = (3, 9, 27)  # frequencies over which a spectrum is averaged: a pulse is a line, a tremor a band
-SKIRT = 55  # lines about one that stands out in which more of its rhythm may hide
+NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a pulse is a line, a tremor a band
+SKIRT = 3.0  # [Hz] about a line that stands out in which more of its rhythm may hide
 FALSE_ALARMS = 0.01  # rhythms per log that white noise alone may show
 FEWEST_FOR_SPECTRUM = 64
 EVEN = 0.05  # of a sampling interval that intervals may differ, where a spectrum is taken
 PER_PERIOD = 20  # straight pieces per period of the fastest rhythm
 MOST_DRAWN = 60_000
+MOST_HARMONICS = 1500  # of more, a noise of its own, the spectrum of the record is taken as it is
+ENDS, TOWARDS = 64, 3.0  # times near either end at which the error of a course is told, and [s] how far they reach
+BETWEEN = 64  # times in between
 CALM = 0.3  # [s]: rhythms with shorter periods are taken out of a calm course; a pulse stays in it
 ORDER = 4  # of the filter that does
+SURVIVED = 0.25  # of a slip: it begins slowly, and a grip that is firm again so soon ends it
+FINEST = 16  # times finer than that filter sees a load: where a line that rises meets its tremor
 OUTRUN = 3.0  # times the pull: rate of a trembling grip from which on a contact slips a little before it slips
 BLURRED = 0.4  # of a tremor: error of its measured course from which on it is not followed
 TREMBLES = 1e-3  # of the load: less is left in
@@ -40,11 +47,24 @@ SEEN = 5.0  # standard errors of its course from which on a normal force is said
 @dataclass(frozen=True)
 class Course:
     """A measured normal force as a line over time; sd [N] by which it may be off (0: exact); tremor_sd [N], the part of
-    it that lies in fast rhythms and is another one at the end of a slip than at its onset."""
+    it that lies in fast rhythms and is another one at the end of a slip than at its onset; sd_course: the sd over
+    time, where it is not the same throughout."""
 
     force: NormalForce
     sd: float = 0.0
     tremor_sd: float = 0.0
+    sd_course: NormalForce | None = None
+
+
+@dataclass(frozen=True)
+class _Rhythms:
+    """A course with its rhythms, and what they cost: variance [N^2] at `times` [s] (k,) of all of them, and a typical
+    one of those that are faster than a calm course."""
+
+    force: NormalForce
+    times: Array
+    variance: Array
+    fast: float
 
 
 def as_modelled(
@@ -109,49 +129,80 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
         if score < best_score:
             drawn = np.linspace(centres[0], centres[-1], DRAWN * segments + 1)
             best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
-    best, more, fast = _with_rhythms(best, t, f)
-    fast += max(count - (t[-1] - t[0]) / CALM, 0.0)  # a spline of short segments
-    one = noise / float(np.sqrt(t.size))
-    return Course(_checked(best, name), one * float(np.sqrt(max(count + more, cycles))), one * float(np.sqrt(fast)))
+    found = _with_rhythms(best, t, f)
+    one = noise**2 / t.size
+    fast = one * max(count - (t[-1] - t[0]) / CALM, 0.0)  # of a spline of short segments
+    if found is None:
+        return Course(_checked(best, name), float(np.sqrt(one * max(count, cycles))), float(np.sqrt(fast)))
+    variance = np.maximum(one * count + found.variance, one * cycles)
+    sd = float(np.sqrt(np.median(variance)))
+    over_time = NormalForce.of((found.times, np.sqrt(variance)))
+    return Course(_checked(found.force, name), sd, float(np.sqrt(fast + found.fast)), over_time)
 
 
-def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> tuple[NormalForce, float, float]:
-    """The course with what stands out of the noise in the spectrum of the rest, how many numbers that took, and how
-    many of them are of rhythms faster than a calm course.
+def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> _Rhythms | None:
+    """The course with what stands out of the noise in the spectrum of the rest; None where nothing does, or the clock
+    is uneven.
 
-    Every frequency keeps the share of its amplitude that is not noise (Wiener's filter); none where the clock is
-    uneven.
+    The lines that stand out say which harmonics there are, and how strong; `harmonics` what the samples say of each.
+    What they leave near these lines beyond the noise counts to the error.
     """
     intervals = np.diff(t)
     step = float(np.median(intervals))
     if t.size < FEWEST_FOR_SPECTRUM or float(np.max(np.abs(intervals - step))) > EVEN * step:
-        return slow, 0.0, 0.0
-    lines = scipy.fft.dct(f - slow.at(t), norm="ortho")
-    kept, lost = _standing_out(lines**2)
-    if not np.any(kept):
-        return slow, 0.0, 0.0
+        return None
+    rest = f - slow.at(t)
+    lines = scipy.fft.dct(rest, norm="ortho")
+    noise = _white(lines**2)
+    kept, near = _standing_out(lines**2, noise, round(2.0 * SKIRT * (t[-1] - t[0])))
+    kept[0] = 0.0  # the level is no rhythm
+    strongest = int(np.count_nonzero(kept))
+    if not strongest:
+        return None
     fastest = int(np.flatnonzero(kept)[-1]) + 1  # half periods in the record
     finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
-    padded = np.concatenate([kept * lines, np.zeros((finer - 1) * t.size)])
-    wave = scipy.fft.idct(padded, norm="ortho") * np.sqrt(finer)
-    at = t[0] - 0.5 * step + step / finer * (np.arange(wave.size) + 0.5)
+    calm = int(2.0 * (t[-1] - t[0]) / CALM)  # lines of slower rhythms
+    times = _towards_the_ends(t[-1] - t[0])
+    if strongest <= MOST_HARMONICS:
+        known = harmonics(rest, step, kept, noise)
+        at, wave = known.course(finer)
+        told, fast = known.variance(times), float(np.median(known.variance(times, calm)))
+        left = scipy.fft.dct(rest - known.course(1)[1], norm="ortho") ** 2
+    else:
+        padded = np.concatenate([kept * lines, np.zeros((finer - 1) * t.size)])
+        at = step * ((np.arange(padded.size) + 0.5) / finer - 0.5)
+        wave = scipy.fft.idct(padded, norm="ortho") * np.sqrt(finer)
+        told, fast = (np.full(times.size, noise * np.sum(kept) / t.size), noise * float(np.sum(kept[calm:])) / t.size)
+        left = lines**2
+    lost = np.where(near & (kept == 0.0), left - noise, 0.0) / t.size
+    whole, quick = (max(float(np.sum(lost[first:])), 0.0) for first in (0, calm))
     coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
-    at, wave = at[::coarser], wave[::coarser]
+    at, wave = t[0] + at[::coarser], wave[::coarser]
     inside = (at >= t[0]) & (at <= t[-1])
     places = np.unique(np.concatenate([at[inside], [t[0], t[-1]]]))
-    calm = int(2.0 * (t[-1] - t[0]) / CALM)  # lines of slower rhythms
     course = slow.at(places) + np.interp(places, at, wave)
-    whole, fast = (float(np.sum(kept[first:]) + max(np.sum(lost[first:]), 0.0)) for first in (0, calm))
-    return NormalForce.of((places, np.maximum(course, 1e-9))), whole, fast
+    force = NormalForce.of((places, np.maximum(course, 1e-9)))
+    return _Rhythms(force, t[0] + times, told + whole, fast + quick)
 
 
-def _standing_out(power: Array) -> tuple[Array, Array]:
-    """Of every line of a spectrum (n,) the share of its amplitude that is no noise, 0 where it does not stand out; and
-    by how much its power, lost near a line that does, exceeds the noise, as a share of it.
+def _towards_the_ends(length: float) -> Array:
+    """Times from the beginning of a record [s], closer to each other near its ends."""
+    near = np.linspace(0.0, min(TOWARDS, 0.25 * length), ENDS)
+    inner = np.linspace(near[-1], length - near[-1], BETWEEN + 2)[1:-1]
+    return np.concatenate([near, inner, length - near[::-1]])
+
+
+def _white(power: Array) -> float:
+    """The noise of a line of a spectrum (n,)."""
+    return max(float(np.median(power)) / chi_square(0.5, 1), 1e-300)
+
+
+def _standing_out(power: Array, noise: float, skirt: int) -> tuple[Array, Bools]:
+    """Of every line of a spectrum (n,) the share of its power that is no noise, 0 where it does not stand out; and
+    which of them are among the `skirt` lines about one that does, where more of its rhythm may hide.
 
     The narrowest mean that stands out of what white noise reaches counts, and is left out of the wider ones.
     """
-    noise = float(np.median(power)) / chi_square(0.5, 1)
     kept, rest = np.zeros(power.size), power.copy()
     for width in NEIGHBOURS:
         mean = scipy.ndimage.uniform_filter1d(rest, width, mode="nearest")
@@ -159,8 +210,15 @@ def _standing_out(power: Array) -> tuple[Array, Array]:
         high = (mean > limit * noise) & (kept == 0.0)
         kept[high] = 1.0 - noise / mean[high]
         rest[high] = noise
-    near = scipy.ndimage.uniform_filter1d((kept > 0.0).astype(float), SKIRT, mode="constant") > 0.0
-    return kept, np.where(near, rest / max(noise, 1e-300) - 1.0, 0.0)
+    return kept, _within(kept > 0.0, skirt)
+
+
+def _within(marked: Bools, width: int) -> Bools:
+    """Which places (n,) have a marked one within half a width on either side."""
+    counted = np.append(0, np.cumsum(marked))
+    place = np.arange(marked.size)
+    first, last = np.maximum(place - width // 2, 0), np.minimum(place + width // 2 + 1, marked.size)
+    return np.asarray(counted[last] > counted[first])
 
 
 def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> Course:
@@ -192,27 +250,40 @@ def calmed(log: LogData) -> LogData:
     if not taken > TREMBLES * float(np.mean(force)):
         return log
     sd = float(np.hypot(log.normal_force_sd, taken))
-    return replace(log, normal_force=NormalForce.of((fine, calm)), normal_force_sd=sd, tremor_sd=taken, calm=True)
+    expected = (0.0, 0.0)
+    if log.pull is not None:
+        finest = np.linspace(fine[0], fine[-1], FINEST * fine.size)
+        # What the measurement blurs of the tremor swings with what it shows.
+        whole = float(np.hypot(log.tremor_sd, taken)) / taken
+        swings = whole * (log.normal_force.at(finest) - np.interp(finest, fine, calm))
+        rise, slip = log.pull.rate / log.pull.coefficient, log.pull.slip
+        expected = first_passage(swings, finest[1] - finest[0], rise, slip, SURVIVED * slip)
+    return replace(
+        log,
+        normal_force=NormalForce.of((fine, calm)),
+        normal_force_sd=sd,
+        sd_course=None,
+        tremor_sd=taken,
+        calm=True,
+        expected=expected,
+    )
 
 
-def as_far_as_told(log: LogData, coefficient: float, pull: float) -> LogData:
+def as_far_as_told(log: LogData) -> LogData:
     """The log without the tremor of its normal force where no fit can follow it.
 
     One that the measurement blurs puts onsets where the pull falls behind the grip. And where the grip trembles much
     faster than the drive pulls, it dips below the pull again and again before a slip: the mass moves a little each
     time, which is not seen in the force and renews the contact. What is taken out counts to the error of the load.
-
-    Args:
-        coefficient: friction over normal force at an onset; pull [N/s]: by which a stick loads.
     """
-    calm = calmed(log)
-    if calm is log:
+    calm, pull = calmed(log), log.pull
+    if calm is log or pull is None:
         return log
     times, values = np.asarray(log.normal_force.times), np.asarray(log.normal_force.values)
     steps = np.diff(times)
     rates = np.diff(values - calm.normal_force.at(times)) / steps
     fastest = float(np.sqrt(2.0 * np.average(rates**2, weights=steps)))
-    return calm if log.tremor_sd > BLURRED * calm.tremor_sd or coefficient * fastest > OUTRUN * pull else log
+    return calm if log.tremor_sd > BLURRED * calm.tremor_sd or pull.coefficient * fastest > OUTRUN * pull.rate else log
 
 
 def swing(course: NormalForce, begin: float, end: float) -> float:

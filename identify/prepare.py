@@ -14,7 +14,7 @@ from identify import window
 from identify.cutting import Account, account, cut_and_correct
 from identify.drive import Drive, NormalForce
 from identify.errors import FitError
-from identify.guess import LogData
+from identify.guess import LogData, Pull
 from identify.judgement import Judgement, judge
 from identify.loads import Course, as_far_as_told, as_modelled
 from identify.manner import FEW, Manner, manner_of, moving_pieces
@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 SWINGS = 3.0  # times that: error of the load in fast rhythms from which on a slip has one of its own
+LONGER = 1.5  # half periods that a slip takes, its slow beginning included
 UNTOLD = Course(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
@@ -182,10 +183,10 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         tuple("" if by is None or by == EACH_LOG else entry.labels[by] for by in unknowns.per),
         None if drive.constant else drive,
         course.tremor_sd if course.tremor_sd > SWINGS * repeatable else 0.0,
+        sd_course=_sd_over_time(course, repeatable),
+        pull=_pull(found, course, rig, speed),
     )
-    if found.count and found.stick_slope is not None:
-        coefficient = float(np.median(found.cycles.onset_force)) / float(np.mean(course.force.values))
-        data = as_far_as_told(data, coefficient, found.stick_slope[0])
+    data = as_far_as_told(data)
     told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
     counted = used & ~spikes
     estimated = rig.noise is None
@@ -207,6 +208,24 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         manner,
     )
     return replace(made, pieces=_pieces(made, noise, half_period)) if manner.name == "course" else made
+
+
+def _sd_over_time(course: Course, repeatable: float) -> NormalForce | None:
+    """The error of a course where it is not the same throughout, with what no contact repeats."""
+    known = course.sd_course
+    return None if known is None else NormalForce.of((known.times, np.hypot(known.values, repeatable)))
+
+
+def _pull(found: Segmentation, course: Course, rig: Rig, speed: float) -> Pull | None:
+    """How the sticks load; None where no cycle was seen, or no mass is known."""
+    if not found.count or found.stick_slope is None or not rig.half_period:
+        return None
+    rate = found.stick_slope[0]
+    coefficient = float(np.median(found.cycles.onset_force)) / float(np.mean(course.force.values))
+    if not (rate > 0.0 and coefficient > 0.0):
+        return None
+    # Rig and skin together are as soft as the sticks show.
+    return Pull(coefficient, rate, LONGER * rig.half_period * float(np.sqrt(rig.stiffness * speed / rate)))
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:

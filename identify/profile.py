@@ -33,6 +33,8 @@ POINTS = 14  # of one side
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
 BEYOND = 1.15  # of a side: where others are asked whether they know a way on
 OTHERS = 2  # how many are asked
+FURTHER = 0.05  # of a side: how far beyond its end a point lies from which the walk goes on
+ROUNDS = 2  # in which they do once more
 FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
 HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
 LEAPS = (0.1, 0.4, 0.9)  # of that: where it is looked for past a stretch on which the solver fails
@@ -64,7 +66,7 @@ class Curve:
 class Profiles:
     """Interval ends and curves per parameter name, the point of a better optimum where one was met, the
     likelihood-ratio statistic by which it is better, theta (n_p,) at the middle of the walks, the points met that the
-    data hardly object to, from there (m, f), and the squared distance (m,) at which each should lie."""
+    data hardly object to, from there (m, f), the squared distance (m,) at which each should lie, and these points."""
 
     ends: dict[str, tuple[Side, Side]]
     better: ProfilePoint | None
@@ -73,6 +75,7 @@ class Profiles:
     middle: Array = field(default_factory=lambda: np.empty(0))
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
     objection: Array = field(default_factory=lambda: np.empty(0))
+    met: tuple[ProfilePoint, ...] = ()
 
     def seen_from(self, unknowns: Unknowns, answer: Array) -> Profiles:
         """The same points seen from an answer (n_p,) that is not their middle: what they say where no walk comes to an
@@ -109,6 +112,7 @@ def profile(
     steps: int = 1,
     only: Sequence[int] | None = None,
     valleys: Sequence[Valley] = (),
+    before: Sequence[ProfilePoint] = (),
 ) -> Profiles:
     """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
 
@@ -118,15 +122,18 @@ def profile(
         steps: of a side, at least: one finds the ends, more draw the curve.
         only: indices of parameters, where not all are asked.
         valleys: other places that count as points met, as far as the data do not object to them.
+        before: points met by walks from another answer of the same samples.
     """
     sizes = np.sqrt(np.diag(covariance))
     line = ProfileLine(logs, solved, unknowns, sizes)
-    met = [point for valley in valleys if (point := line.settled(valley.theta, valley.motion)) is not None]
+    line.seen += before
+    for valley in valleys:
+        line.settled(valley.theta, valley.motion)
     beside, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
     free = [i for i in searched.tolist() if not beside[i] and (only is None or i in only)]
     place = {index: number for number, index in enumerate(searched.tolist())}
     wait = {i: 1.0 if memory is None else float(memory[place[i]]) for i in free}
-    walks = _walks(line, {i: float(sizes[place[i]]) for i in free}, wait, steps, met, progress)
+    walks = _walks(line, {i: float(sizes[place[i]]) for i in free}, wait, steps, progress)
     if only is not None:  # they are walked for the ridge, not for their ends
         for (index, sign), walk in walks.items():
             _past(line, index, sign, walk)
@@ -146,7 +153,7 @@ def profile(
     likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
-    return Profiles(ends, better, curves, gain, line.best.theta, away, objection)
+    return Profiles(ends, better, curves, gain, line.best.theta, away, objection, tuple(likely))
 
 
 def _walks(
@@ -154,10 +161,9 @@ def _walks(
     sizes: Mapping[int, float],
     wait: Mapping[int, float],
     steps: int,
-    met: Sequence[ProfilePoint],
     progress: Callable[[str, float | None], None],
 ) -> dict[tuple[int, float], _Walk]:
-    """Both sides of every parameter, by its index, from the best point, from points met in other valleys, and past its
+    """Both sides of every parameter, by its index, from the best point, from points met beyond its end, and past its
     end where others know a way."""
     walks: dict[tuple[int, float], _Walk] = {}
     for index, size in sizes.items():
@@ -166,27 +172,35 @@ def _walks(
             walks[index, sign] = _walk(line, index, sign, size, line.best, wait[index], steps)
     for (index, sign), walk in walks.items():
         _follow(line, index, sign, walk)
-    for index, sign in walks:
-        for point in met:
-            walks[index, sign] = _from_there(line, index, sign, walks[index, sign], point, wait[index], sizes[index])
     progress("profiles from other points", None)
+    for (index, sign), walk in walks.items():
+        walks[index, sign] = _further(line, index, sign, walk, wait[index], sizes[index])
     for (index, sign), walk in walks.items():
         straight = np.sqrt(CRITICAL * wait[index]) * sizes[index]
         if walk.side.end is not None and not walk.side.walled:
             length = abs(walk.side.end - line.best.theta[index])
             if abs(length - straight) > ALIKE * straight:
                 walks[index, sign] = _retried(line, index, sign, walk, wait[index])
+    for _ in range(ROUNDS):  # what one walk met may be a way on for another
+        before = dict(walks)
+        for (index, sign), walk in before.items():
+            walks[index, sign] = _further(line, index, sign, walk, wait[index], sizes[index])
+        if walks == before:
+            break
     return walks
 
 
-def _from_there(
-    line: ProfileLine, index: int, sign: float, walk: _Walk, point: ProfilePoint, wait: float, size: float
-) -> _Walk:
-    """The walk, or one that begins at a point beyond its end to which the data do not object either."""
-    if walk.side.end is None or sign * (point.theta[index] - walk.side.end) <= 0.0:
+def _further(line: ProfileLine, index: int, sign: float, walk: _Walk, wait: float, size: float) -> _Walk:
+    """The walk, or one that goes on from the farthest point met beyond its end to which the data do not object."""
+    end = walk.side.end
+    if end is None or walk.side.walled:
         return walk
-    objected = line.loss_root(point) ** 2 >= CRITICAL * wait
-    return walk if objected else _walk(line, index, sign, size, point, wait)
+    least = FURTHER * abs(end - float(line.best.theta[index]))
+    beyond = [p for p in line.seen if sign * (p.theta[index] - end) > least]
+    agreed = [p for p in beyond if line.loss_root(p) ** 2 < CRITICAL * wait]
+    if not agreed:
+        return walk
+    return _walk(line, index, sign, size, max(agreed, key=lambda p: float(sign * p.theta[index])), wait)
 
 
 def _past(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:

@@ -17,6 +17,7 @@ from identify.attempt import Attempt, Clock, resolve, solve_from, usable
 from identify.guess import Guess
 from identify.level import LEVEL
 from identify.outcome import Status
+from identify.prepare import Prepared
 from identify.quantiles import chi_square
 from identify.search import own_starts
 from identify.unknowns import Unknowns
@@ -24,7 +25,7 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 STARTS = 2  # of the data's own that are held
-FIRMNESS = 5.0  # of the priors that hold them on their way
+FIRMNESS = (5.0, 8.0, 13.0, 4.0, 10.0)  # of the priors that hold them on their way: the next where one leads nowhere
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,20 @@ def other_valleys(attempt: Attempt, unknowns: Unknowns) -> list[Valley]:
     logs = list(attempt.prepared)
     found = []
     for theta in islice(own_starts(logs, unknowns), STARTS):
-        held = solve_from(logs, usable(logs), replace(unknowns, start=theta), Clock(), FIRMNESS)
-        if held is None or held.gate.status is not Status.CONVERGED or len(held.logs) < len(logs):
+        held = _held(logs, replace(unknowns, start=theta))
+        if held is None:
             continue
         there = replace(attempt, solved=replace(attempt.solved, guesses=held.solved.guesses))
         freed = resolve(there, replace(unknowns, start=held.solved.theta))
         if freed.gate.status is Status.CONVERGED and freed.solved.solution.cost < limit:
             found.append(Valley(freed.solved.theta, freed.solved.guesses))
     return found
+
+
+def _held(logs: list[Prepared], unknowns: Unknowns) -> Attempt | None:
+    """What describes all logs while it is held about a start (unknowns.start); None where nothing does."""
+    for firmness in FIRMNESS:
+        held = solve_from(logs, usable(logs), unknowns, Clock(), firmness)
+        if held is not None and held.gate.status is Status.CONVERGED and len(held.logs) == len(logs):
+            return held
+    return None

@@ -25,7 +25,7 @@ drawn scatter stated calculable choice price selection_numbers comparison form_s
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess loads lanes steadiness onset_places following one_way gaps parting partly_read scene_records
+guess harmonics passage loads lanes steadiness onset_places following one_way gaps parting partly_read scene_records
 reageing block_equations blocks features
 unknowns cutting manner window prepare rhythms vibration placing first_onsets
 layout start collector rest_parts footing lay_out relaid compression pattern shooting

@@ -17,7 +17,7 @@ from identify import identification
 from identify.attempt import Clock
 from identify.drive import NormalForce
 from identify.effects import MAIN
-from identify.guess import LogData
+from identify.guess import LogData, Pull
 from identify.identification import find
 from identify.loads import as_far_as_told, calmed, smooth
 from identify.local_fits import noise_on_lines
@@ -183,9 +183,13 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
 
 def test_a_tremor_is_followed_only_where_it_is_seen_well_and_slower_than_the_drive_pulls():
     # 0.62 times 1.3 N times 0.005 times 2 pi 9.7 Hz: the grip trembles by 0.25 N/s.
-    for rate, pull, followed in ((50.0, 0.5, False), (1000.0, 0.5, True), (1000.0, 0.05, False)):
+    for rate, noise, pull, followed in (
+        (50.0, 25e-3, 0.5, False),
+        (1000.0, NOISE, 0.5, True),
+        (1000.0, NOISE, 0.05, False),
+    ):
         times = np.arange(int(5 * rate)) / rate
-        seen = _load(times) + NOISE * np.random.default_rng(2).standard_normal(times.size)
+        seen = _load(times) + noise * np.random.default_rng(2).standard_normal(times.size)
         course = smooth(times, seen, cycles=3)
         unknowns = case.search_space(PAIR, ())
         log = LogData(
@@ -199,8 +203,9 @@ def test_a_tremor_is_followed_only_where_it_is_seen_well_and_slower_than_the_dri
             0.0,
             5.0,
             tremor_sd=course.tremor_sd,
+            pull=Pull(0.62, pull, 0.06),
         )
-        taken = as_far_as_told(log, 0.62, pull)
+        taken = as_far_as_told(log)
         assert (taken is log) == followed
         off = taken.normal_force.at(times) - _load(times)
         assert float(np.std(off)) < 1.3 * taken.normal_force_sd
