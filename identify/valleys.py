@@ -17,7 +17,6 @@ from identify.attempt import Attempt, Clock, resolve, solve_from, usable
 from identify.guess import Guess
 from identify.level import LEVEL
 from identify.outcome import Status
-from identify.prepare import Prepared
 from identify.quantiles import chi_square
 from identify.search import own_starts
 from identify.unknowns import Unknowns
@@ -25,7 +24,8 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 STARTS = 2  # of the data's own that are held
-FIRMNESS = (5.0, 8.0, 13.0, 4.0, 10.0)  # of the priors that hold them on their way: the next where one leads nowhere
+FIRM = (13.0, 8.0, 5.0)  # firmness of the priors that hold them: the next where one leads nowhere
+SOFTER = (8.0, 5.0, 3.0, 2.0, 1.4, 1.0)  # step by step, of the priors from which they are released
 
 
 @dataclass(frozen=True)
@@ -46,20 +46,27 @@ def other_valleys(attempt: Attempt, unknowns: Unknowns) -> list[Valley]:
     logs = list(attempt.prepared)
     found = []
     for theta in islice(own_starts(logs, unknowns), STARTS):
-        held = _held(logs, replace(unknowns, start=theta))
-        if held is None:
-            continue
-        there = replace(attempt, solved=replace(attempt.solved, guesses=held.solved.guesses))
-        freed = resolve(there, replace(unknowns, start=held.solved.theta))
-        if freed.gate.status is Status.CONVERGED and freed.solved.solution.cost < limit:
-            found.append(Valley(freed.solved.theta, freed.solved.guesses))
+        settled = _settled(attempt, replace(unknowns, start=theta))
+        if settled is not None and settled.solved.solution.cost < limit:
+            found.append(Valley(settled.solved.theta, settled.solved.guesses))
     return found
 
 
-def _held(logs: list[Prepared], unknowns: Unknowns) -> Attempt | None:
-    """What describes all logs while it is held about a start (unknowns.start); None where nothing does."""
-    for firmness in FIRMNESS:
+def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
+    """Where a solve of the samples of an answer ends that was held about a start (unknowns.start), and released so
+    slowly that each step is a small one; None where it is lost on its way."""
+    logs = list(attempt.prepared)
+    for firmness in FIRM:
         held = solve_from(logs, usable(logs), unknowns, Clock(), firmness)
-        if held is not None and held.gate.status is Status.CONVERGED and len(held.logs) == len(logs):
-            return held
+        if held is None or held.gate.status is not Status.CONVERGED or len(held.logs) < len(logs):
+            continue
+        there = replace(attempt, solved=replace(attempt.solved, guesses=held.solved.guesses))
+        theta = held.solved.theta
+        for softer in [f for f in SOFTER if f < firmness]:
+            there = resolve(there, replace(unknowns.softened(softer), start=theta))
+            if there.gate.status is not Status.CONVERGED:
+                break
+            theta = there.solved.theta
+        else:
+            return there
     return None
