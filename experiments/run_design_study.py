@@ -35,9 +35,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
-from experiments.true_profile import Truth, logs_of, true_profiles
+from experiments.true_profile import OBJECTS, Claims, Truth, logs_of, true_profiles
 from identify.attempt import Clock
 from identify.effects import MAIN
+from identify.findings import Findings
 from identify.identification import find
 from identify.model import assemble
 from identify.scene import Scene
@@ -49,6 +50,7 @@ Log = tuple[float, float, float]  # drive speed [m/s], duration [s], sampling ra
 
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 SEED, DESIGNS = 21, 200
+CLAIMS = 8  # points of a fit, from below and from above, of which one must be found true
 FEWEST = 3  # cycles of each log of a design
 SEEN = 12.0  # samples of a cycle, at least: slips may go unresolved, cycles not
 SLOWEST: Log = (1e-4 / 60, 800.0, 50.0)
@@ -149,13 +151,33 @@ def scene_of(made: Design) -> Scene:
     )
 
 
-def truths(made: Design, scene: Scene, answer: np.ndarray | None = None) -> dict[str, Truth]:
-    """The profile of each parameter, by brute force from the truth, and from the fit's answer as well."""
+def truths(
+    made: Design,
+    scene: Scene,
+    answer: np.ndarray | None = None,
+    claims: Claims | None = None,
+) -> dict[str, Truth]:
+    """The profile of each parameter, by brute force from the truth, and from the fit's answer as well, and from what
+    the fit claims that the data do not object to, where that is found true."""
     unknowns = from_scene(scene)
     base = unknowns.base(made.rig)
     theta = unknowns.theta(np.array([(made.truth | made.rig)[name] for name in unknowns.names]), base)
     logs = logs_of(made.records, made.motions, [log[0] for log in made.logs], NOISE, base)
-    return true_profiles(unknowns, logs, made.motions, theta, FRICTION, answer)
+    return true_profiles(unknowns, logs, made.motions, theta, FRICTION, answer, claims)
+
+
+def claims_of(found: Findings) -> Claims:
+    """Per parameter the points (n_p,) to which the data do not object, of those that a fit met, the outermost first:
+    from below and from above."""
+    met = found.sure.profiles.met if found.sure is not None and found.sure.profiles is not None else ()
+    lowest = min((point.cost for point in met), default=0.0)
+    agreed = [point.theta for point in met if 2.0 * (point.cost - lowest) < OBJECTS]
+    out = {}
+    for name in FRICTION if agreed else ():
+        i = found.unknowns.names.index(name)
+        rising = sorted(agreed, key=lambda theta, i=i: float(theta[i]))
+        out[name] = rising[:CLAIMS], rising[: -CLAIMS - 1 : -1]
+    return out
 
 
 def trial(number: int) -> dict[str, Any]:
@@ -168,7 +190,7 @@ def trial(number: int) -> dict[str, Any]:
     told = {e.name: (e.verdict, e.reason) for e in found.estimates if e.name in FRICTION}
     try:
         answer = None if found.attempt is None else found.attempt.solved.theta
-        known, unclear = truths(made, scene, answer), ""
+        known, unclear = truths(made, scene, answer, claims_of(found)), ""
     except RuntimeError as error:
         known, unclear = {}, str(error)
     line: dict[str, Any] = {

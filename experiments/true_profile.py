@@ -7,7 +7,7 @@ everything else is solved again at each. No covariance, no walk of adaptive step
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,7 @@ from identify.trajectory import Trajectory
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
+Claims = Mapping[str, tuple[Sequence[Array], Sequence[Array]]]
 
 OBJECTS = float(chi2.ppf(0.95, 1))
 LOGARITHMS = (0.05, 0.17, 0.4, 0.75, 1.12, 1.38)  # steps of a logarithm
@@ -128,12 +129,16 @@ def true_profiles(
     truth: Array,
     names: Sequence[str],
     other: Array | None = None,
+    claims: Claims | None = None,
 ) -> dict[str, Truth]:
     """The profile of each named parameter.
 
     Args:
         truth: (n_p,) true theta; other: a theta (n_p,) to begin from as well: where likelihoods have several valleys,
-            the deepest may not be the one of the truth.
+            the deepest may not be the one of the truth; claims: per parameter thetas (n_p,) to which, as a fit says,
+            the data do not object, from below and from above, the outermost first. The first that is found true, solved
+            anew on the true falls with the parameter held, counts and is walked on from: a profile is the lowest of
+            all there is, and no walk alone shows that the data object.
 
     Raises:
         RuntimeError: the motion of the true values cannot be solved.
@@ -154,6 +159,9 @@ def true_profiles(
             walk.also(second)
     for walk in walks.values():
         walk.both_ways()
+    for name, claimed in (claims or {}).items():
+        for side in claimed:
+            any(walks[name].claimed(theta, falls) for theta in side)
     # What one walk met may show another one a way on that it missed: likelihoods like these have several valleys.
     for _ in range(ROUNDS):
         seen = [point for walk in walks.values() for point in walk.points]
@@ -168,13 +176,19 @@ def true_profiles(
 
 def _begun(unknowns: Unknowns, logs: list[LogData], falls: list[Array], theta: Array) -> _Point | None:
     """The best point of the valley of a theta (n_p,); None where the model does not slip there, or the solver fails."""
-    values = [unknowns.values(theta, log.base) for log in logs]
-    placed = place(unknowns.model, logs, values, falls, COARSE)
-    guesses = [guess for guess in placed.guesses if guess is not None]
-    if len(guesses) < len(logs):
+    guesses = _on_falls(unknowns, logs, falls, theta)
+    if guesses is None:
         return None
     first = solve_in_passes(logs, guesses, replace(unknowns, start=theta))
     return _solved(unknowns, logs, first.theta, first.guesses, None) if np.all(np.isfinite(first.theta)) else None
+
+
+def _on_falls(unknowns: Unknowns, logs: list[LogData], falls: list[Array], theta: Array) -> list[Guess] | None:
+    """The motion of a theta (n_p,) placed on the true falls; None where the model does not slip there."""
+    values = [unknowns.values(theta, log.base) for log in logs]
+    placed = place(unknowns.model, logs, values, falls, COARSE)
+    guesses = [guess for guess in placed.guesses if guess is not None]
+    return guesses if len(guesses) == len(logs) else None
 
 
 def _same(unknowns: Unknowns, one: _Point, other: _Point) -> bool:
@@ -215,6 +229,15 @@ class _Walks:
         """Walk to either side from the point of another valley."""
         for sign in self.failed:
             self._walk(sign, point)
+
+    def claimed(self, theta: Array, falls: list[Array]) -> bool:
+        """Walk on from a theta (n_p,), if it is true that the data do not object to it; whether it is."""
+        guesses = _on_falls(self.unknowns, self.logs, falls, theta)
+        point = None if guesses is None else _solved(self.unknowns, self.logs, theta, guesses, self.index)
+        true = point is not None and self._agrees(point)
+        if point is not None and true:
+            self._walk(float(np.sign(self._off(point, 1.0))) or 1.0, point)
+        return true
 
     def both_ways(self) -> None:
         """Walk to either side from the best point."""

@@ -25,7 +25,9 @@ PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
 FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
-SLOWLY = (8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0)  # where the start is off besides
+SLOWLY = (20.0, 13.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0)  # where the start is off besides: small steps find the way
+FIRST = 5  # of these: how firmly a start is held before another one is taken
+OFF = 2  # of these that are left out where the start is better known
 
 
 @dataclass(frozen=True)
@@ -129,12 +131,21 @@ def crept(attempt: Attempt) -> bool:
 
 def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
     """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
-    solver follows; None where it follows nowhere. The information matrix never sees these priors."""
+    solver follows; None where it follows nowhere. The information matrix never sees these priors.
+
+    How firm they have to be at first differs from start to start: what wanders off from the softer ones is held by the
+    firmer ones, and released in steps so small that each is an easy solve.
+    """
     best: Attempt | None = None
-    for tried in _released(prepared, chosen, unknowns, clock, FIRM):
-        if tried.gate.status is not Status.CONVERGED:
+    loosest = np.inf
+    for first in range(FIRST):
+        for firmness, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[first:]):
+            if not tried.solved.solution.success:
+                break
+            if tried.gate.status is Status.CONVERGED and firmness < loosest:
+                best, loosest = tried, firmness
+        if loosest == SLOWLY[-1]:
             break
-        best = tried
     return best
 
 
@@ -142,7 +153,7 @@ def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns
     """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
     None where it fails at once."""
     best: Attempt | None = None
-    for tried in _released(prepared, chosen, unknowns, clock, SLOWLY):
+    for _, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[OFF:]):
         if not tried.solved.solution.success:
             break
         best = tried
@@ -153,16 +164,21 @@ def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns
 
 def _released(
     prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firm: Sequence[float]
-) -> Iterator[Attempt]:
-    """Solves with softer and softer priors, each from the answer and around the start of the one before."""
+) -> Iterator[tuple[float, Attempt]]:
+    """Solves with softer and softer priors around the start, each from the answer of the one before; with the firmness
+    of each."""
     tried = solve_from(prepared, chosen, unknowns, clock, firm[0])
-    for firmness in firm[1:]:
-        if tried is None:
-            return
-        yield tried
-        tried = resolve(tried, replace(unknowns.softened(firmness), start=tried.solved.theta))
     if tried is not None:
-        yield tried
+        yield firm[0], tried
+        yield from released(tried, unknowns, firm[1:])
+
+
+def released(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterator[tuple[float, Attempt]]:
+    """Solves of the same samples with softer and softer priors around unknowns.start, each from the answer of the one
+    before; with the firmness of each."""
+    for firmness in firm:
+        held = resolve(held, replace(unknowns.softened(firmness), start=held.solved.theta))
+        yield firmness, held
 
 
 def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:

@@ -19,6 +19,7 @@ from identify.discretisation import discretisation_error
 from identify.gate import Gate
 from identify.hints import hints, onsets, untold
 from identify.influence import Influence, influence, sample_moves
+from identify.inward import at_own_bounds, taken_inside
 from identify.level import LEVEL, NORMAL
 from identify.outcome import Status
 from identify.passes import solve_in_passes
@@ -92,6 +93,7 @@ def certainty(
     """
     if attempt.gate.status is Status.CONVERGED:
         attempt = strengthened(attempt, unknowns) or attempt
+        attempt = taken_inside(attempt, unknowns) or attempt
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None
@@ -160,8 +162,10 @@ def certainty(
         if walked.better is not None:
             moved = resolve_firmly(attempt, unknowns, walked.better.theta, walked.better.guesses)
             inside = walked.gain < chi_square(LEVEL, int(np.sum(unknowns.free)))
-            if moved.gate.status is not Status.CONVERGED and inside:
-                # Inside the joint region: another point of the same ridge, at which the solver finds no end.
+            outside = np.any(at_own_bounds(unknowns, moved.solved.theta))
+            if inside and (moved.gate.status is not Status.CONVERGED or outside):
+                # Inside the joint region: another point of the same ridge, at which the solver finds no end, or which
+                # has none within the model.
                 walked = walked.seen_from(unknowns, solved.theta)
                 continue
             if moved.gate.status is not Status.CONVERGED:

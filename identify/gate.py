@@ -153,7 +153,7 @@ def _load_pulls(data: LogData, guess: Guess) -> Array:
     """By how many of its standard errors the normal force is off in every part, then at the end of every slip."""
     slid = guess.slip_deviation.size
     mean = np.where(np.arange(guess.deviation.size) < guess.cycles, data.expected[0], 0.0)
-    at_onset = (guess.deviation - mean) / data.load_sd_at(guess.loaded_at)
+    at_onset = (guess.deviation - mean) / data.onset_load_sd_at(guess.loaded_at)
     return np.append(at_onset, (guess.slip_deviation - data.expected[1]) / data.load_sd_at(guess.arrest[:slid]))
 
 

@@ -45,7 +45,8 @@ class LogData:
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
     normal_force_sd [N] (0: exact), over time sd_course (None: the same throughout), tremor_sd [N] of it in fast rhythms
     (0: none), calm: these were taken out, expected [N]: where the normal force then lies about its course at the onset
-    and at the end of a slip; pull (None: no cycles were seen); the fitted window [s]; groups (n_p): the group of logs
+    and at the end of a slip; loose [N]: by how much more it may be off at an onset, before which the mass may have
+    moved unseen; pull (None: no cycles were seen); the fitted window [s]; groups (n_p): the group of logs
     it shares each parameter with, "" for none; programme: the drive where it changes its speed within the window (None:
     drive_speed throughout).
     """
@@ -65,6 +66,7 @@ class LogData:
     tremor_sd: float = 0.0
     calm: bool = False
     sd_course: NormalForce | None = None
+    loose: float = 0.0
     expected: tuple[float, float] = (0.0, 0.0)
     pull: Pull | None = None
 
@@ -80,6 +82,10 @@ class LogData:
         """By how much the course of the normal force may be off at times [s], any shape [N]."""
         known = self.sd_course
         return np.full(np.shape(time), self.normal_force_sd) if known is None else known.at(time)
+
+    def onset_load_sd_at(self, time: ArrayLike) -> Array:
+        """By how much it may be off at onsets at times [s], any shape [N]."""
+        return np.hypot(self.load_sd_at(time), self.loose)
 
     @property
     def noise(self) -> float:

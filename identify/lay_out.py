@@ -81,7 +81,7 @@ class _LogWalk(Footing):
         A slow log tells its periods to a millisecond, which is a millionth of the load: no measured load is
         that good, and a fit that took it as exact would answer with wrong friction.
         """
-        sd, mean = self.log.load_sd_at(self.guess.loaded_at[[cycle]]), np.array([expected])
+        sd, mean = self.log.onset_load_sd_at(self.guess.loaded_at[[cycle]]), np.array([expected])
         if sd[0] > 0.0:
             self.loads[cycle] = self.c.add(self.guess.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
         self.load = np.array([self.loads[cycle]])

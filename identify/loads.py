@@ -270,20 +270,25 @@ def calmed(log: LogData) -> LogData:
 
 
 def as_far_as_told(log: LogData) -> LogData:
-    """The log without the tremor of its normal force where no fit can follow it.
+    """The log without the tremor of its normal force where no fit can follow it, and with loose onsets where it can
+    only follow it while the mass slips.
 
-    One that the measurement blurs puts onsets where the pull falls behind the grip. And where the grip trembles much
-    faster than the drive pulls, it dips below the pull again and again before a slip: the mass moves a little each
-    time, which is not seen in the force and renews the contact. What is taken out counts to the error of the load.
+    A tremor that the measurement blurs puts onsets where the pull falls behind the grip; what is taken out counts to
+    the error of the load. And where the grip trembles much faster than the drive pulls, it dips below the pull again
+    and again before a slip: the mass moves a little each time, which is not seen in the force and renews the contact.
+    What the grip has to be at the onset is not told by its measurement then.
     """
     calm, pull = calmed(log), log.pull
     if calm is log or pull is None:
         return log
+    if log.tremor_sd > BLURRED * calm.tremor_sd:
+        return calm
     times, values = np.asarray(log.normal_force.times), np.asarray(log.normal_force.values)
     steps = np.diff(times)
     rates = np.diff(values - calm.normal_force.at(times)) / steps
     fastest = float(np.sqrt(2.0 * np.average(rates**2, weights=steps)))
-    return calm if log.tremor_sd > BLURRED * calm.tremor_sd or pull.coefficient * fastest > OUTRUN * pull.rate else log
+    outruns = pull.coefficient * fastest > OUTRUN * pull.rate
+    return replace(log, loose=calm.tremor_sd) if outruns else log
 
 
 def swing(course: NormalForce, begin: float, end: float) -> float:

@@ -72,7 +72,7 @@ def _quality(log: Prepared) -> dict[str, Any]:
     if log.hidden_swing:
         findings.append({"code": "load_varies", "severity": "warning", "message": load_varies(log)})
         verdict = "accept with warnings" if verdict == "accept" else verdict
-    if log.data.calm:
+    if log.data.calm or log.data.loose > 0.0:
         findings.append({"code": "load_trembles", "severity": "info", "message": load_trembles(log)})
     return {"verdict": verdict, "findings": findings, "figures": {**told["figures"], **figures}}
 
@@ -87,8 +87,14 @@ def load_varies(log: Prepared) -> str:
 
 def load_trembles(log: Prepared) -> str:
     """What a tremor of the normal force does to the fit, and what would help."""
+    outruns = log.data.loose > 0.0
+    size = 1e3 * (log.data.loose if outruns else log.data.tremor_sd)
+    told, remedy = (
+        ("faster than the drive pulls: at the onset of a slip it is counted as unknown", "drive faster")
+        if outruns
+        else ("seen too badly to be followed: it is counted as unknown", "measure the normal force with less noise")
+    )
     return (
-        f"the normal force trembles by {1e3 * log.data.tremor_sd:.2g} mN (standard deviation), faster or seen worse "
-        "than a fit can follow: it is counted as unknown from slip to slip; for more certainty measure the normal "
-        "force with less noise, drive faster, or let the hand rest"
+        f"the normal force trembles by {size:.2g} mN (standard deviation), {told} from slip to slip; "
+        f"for more certainty {remedy}, or let the hand rest"
     )

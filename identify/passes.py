@@ -19,6 +19,7 @@ from identify.guess import Grid, Guess, LogData
 from identify.loads import calmed
 from identify.shooting import Problem, transcribe
 from identify.solve import Solution, solve
+from identify.trust import EASY, Trust, held_back
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -118,17 +119,21 @@ def _better(other: Solved, than: Solved) -> bool:
 
 
 def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, way: _Way) -> Solved:
-    """Solve, where a trembling load leads astray from the events of a calm one."""
-    plain = _in_passes(logs, logs, guesses, unknowns, way)
-    near = plain.grid is not COARSE and 2.0 * plain.solution.cost < ALMOST * plain.problem.samples
-    if plain.solution.success or near:
-        return plain
+    """Solve; where that is lost, from the events of a calm load where a load trembles, and in passes that go no farther
+    than each is trusted."""
+    best = _in_passes(logs, logs, guesses, unknowns, way)
+    near = best.grid is not COARSE and 2.0 * best.solution.cost < ALMOST * best.problem.samples
     calm = [calmed(log) for log in logs]
-    if all(quiet is log for quiet, log in zip(calm, logs, strict=True)):
-        return plain
-    # Where the normal force trembles, the events of a calm load are a start from which the solver may find its way.
-    other = _in_passes(logs, calm, guesses, unknowns, way)
-    return other if _better(other, plain) else plain
+    if not near and any(quiet is not log for quiet, log in zip(calm, logs, strict=True)):
+        ways: tuple[Trust | None, ...] = (None, Trust())
+    else:
+        ways = (Trust(),)
+    for trust in ways:
+        if best.solution.success or best.solution.cost > way.hopeless:
+            break
+        other = _in_passes(logs, calm, guesses, unknowns, way, trust)
+        best = other if _better(other, best) else best
+    return best
 
 
 def _in_passes(
@@ -137,19 +142,26 @@ def _in_passes(
     guesses: list[Guess],
     unknowns: Unknowns,
     way: _Way,
+    trust: Trust | None = None,
 ) -> Solved:
-    """As `solve_in_passes`; the first pass with the loads of `calm`."""
+    """As `solve_in_passes`; the coarse passes with the loads of `calm`.
+
+    Args:
+        trust: how far each pass may go at first (None: anywhere).
+    """
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
-    iterations, forming = 0, 0.0
+    iterations, forming, arrived = 0, 0.0, 0
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     bent = False
     hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
-    for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
+    for number in range(1, (LONGEST if hidden or trust is not None else MOST_PASSES) + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
         pattern = None if solved is None else solved.problem.pattern
         problem = transcribe(calm if coarse else logs, guesses, unknowns, grid, pattern=pattern)
+        if trust is not None:
+            problem = trust.held_to(problem, guesses)
         forming += time.perf_counter() - since
         tried = _tried(problem, tolerance, barrier, bent, trembling)
         solution, bent = tried.solution, tried.bent
@@ -158,6 +170,7 @@ def _in_passes(
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
         formed_from = guesses
         guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
+        as_found = guesses
         if coarse:  # what stood in for the tremor of the load is no error of its measurement
             guesses = [
                 g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation), slip_deviation=np.empty(0))
@@ -165,12 +178,24 @@ def _in_passes(
             ]
         shift = _shift_in_samples(problem, solution, logs, formed_from)
         solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
-        unknowns = replace(unknowns, start=theta)
+        before, unknowns = unknowns, replace(unknowns, start=theta)
         if way.on_pass is not None:
             way.on_pass(number)
         fine = not coarse
+        if trust is not None:
+            if not solution.success or not np.all([_ordered(guess) for guess in guesses]):
+                trust = trust.less()
+                if trust is None:
+                    return solved
+                guesses, unknowns = formed_from, before
+                continue
+            trust = trust.after(tried.iterations <= EASY)
+            if held_back(problem, solution.x):
+                guesses = as_found
+                continue
+        arrived += 1
         misfit = 2.0 * solution.cost / max(problem.samples, 1)
-        lost = misfit > LOST if not solution.success else number >= PASSES and misfit > ALL_BUT
+        lost = misfit > LOST if not solution.success else arrived >= PASSES and misfit > ALL_BUT
         if solution.cost > way.hopeless or lost:
             return solved
         if not np.all(np.isfinite(solution.x)) or (not solution.success and (fine or solution.infeasibility > NEAR)):

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
-SWINGS = 3.0  # times that: error of the load in fast rhythms from which on a slip has one of its own
+SWINGS = 0.3  # times that: error of the load in fast rhythms from which on a slip has one of its own
 LONGER = 1.5  # half periods that a slip takes, its slow beginning included
 UNTOLD = Course(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.attempt import Attempt
+from identify.inward import AT_BOUND
 from identify.outcome import Status
 from identify.prepare import Prepared
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
-
-AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 
 
 def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:

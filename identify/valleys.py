@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.attempt import Attempt, Clock, resolve, solve_from, usable
+from identify.attempt import FIRST, SLOWLY, Attempt, Clock, released, solve_from, usable
 from identify.guess import Guess
 from identify.level import LEVEL
 from identify.outcome import Status
@@ -24,8 +24,6 @@ from identify.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 STARTS = 2  # of the data's own that are held
-FIRM = (13.0, 8.0, 5.0)  # firmness of the priors that hold them: the next where one leads nowhere
-SOFTER = (8.0, 5.0, 3.0, 2.0, 1.4, 1.0)  # step by step, of the priors from which they are released
 
 
 @dataclass(frozen=True)
@@ -56,17 +54,14 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Where a solve of the samples of an answer ends that was held about a start (unknowns.start), and released so
     slowly that each step is a small one; None where it is lost on its way."""
     logs = list(attempt.prepared)
-    for firmness in FIRM:
-        held = solve_from(logs, usable(logs), unknowns, Clock(), firmness)
+    for first in range(FIRST):
+        held = solve_from(logs, usable(logs), unknowns, Clock(), SLOWLY[first])
         if held is None or held.gate.status is not Status.CONVERGED or len(held.logs) < len(logs):
             continue
-        there = replace(attempt, solved=replace(attempt.solved, guesses=held.solved.guesses))
-        theta = held.solved.theta
-        for softer in [f for f in SOFTER if f < firmness]:
-            there = resolve(there, replace(unknowns.softened(softer), start=theta))
-            if there.gate.status is not Status.CONVERGED:
+        on_the_way = released(replace(attempt, solved=held.solved), unknowns, SLOWLY[first + 1 :])
+        for firmness, here in on_the_way:
+            if here.gate.status is not Status.CONVERGED:
                 break
-            theta = there.solved.theta
-        else:
-            return there
+            if firmness == SLOWLY[-1]:
+                return here
     return None

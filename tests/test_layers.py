@@ -28,10 +28,10 @@ axes outline plane crossings flood chart continuation mapping chart_closed chart
 guess harmonics passage loads lanes steadiness onset_places following one_way gaps parting partly_read scene_records
 reageing block_equations blocks features
 unknowns cutting manner window prepare rhythms vibration placing first_onsets
-layout start collector rest_parts footing lay_out relaid compression pattern shooting
+layout start collector rest_parts footing lay_out relaid compression pattern shooting trust
 equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
-attempt status_words events joining search valleys profile widened shaken ridge_ends grouped shares certainty
+attempt inward status_words events joining search valleys profile widened shaken ridge_ends grouped shares certainty
 fitted held_out taken_over nested weighing screening
 selection_words compared_models selection suspects diagnosis preview depth
 findings second_look log_outlook worth log_document result_notes result identification

@@ -181,34 +181,26 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
     assert costs[0.0] > costs[5e-3] + 20.0, "a load that is one number per cycle cannot say it"
 
 
-def test_a_tremor_is_followed_only_where_it_is_seen_well_and_slower_than_the_drive_pulls():
+@pytest.mark.parametrize(
+    ("rate", "noise", "pull", "calm", "loose"),
+    [(50.0, 25e-3, 0.5, True, False), (1000.0, NOISE, 0.5, False, False), (1000.0, NOISE, 0.05, False, True)],
+)
+def test_a_tremor_is_followed_where_it_is_seen_well_and_at_onsets_where_the_drive_keeps_up(
+    rate, noise, pull, calm, loose
+):
     # 0.62 times 1.3 N times 0.005 times 2 pi 9.7 Hz: the grip trembles by 0.25 N/s.
-    for rate, noise, pull, followed in (
-        (50.0, 25e-3, 0.5, False),
-        (1000.0, NOISE, 0.5, True),
-        (1000.0, NOISE, 0.05, False),
-    ):
-        times = np.arange(int(5 * rate)) / rate
-        seen = _load(times) + noise * np.random.default_rng(2).standard_normal(times.size)
-        course = smooth(times, seen, cycles=3)
-        unknowns = case.search_space(PAIR, ())
-        log = LogData(
-            times,
-            seen,
-            np.ones(times.size),
-            unknowns.base(case.RIG),
-            1e-4,
-            course.force,
-            course.sd,
-            0.0,
-            5.0,
-            tremor_sd=course.tremor_sd,
-            pull=Pull(0.62, pull, 0.06),
-        )
-        taken = as_far_as_told(log)
-        assert (taken is log) == followed
-        off = taken.normal_force.at(times) - _load(times)
-        assert float(np.std(off)) < 1.3 * taken.normal_force_sd
+    times = np.arange(int(5 * rate)) / rate
+    seen = _load(times) + noise * np.random.default_rng(2).standard_normal(times.size)
+    course = smooth(times, seen, cycles=3)
+    unknowns, ones = case.search_space(PAIR, ()), np.ones(times.size)
+    log = LogData(times, seen, ones, unknowns.base(case.RIG), 1e-4, course.force, course.sd, 0.0, 5.0)
+    taken = as_far_as_told(replace(log, tremor_sd=course.tremor_sd, pull=Pull(0.62, pull, 0.06)))
+    assert (taken.calm, taken.loose > 0.0) == (calm, loose)
+    off = taken.normal_force.at(times) - _load(times)
+    assert float(np.std(off)) < 1.3 * taken.normal_force_sd
+    tremor = float(np.std(_load(times) - _load(times, tremor=0.0)))
+    onset = taken.onset_load_sd_at(2.5)
+    assert onset == pytest.approx(tremor, rel=0.3) if loose else onset == taken.load_sd_at(2.5)
 
 
 def test_a_calm_load_keeps_its_pulse_and_loses_its_tremor():
@@ -230,7 +222,7 @@ def test_a_calm_load_keeps_its_pulse_and_loses_its_tremor():
 
 
 @pytest.mark.parametrize(("speed", "told"), [(4e-5, True), (1e-4, False)])
-def test_a_log_says_that_its_tremor_counts_as_unknown(speed, told):
+def test_a_log_says_that_its_tremor_counts_as_unknown_at_onsets(speed, told):
     knots, times = np.arange(2602) / 100.0, np.arange(25 * 500) / 500.0
     motion, random = run(assemble(MAIN), PAIR | RIG, speed, (knots, _load(knots)), 26.0), np.random.default_rng(3)
     force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
@@ -239,9 +231,11 @@ def test_a_log_says_that_its_tremor_counts_as_unknown(speed, told):
     document = {"effects": [*MAIN, "varying_normal_force"], "rig": RIG, "logs": logs}
     scene = Scene.from_document(document, Path())
     made = prepare(scene, scene.logs[0], Record(times, load, force), from_scene(scene))
-    assert made.typical >= 2 and made.data.calm == told
+    assert made.typical >= 2 and (made.data.loose > 0.0) == told
     findings = [f["message"] for f in _quality(made)["findings"] if f["code"] == "load_trembles"]
-    assert len(findings) == told and all("mN" in message and "counted as unknown" in message for message in findings)
+    assert len(findings) == told and all(
+        "mN" in m and "onset of a slip it is counted as unknown" in m for m in findings
+    )
 
 
 def test_cycles_that_a_load_makes_unlike_are_not_called_unlike_by_themselves():
