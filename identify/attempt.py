@@ -17,6 +17,7 @@ from identify.passes import COARSE, Solved, solve_in_passes
 from identify.placing import place
 from identify.prepare import Prepared, cut_in_last_stick
 from identify.sequence import TRIES, followed, resequenced
+from identify.trust import Trust
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -73,16 +74,17 @@ def solve_from(
     clock: Clock,
     firmness: float = 1.0,
     hopeless: float = np.inf,
+    trust: Trust | None = None,
 ) -> Attempt | None:
     """Place the start on the chosen logs and solve; None where no log can be placed.
 
     Args:
-        hopeless: a pass that ends with a larger cost is the last one.
+        hopeless: a pass that ends with a larger cost is the last one. trust: how far the first pass may go.
     """
     since = time.perf_counter()
     placed = place_on(prepared, chosen, unknowns) if chosen else []
     clock.add("place", since)
-    return solve_placed(prepared, placed, unknowns, clock, firmness, hopeless) if placed else None
+    return solve_placed(prepared, placed, unknowns, clock, firmness, hopeless, trust) if placed else None
 
 
 def solve_placed(
@@ -92,6 +94,7 @@ def solve_placed(
     clock: Clock,
     firmness: float = 1.0,
     hopeless: float = np.inf,
+    trust: Trust | None = None,
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least."""
     since = time.perf_counter()
@@ -99,7 +102,8 @@ def solve_placed(
     # What every log has for itself, the first log has in the shared theta.
     unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
     guesses[0] = replace(guesses[0], own=np.empty(0))
-    solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(firmness), hopeless=hopeless)
+    data, soft = [log.data for log in logs], unknowns.softened(firmness)
+    solved = solve_in_passes(data, guesses, soft, hopeless=hopeless, trust=trust)
     for _ in range(TRIES):
         if solved.solution.cost > hopeless:
             break
@@ -129,16 +133,19 @@ def crept(attempt: Attempt) -> bool:
     return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
 
 
-def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+def solve_held(
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, ways: int = 1
+) -> Attempt | None:
     """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
     solver follows; None where it follows nowhere. The information matrix never sees these priors.
 
-    How firm they have to be at first differs from start to start: what wanders off from the softer ones is held by the
-    firmer ones, and released in steps so small that each is an easy solve.
+    Args:
+        ways: how many are tried. How firm priors have to be at first differs from start to start: what wanders off from
+            the softer ones is held by the firmer ones, and released in steps so small that each is an easy solve.
     """
     best: Attempt | None = None
     loosest = np.inf
-    for first in range(FIRST):
+    for first in range(ways):
         for firmness, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[first:]):
             if not tried.solved.solution.success:
                 break

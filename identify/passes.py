@@ -76,6 +76,7 @@ class _Way:
     hopeless: float
     steps: int
     most: int
+    trust: Trust | None = None
 
 
 def solve_in_passes(
@@ -87,14 +88,15 @@ def solve_in_passes(
     hopeless: float = np.inf,
     steps: int = 0,
     most: int = 1000,
+    trust: Trust | None = None,
 ) -> Solved:
     """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES).
 
     Args:
         hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
-            least and at most.
+            least and at most. trust: how far the first pass may go (None: every pass may go anywhere).
     """
-    way = _Way(on_pass, hopeless, steps, most)
+    way = _Way(on_pass, hopeless, steps, most, trust)
     solved = _from_calm(logs, guesses, unknowns, way)
     for _ in range(AGAIN):
         if not np.isfinite(solved.solution.cost):
@@ -119,21 +121,18 @@ def _better(other: Solved, than: Solved) -> bool:
 
 
 def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, way: _Way) -> Solved:
-    """Solve; where that is lost, from the events of a calm load where a load trembles, and in passes that go no farther
-    than each is trusted."""
-    best = _in_passes(logs, logs, guesses, unknowns, way)
-    near = best.grid is not COARSE and 2.0 * best.solution.cost < ALMOST * best.problem.samples
+    """Solve; where a load trembles and that is lost, or the way is a long one, from the events of a calm load."""
     calm = [calmed(log) for log in logs]
-    if not near and any(quiet is not log for quiet, log in zip(calm, logs, strict=True)):
-        ways: tuple[Trust | None, ...] = (None, Trust())
-    else:
-        ways = (Trust(),)
-    for trust in ways:
-        if best.solution.success or best.solution.cost > way.hopeless:
-            break
-        other = _in_passes(logs, calm, guesses, unknowns, way, trust)
-        best = other if _better(other, best) else best
-    return best
+    trembling = any(quiet is not log for quiet, log in zip(calm, logs, strict=True))
+    if way.trust is not None and trembling:
+        return _in_passes(logs, calm, guesses, unknowns, way)
+    at_once = _in_passes(logs, logs, guesses, unknowns, way)
+    cost = at_once.solution.cost
+    near = at_once.grid is not COARSE and 2.0 * cost < ALMOST * at_once.problem.samples
+    if at_once.solution.success or cost > way.hopeless or near or not trembling:
+        return at_once
+    other = _in_passes(logs, calm, guesses, unknowns, way)
+    return other if _better(other, at_once) else at_once
 
 
 def _in_passes(
@@ -142,14 +141,10 @@ def _in_passes(
     guesses: list[Guess],
     unknowns: Unknowns,
     way: _Way,
-    trust: Trust | None = None,
 ) -> Solved:
-    """As `solve_in_passes`; the coarse passes with the loads of `calm`.
-
-    Args:
-        trust: how far each pass may go at first (None: anywhere).
-    """
+    """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
+    trust = way.trust
     iterations, forming, arrived = 0, 0.0, 0
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.attempt import Attempt, Clock, crept, place_on, solve_from, solve_held
+from identify.attempt import FIRST, Attempt, Clock, crept, place_on, solve_from, solve_held
 from identify.events import with_events_mended
 from identify.features import Features, extract
 from identify.gate import PER_CYCLE
@@ -27,6 +27,7 @@ from identify.passes import COARSE
 from identify.prepare import Prepared, settled_part
 from identify.shooting import transcribe
 from identify.start import GOOD, Start, candidates, fit_features, random_starts
+from identify.trust import Trust
 from identify.unknowns import Unknowns
 from identify.vibration import quieted
 
@@ -137,9 +138,10 @@ def _from_logs(
         white = best is not None and best.gate.status is Status.CONVERGED and best.gate.level == 1.0
         if best is not None and white and set(first) <= set(best.logs):
             break
-    if way.thorough and not unequal and best is not None and best.gate.status is not Status.CONVERGED:
-        told("holding what the logs do not tell", 0.7)
-        best = _better(best, _held_from(wandered, prepared, first, able, unknowns, clock))
+    for stage, say in ((_in_short_passes, "going in short passes"), (solve_held, "holding what the logs do not tell")):
+        if way.thorough and not unequal and best is not None and best.gate.status is not Status.CONVERGED:
+            told(say, 0.7)
+            best = _better(best, _again_from(stage, wandered, prepared, first, able, unknowns, clock))
     return None if best is None else _disowned(best, prepared, first)
 
 
@@ -169,14 +171,15 @@ def _attempted(
             attempt = from_some(prepared, first, able, unknowns, clock) or attempt
     if crept(attempt):
         told("holding what the logs do not tell", 0.7)
-        attempt = solve_held(having, first, unknowns, clock) or attempt
+        attempt = solve_held(having, first, unknowns, clock, FIRST) or attempt
     if attempt.gate.status is Status.CONVERGED:
         told("joining the other logs", 0.8)
         attempt = join(attempt, having, [i for i in able if i not in attempt.logs], unknowns, clock)
     return attempt
 
 
-def _held_from(
+def _again_from(
+    stage: Callable[[list[Prepared], list[int], Unknowns, Clock], Attempt | None],
     starts: Sequence[Array],
     prepared: list[Prepared],
     first: list[int],
@@ -184,13 +187,17 @@ def _held_from(
     unknowns: Unknowns,
     clock: Clock,
 ) -> Attempt | None:
-    """From the first of these starts from which the solver finds its way if what the logs do not tell is held: where
-    they tell little, one drive speed say, it wanders off along that before it comes near."""
+    """From the first of these starts from which another way of solving finds an answer, which the other logs join."""
     for theta in starts:
-        found = solve_held(prepared, first, replace(unknowns, start=theta), clock)
-        if found is not None:
+        found = stage(prepared, first, replace(unknowns, start=theta), clock)
+        if found is not None and found.gate.status is Status.CONVERGED:
             return join(found, prepared, [i for i in able if i not in found.logs], unknowns, clock)
     return None
+
+
+def _in_short_passes(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Solve from a start that may be far off in passes that go no farther than each is trusted."""
+    return solve_from(prepared, chosen, unknowns, clock, trust=Trust())
 
 
 def alike(prepared: Sequence[Prepared]) -> bool:

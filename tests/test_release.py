@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.run_design_study import design, scene_of
-from identify import passes
-from identify.attempt import SLOWLY, Clock, released, solve_from, solve_held, usable
+from identify.attempt import FIRST, SLOWLY, Clock, released, solve_from, solve_held, usable
 from identify.outcome import Status
 from identify.prepare import prepare
 from identify.search import own_starts
@@ -24,30 +23,24 @@ def wandering():
     scene = scene_of(made)
     unknowns = from_scene(scene)
     prepared = [prepare(scene, e, r, unknowns) for e, r in zip(scene.logs, made.records, strict=True)]
-    starts = [replace(unknowns, start=theta) for theta in islice(own_starts(prepared, unknowns), 3)]
+    starts = [replace(unknowns, start=theta) for theta in islice(own_starts(prepared, unknowns), 2)]
     truth = unknowns.theta(np.array([(made.truth | made.rig)[n] for n in unknowns.names]), unknowns.base(made.rig))
-    return prepared, starts, truth
+    short = [solve_from(prepared, usable(prepared), start, Clock(), trust=Trust()) for start in starts]
+    return prepared, starts, truth, short
 
 
-def test_passes_that_go_no_farther_than_they_are_trusted_find_their_way_where_others_are_lost(monkeypatch, wandering):
-    prepared, starts, truth = wandering
-    plain, trusted = [], []
-    for start in starts:
-        found = solve_from(prepared, usable(prepared), start, Clock())
-        assert found is not None and found.gate.status is Status.CONVERGED
+def test_passes_that_go_no_farther_than_they_are_trusted_find_their_way_where_others_are_lost(wandering):
+    prepared, starts, truth, short = wandering
+    for found in short:
+        assert found.gate.status is Status.CONVERGED
         assert abs(found.solved.theta[0] / truth[0] - 1.0) < 0.1
-        trusted.append(found.solved.solution.cost)
-        with monkeypatch.context() as without:
-            without.setattr(passes, "_from_calm", lambda logs, *given: passes._in_passes(logs, logs, *given))
-            found = solve_from(prepared, usable(prepared), start, Clock())
-        plain.append(found is not None and found.gate.status is Status.CONVERGED)
-    assert np.ptp(trusted) < 0.5, "all ways lead to the same answer"
-    assert sum(plain) < len(starts), "without it some are lost"
+    assert np.ptp([found.solved.solution.cost for found in short]) < 0.5, "all ways lead to the same answer"
+    at_once = [solve_from(prepared, usable(prepared), start, Clock()) for start in starts]
+    assert not all(found.gate.status is Status.CONVERGED for found in at_once), "without it some are lost"
 
 
 def test_trust_holds_parameters_and_events_and_tells_what_was_held_back(wandering):
-    prepared, starts, _ = wandering
-    found = solve_from(prepared, usable(prepared), starts[0], Clock())
+    _, starts, _, (found, *_) = wandering
     problem = found.solved.problem
     held = Trust(0.1).held_to(problem, found.solved.guesses)
     layout, free = held.layout, problem.layout.free
@@ -67,13 +60,12 @@ def test_trust_holds_parameters_and_events_and_tells_what_was_held_back(wanderin
 
 
 def test_each_step_of_a_release_fits_better_and_the_priors_do_not_count_in_the_end(wandering):
-    prepared, starts, _ = wandering
+    prepared, starts, _, (in_short_passes, *_) = wandering
     held = solve_from(prepared, usable(prepared), starts[0], Clock(), SLOWLY[0])
     assert held is not None and held.solved.solution.success
     steps = list(released(held, starts[0], SLOWLY[1:]))
     assert [f for f, _ in steps] == list(SLOWLY[1:])
     costs = [held.solved.solution.cost, *(tried.solved.solution.cost for _, tried in steps)]
     assert np.all(np.diff(costs) < 0.0), "a softer prior costs less"
-    slowly = solve_held(prepared, usable(prepared), starts[0], Clock())
-    at_once = solve_from(prepared, usable(prepared), starts[0], Clock())
-    assert slowly.solved.solution.cost == pytest.approx(at_once.solved.solution.cost, abs=0.5)
+    slowly = solve_held(prepared, usable(prepared), starts[0], Clock(), FIRST)
+    assert slowly.solved.solution.cost == pytest.approx(in_short_passes.solved.solution.cost, abs=0.5)
