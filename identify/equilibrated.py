@@ -27,12 +27,13 @@ class Factors:
         scale = np.ones(matrix.shape[0])
         scaled = matrix.tocsc(copy=True)
         columns = np.repeat(np.arange(scaled.shape[1]), np.diff(scaled.indptr))
-        for _ in range(SWEEPS):
-            largest = np.zeros(scaled.shape[0])
-            np.maximum.at(largest, scaled.indices, np.abs(scaled.data))
-            factor = 1.0 / np.sqrt(np.where(largest > 0, largest, 1.0))
-            scale *= factor
-            scaled.data *= factor[scaled.indices] * factor[columns]
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite makes answers that are not
+            for _ in range(SWEEPS):
+                largest = np.zeros(scaled.shape[0])
+                np.maximum.at(largest, scaled.indices, np.abs(scaled.data))
+                factor = 1.0 / np.sqrt(np.where(largest > 0, largest, 1.0))
+                scale *= factor
+                scaled.data *= factor[scaled.indices] * factor[columns]
         self._scale, self._scaled = scale, scaled
         self._factors = _Bordered.of(scaled) or splu(scaled)
 

@@ -37,6 +37,7 @@ Progress = Callable[[str, float | None], None]
 
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 ATTEMPTS = 4  # starts that are solved before giving up
+SHORT = 2  # of these that were lost, and are solved again in short passes
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
 WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
@@ -138,10 +139,14 @@ def _from_logs(
         white = best is not None and best.gate.status is Status.CONVERGED and best.gate.level == 1.0
         if best is not None and white and set(first) <= set(best.logs):
             break
-    for stage, say in ((_in_short_passes, "going in short passes"), (solve_held, "holding what the logs do not tell")):
+    others = (
+        (_in_short_passes, "going in short passes", SHORT),
+        (solve_held, "holding what the logs do not tell", ATTEMPTS),
+    )
+    for stage, say, most in others:
         if way.thorough and not unequal and best is not None and best.gate.status is not Status.CONVERGED:
             told(say, 0.7)
-            best = _better(best, _again_from(stage, wandered, prepared, first, able, unknowns, clock))
+            best = _better(best, _again_from(stage, wandered[:most], prepared, first, able, unknowns, clock))
     return None if best is None else _disowned(best, prepared, first)
 
 
