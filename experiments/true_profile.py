@@ -47,7 +47,8 @@ ROOM = 1.25  # factor on the length of either side: what lies that near to a lim
 @dataclass(frozen=True)
 class Truth:
     """The profile of one parameter (SI): best value, ends of its 95 % interval (None: open), its size; unclear: the
-    solver failed on the way; logarithmic: judged by factors."""
+    solver failed on the way; logarithmic: judged by factors; sizes: the smallest and the largest that the data allow,
+    where what delta_mu_k is judged by is itself not told."""
 
     value: float
     low: float | None
@@ -55,9 +56,11 @@ class Truth:
     size: float
     logarithmic: bool
     unclear: bool
+    sizes: tuple[float, float] | None = None
 
-    def verdict(self, room: float = 1.0) -> str:
-        """The verdict, both sides longer by a factor."""
+    def verdict(self, room: float = 1.0, size: float | None = None) -> str:
+        """The verdict, both sides longer by a factor, judged by another size if one is given."""
+        size = self.size if size is None else size
         if self.low is None or self.high is None:
             return "not identifiable"
         if self.logarithmic:
@@ -65,18 +68,20 @@ class Truth:
         else:
             low, high = (self.value + room * (end - self.value) for end in (self.low, self.high))
         widest = max(self.value - low, high - self.value)
-        if widest <= IDENTIFIED * self.size:
+        if widest <= IDENTIFIED * size:
             return "identified"
         if self.logarithmic:
             return "weak" if high <= WEAK * self.value and low >= self.value / WEAK else "not identifiable"
-        return "weak" if widest <= (1.0 - 1.0 / WEAK) * self.size else "not identifiable"
+        return "weak" if widest <= (1.0 - 1.0 / WEAK) * size else "not identifiable"
 
     @property
     def allowed(self) -> tuple[str, ...]:
-        """What may be said: more than one verdict where an end lies near a limit, or the profile is unclear."""
+        """What may be said: more than one verdict where an end lies near a limit, the data leave open what it is judged
+        by, or the profile is unclear."""
         if self.unclear:
             return ("identified", "weak", "not identifiable")
-        return tuple(dict.fromkeys(self.verdict(room) for room in (1.0, 1.0 / ROOM, ROOM)))
+        sizes = (self.size, *(self.sizes or ()))
+        return tuple(dict.fromkeys(self.verdict(room, size) for size in sizes for room in (1.0, 1.0 / ROOM, ROOM)))
 
 
 @dataclass(frozen=True)
@@ -328,8 +333,11 @@ def _truth(unknowns: Unknowns, log: LogData, best: _Point, name: str, walks: _Wa
         lost |= failed and end is None
     low, high = (None if end is None else float(log.base[index] * np.exp(end)) if logarithmic else end for end in ends)
     value = float(log.base[index] * np.exp(best.theta[index])) if logarithmic else float(best.theta[index])
-    size = abs(value) if logarithmic else _size(unknowns, best.theta, index)
-    return Truth(value, low, high, size, logarithmic, lost)
+    if logarithmic:
+        return Truth(value, low, high, abs(value), logarithmic, lost)
+    met = [_size(unknowns, point.theta, index) for point in (best, *others)]
+    sizes = (min(met), max(met)) if name == "delta_mu_k" else None
+    return Truth(value, low, high, met[0], logarithmic, lost, sizes)
 
 
 def _end(at: Array, root: Array) -> float | None:
