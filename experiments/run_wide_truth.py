@@ -87,8 +87,8 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
 
 
 def main(fast: bool = False, pairs: Sequence[int] = (18, 44, 89, 94, 154, 170, 182, 198)) -> list[dict[str, Any]]:
-    """Pairs of the wide study; fast: `a` of one of the usual pairs."""
-    lines = [trial("usual", 198, ("a",))] if fast else [trial("wide", number) for number in pairs]
+    """Pairs of the wide study; fast: `a` of the first usual pair."""
+    lines = [trial("usual", 1, ("a",))] if fast else [trial("wide", number) for number in pairs]
     table(lines)
     return lines
 
