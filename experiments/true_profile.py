@@ -143,7 +143,8 @@ def true_profiles(
             the deepest may not be the one of the truth; claims: per parameter thetas (n_p,) to which, as a fit says,
             the data do not object, from below and from above, the outermost first. The first that is found true, solved
             anew on the true falls with the parameter held, counts and is walked on from: a profile is the lowest of
-            all there is, and no walk alone shows that the data object.
+            all there is, and no walk alone shows that the data object. Beyond one that the solver fails on, no end is
+            known.
 
     Raises:
         RuntimeError: the motion of the true values cannot be solved.
@@ -229,6 +230,7 @@ class _Walks:
         self.steps = LOGARITHMS if unknowns.logarithmic[index] else tuple(share * size for share in SHARES)
         self.points: list[_Point] = []
         self.failed = {-1.0: False, 1.0: False}
+        self.unsettled: list[float] = []  # where a fit claims something, and the solver fails
 
     def also(self, point: _Point) -> None:
         """Walk to either side from the point of another valley."""
@@ -239,8 +241,11 @@ class _Walks:
         """Walk on from a theta (n_p,), if it is true that the data do not object to it; whether it is."""
         guesses = _on_falls(self.unknowns, self.logs, falls, theta)
         point = None if guesses is None else _solved(self.unknowns, self.logs, theta, guesses, self.index)
-        true = point is not None and self._agrees(point)
-        if point is not None and true:
+        if point is None:
+            self.unsettled.append(float(theta[self.index]))
+            return False
+        true = self._agrees(point)
+        if true:
             self._walk(float(np.sign(self._off(point, 1.0))) or 1.0, point)
         return true
 
@@ -330,7 +335,7 @@ def _truth(unknowns: Unknowns, log: LogData, best: _Point, name: str, walks: _Wa
         mine = mine if sign > 0 else mine[::-1]
         end = _end(at[mine], root[mine])
         ends.append(end)
-        lost |= failed and end is None
+        lost |= failed if end is None else any(sign * (claim - end) > 0.0 for claim in walks.unsettled)
     low, high = (None if end is None else float(log.base[index] * np.exp(end)) if logarithmic else end for end in ends)
     value = float(log.base[index] * np.exp(best.theta[index])) if logarithmic else float(best.theta[index])
     if logarithmic:

@@ -32,12 +32,13 @@ REACH_SHARE = 1.05 * (1.0 - 1.0 / WEAK)  # of their value, where that is more
 POINTS = 14  # of one side
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
 BEYOND = 1.15  # of a side: where others are asked whether they know a way on
-OTHERS = 2  # how many are asked
+OTHERS = 2  # how many are asked, and from how many a walk goes on
 FURTHER = 0.05  # of a side: how far beyond its end a point lies from which the walk goes on
 ROUNDS = 2  # in which they do once more
 FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
-HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
-LEAPS = (0.1, 0.4, 0.9)  # of that: where it is looked for past a stretch on which the solver fails
+HEMMED = 0.05  # of what a profile asks for: an end that lies between two points so near is known well enough
+LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
+LEAPS = (0.04, 0.16, 0.36, 0.9)  # of that: where it is looked for past a stretch on which the solver fails
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
 PAST, FARTHEST = 1.7, 4.0  # of a side, and standard deviations: where the truth may lie, once in a while
@@ -198,9 +199,12 @@ def _further(line: ProfileLine, index: int, sign: float, walk: _Walk, wait: floa
     least = FURTHER * abs(end - float(line.best.theta[index]))
     beyond = [p for p in line.seen if sign * (p.theta[index] - end) > least]
     agreed = [p for p in beyond if line.loss_root(p) ** 2 < CRITICAL * wait]
-    if not agreed:
-        return walk
-    return _walk(line, index, sign, size, max(agreed, key=lambda p: float(sign * p.theta[index])), wait)
+    agreed.sort(key=lambda p: float(sign * p.theta[index]))
+    for begin in agreed[: -1 - OTHERS : -1]:  # the solver may fail beyond one, and not beyond the next
+        walk = _walk(line, index, sign, size, begin, wait)
+        if not walk.side.failed:
+            break
+    return walk
 
 
 def _past(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:
@@ -264,7 +268,7 @@ def _walk(
     done = float(sign * (begin.theta[index] - centre))
     done_root = line.loss_root(begin)
     limit = float(np.sqrt(CRITICAL * wait))
-    length = float(np.clip(AIM * limit * first, 0.02 * _scale(line, index), 0.3 * _scale(line, index)))
+    length = float(np.clip(AIM * limit * first, LEAST * _scale(line, index), 0.3 * _scale(line, index)))
     length = min(length, AIM * limit * first / steps) if first > 0 else length
     longest = length if steps > 1 else np.inf
     tight = 0.02 * length
