@@ -36,9 +36,10 @@ OTHERS = 2  # how many are asked, and from how many a walk goes on
 FURTHER = 0.05  # of a side: how far beyond its end a point lies from which the walk goes on
 ROUNDS = 2  # in which they do once more
 FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
-HEMMED = 0.05  # of what a profile asks for: an end that lies between two points so near is known well enough
+HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
 LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
-LEAPS = (0.04, 0.16, 0.36, 0.9)  # of that: where it is looked for past a stretch on which the solver fails
+LEAPS = (0.1, 0.4, 0.9)  # of that: where it is looked for past a stretch on which the solver fails
+FARTHER_APART = 2.5  # times that: what is an end still where none of these is solved
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
 PAST, FARTHEST = 1.7, 4.0  # of a side, and standard deviations: where the truth may lie, once in a while
@@ -303,7 +304,7 @@ def _walk(
         if point is not None and line.loss_root(point) >= limit:
             objects = target
             break
-    if objects - done < near:
+    if objects - done < FARTHER_APART * near:
         return _Walk(Side(centre + sign * objects, False), here)
     return _Walk(Side(None, True), here)
 
