@@ -136,9 +136,8 @@ def profile(
     place = {index: number for number, index in enumerate(searched.tolist())}
     wait = {i: 1.0 if memory is None else float(memory[place[i]]) for i in free}
     walks = _walks(line, {i: float(sizes[place[i]]) for i in free}, wait, steps, progress)
-    if only is not None:  # they are walked for the ridge, not for their ends
-        for (index, sign), walk in walks.items():
-            _past(line, index, sign, walk)
+    for (index, sign), walk in walks.items():
+        _past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
     gain = max(0.0, 2 * (line.answer - lowest.cost))
     better = lowest if gain > BETTER else None
@@ -209,7 +208,7 @@ def _further(line: ProfileLine, index: int, sign: float, walk: _Walk, wait: floa
 
 
 def _past(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:
-    """One more point of the ridge, past the end of a side."""
+    """One more point of the ridge, past the end of a side: where it bends, the covariance is to hold that too."""
     if walk.side.end is not None and not walk.side.walled:
         centre = float(line.best.theta[index])
         far = min(PAST * abs(walk.side.end - centre), _room(line, index, sign)[0])
