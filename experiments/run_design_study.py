@@ -8,12 +8,13 @@ same noisy data. Cycles are always resolved (12 samples or more), slips not.
 Rules, set beforehand. A parameter is identified where both ends of its 95 % interval lie within 20 % of the value (of
 mu_s - mu_k0 for delta_mu_k), weak where within a factor of three, else not identifiable. A verdict is right where the
 profile gives the same, or gives it with sides longer or shorter by a quarter: an end that near to a limit may fall on
-either side. Where the data leave mu_s - mu_k0 itself open, delta_mu_k may be judged by any size of it that they allow,
-and points that a fit met count where the brute force finds them true; where it cannot settle one, no end before it is
-known, and any verdict passes (these rules came after the first 200 designs). The verdict on a design is right where the fit converges and all six verdicts are right. Its remedy is right where the
-reason beside every parameter that is called weak or not identifiable asks for what the design lacks: another speed; a
-slower log, where holds are too short for t_cr; a higher rate, where slips are not resolved and their shape would tell;
-a faster log, where all are slow. A repair cures where no parameter is left not identifiable.
+either side. Where the data leave mu_s - mu_k0 itself open, delta_mu_k may be judged by any size of it that they
+allow, and points that a fit met count where the brute force finds them true; where it cannot settle one, no end
+before it is known, and any verdict passes (these rules came after the first 200 designs). The verdict on a design is
+right where the fit converges and all six verdicts are right. Its remedy is right where the reason beside every
+parameter that is called weak or not identifiable asks for what the design lacks: another speed; a slower log, where
+holds are too short for t_cr; a higher rate, where slips are not resolved and their shape would tell; a faster log,
+where all are slow. A repair cures where no parameter is left not identifiable.
 
     python experiments/run_design_study.py FIRST LAST FILE
     python experiments/run_design_study.py table FILE...
