@@ -142,11 +142,14 @@ class Footing:
 
     def _line_by_line(self, rows: Array, span: tuple[float, float], intervals: int) -> Array:
         """The constants of the intervals of a slide, with the normal force as a straight line over each: the tremor of
-        a finger goes through half a period while a slip lasts. Written as lines from the start of the slide."""
+        a finger goes through half a period while a slip lasts. Written as lines from the start of the slide.
+
+        A guess whose events coincide has a slide of no length: its normal force is level, not undefined."""
         local = np.tile(self._constants(rows, *span, span[0]), (intervals, 1))
         edges = np.linspace(*span, intervals + 1)
         forces = self.log.normal_force.at(edges)
-        slope = np.diff(forces) / np.diff(edges)
+        width = np.diff(edges)
+        slope = np.divide(np.diff(forces), width, out=np.zeros(intervals), where=width > 0.0)
         local[:, -7], local[:, -5] = forces[:-1] - slope * (edges[:-1] - span[0]), slope
         return local
 

@@ -116,7 +116,7 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
 
 
 def _not_begun(problem: Problem) -> Solution:
-    """Of a guess whose events do not follow each other no solve can begin: a failure like others, at its start."""
+    """Of a guess whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
     n = problem.layout.size
     return Solution(problem.start, problem.layout.start, np.zeros(n), OUT_OF_ORDER, False, 0, np.inf, np.inf)
 
@@ -145,11 +145,13 @@ def solve(
         what the solver gave back; a failure with infinite cost where the events of the guess do not follow each other.
     """
     layout = problem.layout
-    if np.any(layout.lower > layout.upper):
+    first = problem.start if start is None else start
+    if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=False).cost):
         return _not_begun(problem)
     ports = _ports(problem, exact)
     options: dict[str, Any] = {
         "print_time": False,
+        "show_eval_warnings": False,  # IPOPT steps back from where a function is not defined: nothing to tell a user
         "no_nlp_grad": True,
         "calc_lam_p": False,
         "calc_lam_x": False,
@@ -183,7 +185,7 @@ def solve(
         options |= {"ipopt.output_file": str(log), "ipopt.file_print_level": 5}
     solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
     result = solver(
-        x0=problem.start if start is None else start,
+        x0=first,
         lbx=layout.lower / layout.scale,
         ubx=layout.upper / layout.scale,
         lbg=0.0,

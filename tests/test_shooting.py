@@ -259,6 +259,20 @@ def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
     assert solve_in_passes(problem.logs, guesses, unknowns).solution.success
 
 
+def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
+    # Its normal force was 0/0 as well, with a warning of numpy's for the user.
+    problem, logs = _problem(load_sd=1e-4)
+    guesses = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE)
+    cycle = int(np.flatnonzero(guesses[1].saturates)[0])
+    pinched = guesses[1].saturation.copy()
+    pinched[cycle] = guesses[1].arrest[cycle]
+    guesses[1] = replace(guesses[1], saturation=pinched)
+    solution = solve(transcribe(problem.logs, guesses, problem.layout.unknowns, COARSE))
+    assert not solution.success and solution.cost == np.inf
+    assert solution.words == "Events_Out_Of_Order"
+    assert not recwarn.list
+
+
 @pytest.mark.parametrize("wrong", ["nothing", "no contact ageing", "mass", "drive speed"])
 def test_a_wrong_model_does_not_fit(wrong):
     """Exact data: what remains of half chi^2 is the model's own error in units of the noise."""
