@@ -38,7 +38,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
-from experiments.true_profile import OBJECTS, Claims, Truth, logs_of, true_profiles
+from experiments.true_profile import OBJECTS, Claims, Truth, true_profiles
 from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.findings import Findings
@@ -47,7 +47,6 @@ from identify.model import assemble
 from identify.scene import Scene
 from identify.simulate import run
 from identify.trajectory import Trajectory
-from identify.unknowns import from_scene
 
 Log = tuple[float, float, float]  # drive speed [m/s], duration [s], sampling rate [Hz]
 
@@ -162,11 +161,9 @@ def truths(
 ) -> dict[str, Truth]:
     """The profile of each parameter, by brute force from the truth, and from the fit's answer as well, and from what
     the fit claims that the data do not object to, where that is found true."""
-    unknowns = from_scene(scene)
-    base = unknowns.base(made.rig)
-    theta = unknowns.theta(np.array([(made.truth | made.rig)[name] for name in unknowns.names]), base)
-    logs = logs_of(made.records, made.motions, [log[0] for log in made.logs], NOISE, base)
-    return true_profiles(unknowns, logs, made.motions, theta, FRICTION, answer, claims)
+    speeds = [log[0] for log in made.logs]
+    pair = made.truth | made.rig
+    return true_profiles(scene, made.records, made.motions, speeds, pair, FRICTION, answer, claims)
 
 
 def claims_of(found: Findings) -> Claims:

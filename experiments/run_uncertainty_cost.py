@@ -21,7 +21,7 @@ from experiments.machine import describe
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify.attempt import Clock
 from identify.bootstrap import bootstrap
-from identify.certainty import CURVE_STEPS
+from identify.examined import CURVE_STEPS
 from identify.identification import find
 from identify.influence import influence
 from identify.profile import profile

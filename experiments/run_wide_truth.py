@@ -24,28 +24,25 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.in_parts import append, read
 from experiments.machine import describe
 from experiments.run_recovery_study import FRICTION, Study
-from experiments.study_problem import NOISE, NORMAL_FORCE, SPEEDS, Case, scene_of
-from experiments.true_profile import Truth, logs_of, true_profiles
+from experiments.study_problem import NORMAL_FORCE, SPEEDS, Case, scene_of
+from experiments.true_profile import Truth, true_profiles
 from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
 from identify.model import assemble
 from identify.simulate import run
-from identify.unknowns import from_scene
 
 MOST = 700  # cycles of a log that takes part
 
 
 def truths(case: Case, names: Sequence[str], answer: np.ndarray | None) -> dict[str, Truth]:
     """The profiles of the named parameters by brute force, of the logs with one cycle at least."""
-    unknowns = from_scene(scene_of(case))
-    base = unknowns.base(case.rig)
-    theta = unknowns.theta(np.array([(case.truth | case.rig)[name] for name in unknowns.names]), base)
     kept = [i for i, cycles in enumerate(case.cycles) if 1 <= cycles < MOST]
-    model, values = assemble(MAIN), case.truth | case.rig
-    motions = [run(model, values, SPEEDS[i][0], NORMAL_FORCE, SPEEDS[i][1]) for i in kept]
-    logs = logs_of([case.records[i] for i in kept], motions, [SPEEDS[i][0] for i in kept], NOISE, base)
-    return true_profiles(unknowns, logs, motions, theta, names, answer)
+    model, pair = assemble(MAIN), case.truth | case.rig
+    speeds = [SPEEDS[i][0] for i in kept]
+    motions = [run(model, pair, SPEEDS[i][0], NORMAL_FORCE, SPEEDS[i][1]) for i in kept]
+    records = [case.records[i] for i in kept]
+    return true_profiles(scene_of(case), records, motions, speeds, pair, names, answer)
 
 
 def trial(ranges: str, number: int, names: Sequence[str] = FRICTION) -> dict[str, Any]:

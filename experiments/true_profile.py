@@ -15,15 +15,17 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from data_io import Record
+from experiments.study_problem import NOISE
 from identify.drive import NormalForce
 from identify.guess import Guess, LogData
 from identify.passes import COARSE, solve_in_passes
 from identify.placing import place
 from identify.prepare import LAST_STICK, REPEATABLE
+from identify.scene import Scene
 from identify.shooting import transcribe
 from identify.solve import solve
 from identify.trajectory import Trajectory
-from identify.unknowns import Unknowns
+from identify.unknowns import Unknowns, from_scene
 
 Array = NDArray[np.float64]
 Claims = Mapping[str, tuple[Sequence[Array], Sequence[Array]]]
@@ -91,8 +93,8 @@ class _Point:
     cost: float
 
 
-def logs_of(
-    records: Sequence[Record], motions: Sequence[Trajectory], speeds: Sequence[float], noise: float, base: Array
+def _logs(
+    records: Sequence[Record], motions: Sequence[Trajectory], speeds: Sequence[float], base: Array
 ) -> list[LogData]:
     """The records as the estimator takes them, with the true noise; the drive moves from the first sample on."""
     out = []
@@ -101,7 +103,7 @@ def logs_of(
         stick = float(np.median(onsets[1:] - arrests[:-1])) if onsets.size > 1 else float(onsets[0])
         end = min(float(record.time[-1]), float(arrests[-1]) + LAST_STICK * stick)
         load = float(np.mean(record.normal_force))
-        weight = np.full(record.time.size, 1.0 / noise**2)
+        weight = np.full(record.time.size, 1.0 / NOISE**2)
         course = NormalForce.of(load)
         force = np.asarray(record.friction_force)
         out.append(LogData(record.time, force, weight, base, speed, course, REPEATABLE * load, 0.0, end))
@@ -128,10 +130,11 @@ def _falls(motion: Trajectory) -> Array:
 
 
 def true_profiles(
-    unknowns: Unknowns,
-    logs: list[LogData],
+    scene: Scene,
+    records: Sequence[Record],
     motions: Sequence[Trajectory],
-    truth: Array,
+    speeds: Sequence[float],
+    pair: dict[str, float],
     names: Sequence[str],
     other: Array | None = None,
     claims: Claims | None = None,
@@ -139,17 +142,21 @@ def true_profiles(
     """The profile of each named parameter.
 
     Args:
-        truth: (n_p,) true theta; other: a theta (n_p,) to begin from as well: where likelihoods have several valleys,
-            the deepest may not be the one of the truth; claims: per parameter thetas (n_p,) to which, as a fit says,
-            the data do not object, from below and from above, the outermost first. The first that is found true, solved
-            anew on the true falls with the parameter held, counts and is walked on from: a profile is the lowest of
-            all there is, and no walk alone shows that the data object. Beyond one that the solver fails on, no end is
-            known.
+        scene: what is searched; records, motions, speeds [m/s]: of the logs that take part, with the noise of the study
+            problem; pair: true values of friction and rig; other: a theta (n_p,) to begin from as well: where
+            likelihoods have several valleys, the deepest may not be the one of the truth; claims: per parameter thetas
+            (n_p,) to which, as a fit says, the data do not object, from below and from above, the outermost first. The
+            first that is found true, solved anew on the true falls with the parameter held, counts and is walked on
+            from: a profile is the lowest of all there is, and no walk alone shows that the data object. Beyond one that
+            the solver fails on, no end is known.
 
     Raises:
         RuntimeError: the motion of the true values cannot be solved.
     """
-    soft = replace(unknowns, start=truth).softened()
+    unknowns = from_scene(scene)
+    base = unknowns.base(pair)
+    truth = unknowns.theta(np.array([pair[name] for name in unknowns.names]), base)
+    logs, soft = _logs(records, motions, speeds, base), replace(unknowns, start=truth).softened()
     falls = [_falls(motion) for motion in motions]
     best = _begun(soft, logs, falls, truth)
     if best is None:

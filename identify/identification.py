@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.allowed import slowness
 from identify.asked import NOTHING_MORE, Asked
 from identify.attempt import Attempt, Clock, solve_from
-from identify.certainty import Certainty, certainty, slowness
+from identify.certainty import Certainty, certainty
 from identify.choice import Choice
 from identify.effects import ALL
 from identify.errors import FitError

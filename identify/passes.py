@@ -176,7 +176,6 @@ def _in_passes(
         before, unknowns = unknowns, replace(unknowns, start=theta)
         if way.on_pass is not None:
             way.on_pass(number)
-        fine = not coarse
         if trust is not None:
             if not solution.success or not np.all([_ordered(guess) for guess in guesses]):
                 trust = trust.less()
@@ -189,20 +188,27 @@ def _in_passes(
                 guesses = as_found
                 continue
         arrived += 1
-        misfit = 2.0 * solution.cost / max(problem.samples, 1)
-        lost = misfit > LOST if not solution.success else arrived >= PASSES and misfit > ALL_BUT
-        if solution.cost > way.hopeless or lost:
-            return solved
-        if not np.all(np.isfinite(solution.x)) or (not solution.success and (fine or solution.infeasibility > NEAR)):
-            return solved
-        if fine and shift < SETTLED:
-            return solved
-        if not np.all([_ordered(guess) for guess in guesses]):
+        if _last(solved, arrived, way.hopeless):
             return solved
         fitting = fine_grid(logs, guesses, unknowns)
         grid, tolerance, barrier = replace(fitting, steps=min(max(fitting.steps, way.steps), way.most)), 1e-8, 1e-6
     assert solved is not None
     return solved
+
+
+def _last(solved: Solved, arrived: int, hopeless: float) -> bool:
+    """Whether no pass follows: the events stand still, or the solve is lost.
+
+    Args:
+        arrived: how many passes went as far as they would; hopeless: largest cost to go on with.
+    """
+    solution, fine = solved.solution, solved.grid is not COARSE
+    misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
+    far = misfit > LOST if not solution.success else arrived >= PASSES and misfit > ALL_BUT
+    broken = not solution.success and (fine or solution.infeasibility > NEAR)
+    if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
+        return True
+    return (fine and solved.event_shift < SETTLED) or not np.all([_ordered(guess) for guess in solved.guesses])
 
 
 @dataclass(frozen=True)

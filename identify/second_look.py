@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from data_io import Record
+from identify.allowed import slowness
 from identify.attempt import Attempt
-from identify.certainty import slowness
 from identify.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.findings import Findings
 from identify.outcome import Status

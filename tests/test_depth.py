@@ -10,7 +10,7 @@ import pytest
 from document_check import check_document
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
-from identify import certainty, examples, fit
+from identify import examples, fine_enough, fit
 from identify.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
 from identify.asked import Asked
 from identify.cli import main as cli
@@ -160,7 +160,7 @@ def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypa
         def again(attempt, unknowns, **_):
             return replace(attempt, gate=replace(attempt.gate, status=solver, message="the finer one"))
 
-        monkeypatch.setattr(certainty, "resolve", again)
+        monkeypatch.setattr(fine_enough, "resolve", again)
         result = fit(scene, records, asked=finest).result
         assert max(map(abs, result["fit"]["discretisation"].values())) > 1e-9
         return result

@@ -7,8 +7,8 @@ import pytest
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene, profile_line
-from identify.certainty import information_at
 from identify.effects import MAIN
+from identify.fine_enough import information_at
 from identify.prepare import prepare
 from identify.profile_line import ProfileLine
 from identify.search import search

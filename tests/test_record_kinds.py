@@ -240,7 +240,7 @@ def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
 @pytest.mark.parametrize(("gain", "status"), [(20.0, Status.BETTER_START_FOUND), (9.0, Status.CONVERGED)])
 def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain, status):
     # Within the joint region of six parameters (12.6) it is another point of the same ridge.
-    import identify.certainty as room
+    import identify.examined as room
     from identify.asked import Asked
     from identify.profile import Profiles
     from identify.profile_line import FREE, ProfilePoint
@@ -251,9 +251,7 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
     place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.guesses, 0.0, FREE)
     monkeypatch.setattr(room, "profile", lambda *_, **__: Profiles({}, place, gain=gain))
     lost = replace(attempt, gate=replace(attempt.gate, status=Status.SOLVER_FAILED, solver="Restoration_Failed"))
-    for name in ("resolve", "resolve_firmly"):
-        if hasattr(room, name):
-            monkeypatch.setattr(room, name, lambda *_, **__: lost)
+    monkeypatch.setattr(room, "resolve_firmly", lambda *_, **__: lost)
     base = prepared[0].data.base
     sure = certainty(
         attempt,

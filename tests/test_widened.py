@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.run_recovery_study import CLOSE, FAR, Study, fit_case
-from identify import certainty
+from identify import worth_a_walk
 from identify.widened import ENOUGH, widened
 
 LIMIT = 3.84
@@ -43,5 +43,5 @@ def test_a_bent_ridge_of_ten_percent_is_followed(monkeypatch):
     # Standard error of a 11 %, truth 2.6 of them away: the others follow it on a bent path.
     case, start, _ = Study("usual").case(126)
     assert fit_case(case, start, "data").distance < CLOSE
-    monkeypatch.setattr(certainty, "CURVED", np.inf)
+    monkeypatch.setattr(worth_a_walk, "CURVED", np.inf)
     assert fit_case(case, start, "data").distance > FAR
