@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from identify.attempt import Attempt
 from identify.bootstrap import Bootstrap, bootstrap
 from identify.coloured import Colour
 from identify.combinations import Combination, Direction, combinations, directions
-from identify.examined import Examination, Question
+from identify.examined import AtBound, Examination, Progress, Question
 from identify.fine_enough import fine_enough
 from identify.influence import influence
 from identify.inward import taken_inside
@@ -27,7 +27,6 @@ from identify.uncertainty import Estimate, Information
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float | None], None]
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def certainty(
     unknowns: Unknowns,
     base: Array,
     asked: Asked,
-    at_bound: Callable[[Array], Mapping[str, str]],
+    at_bound: AtBound,
     *,
     speed_tolerance: float,
     seed: int,

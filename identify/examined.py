@@ -75,13 +75,12 @@ class Examination:
     """An answer, the information at it, and the profiles walked from it; all change where the answer moves."""
 
     def __init__(self, attempt: Attempt, known: Information, question: Question) -> None:
-        self.attempt, self.known = attempt, known
-        self.walked: Profiles | None = None
         self._q = question
         self._mirrored = False
         self._valleys: list[Valley] | None = []  # None: looked for before the next walk
         self._met: tuple[ProfilePoint, ...] = ()  # by the walk before, of so many samples
         self._samples = 0
+        self._stand(attempt, known, None)
         self.view = self._seen()
         for tries in range(BETTER_TRIES):
             if not (self._elsewhere() or self._walk(last=tries + 1 == BETTER_TRIES)):
@@ -97,16 +96,15 @@ class Examination:
         q, solved = self._q, self.attempt.solved
         bounds = q.at_bound(solved.theta)
         told = hints(self.attempt.prepared, solved.guesses, q.unknowns, solved.theta)
-        allow = allowed(self.attempt, self.known, q.speed_tolerance)
-        joint, f = allow.joint.copy(), len(allow.white)
+        joint, f = self._allowed.joint.copy(), len(self._allowed.white)
         if self.walked is not None:
-            joint[:f, :f] = widened(allow.covariance, self.walked.likely, self.walked.objection)
+            joint[:f, :f] = widened(self._allowed.covariance, self.walked.likely, self.walked.objection)
         ends = {} if self.walked is None else self.walked.ends
         intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
         found = estimates(
             q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals
         )
-        return View(bounds, told, allow, joint, untold(found, solved.guesses, told))
+        return View(bounds, told, self._allowed, joint, untold(found, solved.guesses, told))
 
     def _elsewhere(self) -> bool:
         """Whether the answer moved: to friction that rises instead of falling, or from the ends of a ridge to another
@@ -127,7 +125,11 @@ class Examination:
         return True
 
     def _move(self, attempt: Attempt, walked: Profiles | None) -> None:
-        self.attempt, self.known, self.walked = attempt, information_at(attempt, self._q.unknowns), walked
+        self._stand(attempt, information_at(attempt, self._q.unknowns), walked)
+
+    def _stand(self, attempt: Attempt, known: Information, walked: Profiles | None) -> None:
+        self.attempt, self.known, self.walked = attempt, known, walked
+        self._allowed = allowed(attempt, known, self._q.speed_tolerance)  # walks do not change it
 
     def _along(self) -> list[int] | None:
         """The parameters that a walk is worth while for; None: all."""
