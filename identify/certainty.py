@@ -82,7 +82,7 @@ def certainty(
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None
-    seen = Examination(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, progress))
+    seen = Examination(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
     attempt, view = seen.attempt, seen.view
     if seen.accepted and not view.bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel
         attempt = agreeing(attempt, unknowns, base, view.allowed)

@@ -23,7 +23,7 @@ from identify.quantiles import chi_square
 from identify.ridge_ends import better_course, other_sign
 from identify.uncertainty import Estimate, Information, Interval, estimates
 from identify.unknowns import Unknowns
-from identify.valleys import Valley, other_valleys
+from identify.valleys import other_valleys
 from identify.widened import widened
 from identify.worth_a_walk import doubtful, ridge
 
@@ -32,19 +32,23 @@ Progress = Callable[[str, float | None], None]
 AtBound = Callable[[Array], Mapping[str, str]]
 
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
+LOWER = 0.1  # by which chi^2 must fall for a valley to be a lower one
+LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
 CURVE_STEPS = 4  # of each side of a profile that is drawn
 
 
 @dataclass(frozen=True)
 class Question:
     """What is asked of an answer: unknowns; base (n_p,) of the rig the values are given for; asked; at_bound: sentence
-    per parameter that sits at a bound, from theta; speed_tolerance: relative error of all drive speeds together."""
+    per parameter that sits at a bound, from theta; speed_tolerance: relative error of all drive speeds together; seed:
+    of the starts that are thrown about it."""
 
     unknowns: Unknowns
     base: Array
     asked: Asked
     at_bound: AtBound
     speed_tolerance: float
+    seed: int
     progress: Progress
 
 
@@ -77,11 +81,12 @@ class Examination:
     def __init__(self, attempt: Attempt, known: Information, question: Question) -> None:
         self._q = question
         self._mirrored = False
-        self._valleys: list[Valley] | None = []  # None: looked for before the next walk
+        self._valleys: list[Attempt] = []
         self._met: tuple[ProfilePoint, ...] = ()  # by the walk before, of so many samples
         self._samples = 0
         self._stand(attempt, known, None)
         self.view = self._seen()
+        self._look_around()
         for tries in range(BETTER_TRIES):
             if not (self._elsewhere() or self._walk(last=tries + 1 == BETTER_TRIES)):
                 break
@@ -115,14 +120,27 @@ class Examination:
         if not self._mirrored:
             self._mirrored = True
             other = other_sign(self.attempt, self._q.unknowns)
-            if other is None:
-                self._valleys = None
         if other is None and self.walked is not None:
             other = better_course(self.attempt, self._q.unknowns, self.walked.likely)
         if other is None:
             return False
         self._move(other, None)
         return True
+
+    def _look_around(self) -> None:
+        """Where the data hardly tell some parameter, the lowest of the valleys about the answer takes its place."""
+        q = self._q
+        if not (self.accepted and self._doubtful()):
+            return
+        for _ in range(LOOKS):
+            q.progress("looking for other valleys", None)
+            self._valleys = other_valleys(self.attempt, q.unknowns, q.seed)
+            cost = self.attempt.solved.solution.cost
+            if not self._valleys or self._valleys[0].solved.solution.cost > cost - 0.5 * LOWER:
+                break
+            self._valleys.append(self.attempt)
+            self._move(self._valleys[0], None)
+            self.view = self._seen()
 
     def _move(self, attempt: Attempt, walked: Profiles | None) -> None:
         self._stand(attempt, information_at(attempt, self._q.unknowns), walked)
@@ -134,11 +152,17 @@ class Examination:
     def _along(self) -> list[int] | None:
         """The parameters that a walk is worth while for; None: all."""
         q, view, solved = self._q, self.view, self.attempt.solved
-        # What one peak or one level does not tell, no walk along it will find an end of.
-        tells = onsets(solved.guesses) > 1
-        if q.asked.profile or view.bounds or (tells and doubtful(q.unknowns, view.covariance, view.found)):
+        if q.asked.profile or view.bounds or self._doubtful():
             return None
-        return ridge(q.unknowns, view.covariance, solved.theta, q.base) if tells else []
+        return ridge(q.unknowns, view.covariance, solved.theta, q.base) if self._tells else []
+
+    @property
+    def _tells(self) -> bool:
+        """Whether there is more than one peak or one level: what these do not tell, no walk will find an end of."""
+        return onsets(self.attempt.solved.guesses) > 1
+
+    def _doubtful(self) -> bool:
+        return self._tells and doubtful(self._q.unknowns, self.view.covariance, self.view.found)
 
     def _walk(self, last: bool) -> bool:
         """Whether a walk along the ridges was worth while, once at each answer; where it meets a better place, the
@@ -153,9 +177,6 @@ class Examination:
         if along == []:
             return False
         q, solved = self._q, self.attempt.solved
-        if self._valleys is None:
-            q.progress("looking for other valleys", None)
-            self._valleys = other_valleys(self.attempt, q.unknowns)
         self.walked = profile(
             self.attempt.prepared,
             solved,
@@ -165,7 +186,7 @@ class Examination:
             memory=self.view.allowed.memory,
             steps=CURVE_STEPS if q.asked.profile else 1,
             only=along,
-            valleys=self._valleys,
+            valleys=[valley.solved for valley in self._valleys],
             before=self._met if self._samples == solved.problem.samples else (),
         )
         self._samples, self._met = solved.problem.samples, self.walked.met
@@ -187,7 +208,7 @@ class Examination:
         if not converged:
             moved = replace(moved, gate=_another_start(moved, q.unknowns, walked.gain, better, q.base))
         if inside:  # the data hardly prefer the one to the other
-            self._valleys = [*(self._valleys or []), Valley(solved.theta, solved.guesses)]
+            self._valleys.append(self.attempt)
         self._move(moved, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
 
 

@@ -79,7 +79,7 @@ def _start(scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> tuple[
         return unknowns.start, "the defaults: no log shows enough cycles to start from"
     settled = quieted(unknowns)
     starts = fit_features(settled, found, bases, candidates(unknowns, found, bases))
-    theta = np.where(settled.free == unknowns.free, starts[0].theta, unknowns.start)
+    theta = np.where(settled.free, starts[0].theta, unknowns.start)
     return theta, "the mean cycle of each log"
 
 

@@ -20,7 +20,6 @@ from identify.profile_line import ProfileLine, ProfilePoint
 from identify.quantiles import chi_square
 from identify.uncertainty import WEAK
 from identify.unknowns import Unknowns
-from identify.valleys import Valley
 from identify.vibration import rhythmic
 
 Array = NDArray[np.float64]
@@ -113,7 +112,7 @@ def profile(
     memory: Array | None = None,
     steps: int = 1,
     only: Sequence[int] | None = None,
-    valleys: Sequence[Valley] = (),
+    valleys: Sequence[Solved] = (),
     before: Sequence[ProfilePoint] = (),
 ) -> Profiles:
     """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
@@ -130,7 +129,7 @@ def profile(
     line = ProfileLine(logs, solved, unknowns, sizes)
     line.seen += before
     for valley in valleys:
-        line.settled(valley.theta, valley.motion)
+        line.settled(valley.theta, valley.guesses)
     beside, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
     free = [i for i in searched.tolist() if not beside[i] and (only is None or i in only)]
     place = {index: number for number, index in enumerate(searched.tolist())}

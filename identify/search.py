@@ -16,16 +16,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.attempt import FIRST, Attempt, Clock, crept, place_on, solve_from, solve_held
+from identify.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held
 from identify.events import with_events_mended
 from identify.features import Features, extract
 from identify.gate import PER_CYCLE
 from identify.joining import from_some, join
 from identify.levels import level_starts
 from identify.outcome import Status
-from identify.passes import COARSE
 from identify.prepare import Prepared, settled_part
-from identify.shooting import transcribe
+from identify.ranking import ranked
 from identify.start import GOOD, Start, candidates, fit_features, random_starts
 from identify.trust import Trust
 from identify.unknowns import Unknowns
@@ -252,9 +251,9 @@ def _starts(
     if not features:
         made = [level_starts(prepared, unknowns)] if sources != "user" else []
         tried = np.concatenate([unknowns.start[None, :], *made]) if sources != "data" else made[0]
-        ranked = _ranked(prepared, unknowns, tried)
+        in_order = ranked(prepared, unknowns, tried)
         clock.add("start", since)
-        yield from _distinct(ranked, unknowns)
+        yield from _distinct(in_order, unknowns)
         return
     own = [unknowns.start[None, :]] if sources != "data" else []
     made = [candidates(unknowns, features, bases)] if sources != "user" else []
@@ -271,9 +270,8 @@ def _starts(
             more = np.concatenate([more[: count // 2], random_starts(unknowns, tried[0], count // 2, seed + 1)])
         starts = sorted(starts + fit_features(settled, features, bases, more), key=lambda s: s.cost)
     clock.add("start", since)
-    # What is explicit in time was held still; it starts where the sticks say.
-    timed = settled.free != unknowns.free
-    starts = [replace(s, theta=np.where(timed, unknowns.start, s.theta)) for s in starts if s.cost <= worst]
+    # What is explicit in time was held still: it starts where the sticks say, and keeps the value that the scene fixes.
+    starts = [replace(s, theta=np.where(settled.free, s.theta, unknowns.start)) for s in starts if s.cost <= worst]
     yield from _distinct(starts, unknowns)
 
 
@@ -287,21 +285,6 @@ def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Arra
             features.append(found)
             bases.append(log.data.base)
     return features, bases
-
-
-def _ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Array) -> list[Start]:
-    """Starts of logs without repeating cycles in the order of how well the motions that follow from them fit before any
-    is solved; those that can be placed on fewer logs last."""
-    out = []
-    for theta in tried:
-        at = replace(unknowns, start=theta)
-        placed = place_on(prepared, list(range(len(prepared))), at)
-        if placed:
-            logs = [log.data for _, log, _ in placed]
-            problem = transcribe(logs, [guess for _, _, guess in placed], at, COARSE)
-            cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
-            out.append(Start(theta, float(cost) + 1e6 * (len(prepared) - len(placed))))
-    return sorted(out, key=lambda start: start.cost)
 
 
 def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:

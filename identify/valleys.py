@@ -1,67 +1,66 @@
 """Valleys beside that of an answer: where data do not tell a parameter, the way of the search may have chosen.
 
-From a start of the data's own features a solve wanders as far as the data do not hold it, and few slips, hardly
-sampled, are described as well from two valleys: of a contact that has aged after a few seconds, and of one that ages on
-and on. Held about the start on its way, and released at the end of it, a solve ends in the valley that is nearest.
+Few slips, hardly sampled, are described as well, or nearly, from several valleys: of a contact that has aged after a
+few seconds, and of one that ages on and on; of slips that begin early and slowly, and of others that begin late. The
+starts of the features are fits of one settled cycle, and all roll into the same valley. Starts thrown about the answer,
+and about the first start of the data's own, do not: the motions that follow from each of them say which to solve.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.attempt import FIRST, SLOWLY, Attempt, Clock, released, solve_from, usable
-from identify.guess import Guess
+from identify.attempt import Attempt, Clock, resolve_firmly, solve_from, usable
 from identify.level import LEVEL
 from identify.outcome import Status
 from identify.quantiles import chi_square
+from identify.ranking import ranked
 from identify.search import own_starts
 from identify.unknowns import Unknowns
+from identify.vibration import rhythmic
 
 Array = NDArray[np.float64]
 
-STARTS = 2  # of the data's own that are held
+THROWN = 16  # starts about each place
+SOLVED = 3  # of these, those that fit best before they are solved
+FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coefficient: half as far
 
 
-@dataclass(frozen=True)
-class Valley:
-    """A place where a solve settles, at which the data object no more than within the joint region of the answer: theta
-    (n_p,), and the motion there."""
-
-    theta: Array
-    motion: list[Guess]
-
-
-def other_valleys(attempt: Attempt, unknowns: Unknowns) -> list[Valley]:
-    """Return the valleys that solves end in which are held about the data's own starts; the answer's may be among them.
+def other_valleys(attempt: Attempt, unknowns: Unknowns, seed: int) -> list[Attempt]:
+    """Return the answers at which solves from thrown starts settle, the lowest first; all lie below the one given, or
+    where the data object no more than within its joint region. That answer itself may be among them.
 
     They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere.
     """
     limit = attempt.solved.solution.cost + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
-    logs = list(attempt.prepared)
-    found = []
-    for theta in islice(own_starts(logs, unknowns), STARTS):
-        settled = _settled(attempt, replace(unknowns, start=theta))
-        if settled is not None and settled.solved.solution.cost < limit:
-            found.append(Valley(settled.solved.theta, settled.solved.guesses))
-    return found
+    settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed))
+    found = [other for other in settled if other is not None and other.solved.solution.cost < limit]
+    return sorted(found, key=lambda other: other.solved.solution.cost)
+
+
+def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int) -> Iterator[Array]:
+    """The starts (n_p,) worth a solve."""
+    logs, rng = list(attempt.prepared), np.random.default_rng(seed)
+    far = FAR * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
+    far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_sd), 0.0)
+    for place in (attempt.solved.theta, *islice(own_starts(logs, unknowns), 1)):
+        about = place + far * rng.standard_normal((THROWN, place.size))
+        about = np.where(unknowns.free, np.clip(about, unknowns.lower, unknowns.upper), place)
+        yield from (start.theta for start in ranked(logs, unknowns, about)[:SOLVED])
 
 
 def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
-    """Where a solve of the samples of an answer ends that was held about a start (unknowns.start), and released so
-    slowly that each step is a small one; None where it is lost on its way."""
+    """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples; None where
+    it does not."""
     logs = list(attempt.prepared)
-    for first in range(FIRST):
-        held = solve_from(logs, usable(logs), unknowns, Clock(), SLOWLY[first])
-        if held is None or held.gate.status is not Status.CONVERGED or len(held.logs) < len(logs):
-            continue
-        on_the_way = released(replace(attempt, solved=held.solved), unknowns, SLOWLY[first + 1 :])
-        for firmness, here in on_the_way:
-            if here.gate.status is not Status.CONVERGED:
-                break
-            if firmness == SLOWLY[-1]:
-                return here
-    return None
+    found = solve_from(logs, usable(logs), unknowns, Clock())
+    if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
+        return None
+    if found.solved.problem.samples != attempt.solved.problem.samples:
+        found = resolve_firmly(attempt, unknowns, found.solved.theta, found.solved.guesses)
+    return replace(attempt, solved=found.solved, gate=found.gate) if found.gate.status is Status.CONVERGED else None

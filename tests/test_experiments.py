@@ -6,13 +6,23 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
-SCRIPTS = sorted(FOLDER.glob("run_*.py"))
+IN_VIVO = FOLDER / "run_in_vivo_study.py"
+SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {IN_VIVO})
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_experiment_runs(script, capsys):
     runpy.run_path(str(script))["main"](fast=True)
     assert capsys.readouterr().out.strip(), "an experiment prints what it found"
+
+
+def test_in_vivo_study_runs_and_claims_nothing_that_is_wrong(capsys):
+    study = runpy.run_path(str(IN_VIVO))
+    lines = study["main"](fast=True)
+    assert capsys.readouterr().out.strip()
+    assert [line["status"] for line in lines] == ["converged"]
+    assert not any(study["false_success"](line) for line in lines)
+    assert all(study["right"](line, name) for line in lines for name in line["told"])
 
 
 def test_example_logs_are_those_their_script_makes(tmp_path, capsys):

@@ -31,7 +31,7 @@ unknowns cutting manner window prepare rhythms vibration placing first_onsets
 layout start collector rest_parts footing lay_out relaid compression pattern shooting trust
 equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
-attempt inward status_words events joining search valleys profile widened shaken ridge_ends grouped shares
+attempt inward status_words events joining ranking search valleys profile widened shaken ridge_ends grouped shares
 allowed agreeing fine_enough worth_a_walk examined certainty
 fitted held_out taken_over nested weighing screening
 selection_words compared_models selection suspects diagnosis preview depth

@@ -18,6 +18,7 @@ from identify.nested import fit_model
 from identify.outcome import Status
 from identify.passes import solve_in_passes
 from identify.prepare import prepare
+from identify.preview import preview
 from identify.rhythms import rhythms
 from identify.scene import Scene
 from identify.selection import _with_one_noise
@@ -153,6 +154,22 @@ def test_a_drift_in_time_is_held_still_where_starts_are_looked_for():
         assert not still.free[names.index(name)]
         assert still.start[names.index(name)] == value
     assert still.free[names.index("D")]
+
+
+def test_what_a_scene_fixes_of_a_drift_stays_fixed():
+    # Held still at nought where starts are looked for, it stayed there: the answer was one of another model.
+    drift, effects = {"occlusion_level": -0.06, "occlusion_time": 8.0}, (*MAIN, "occlusion")
+    records = _logs(effects, drift)
+    scene = _scene(effects, parameters={name: {"fixed": value} for name, value in drift.items()})
+    found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+    assert found.status is Status.CONVERGED
+    solved, unknowns = found.attempt.solved, found.unknowns
+    values = unknowns.values(solved.theta, found.attempt.prepared[0].data.base)
+    told = dict(zip(unknowns.names, values.tolist(), strict=True))
+    assert {name: told[name] for name in drift} == pytest.approx(drift, rel=1e-12)
+    assert {name: told[name] for name in PAIR} == pytest.approx(PAIR, rel=0.05)
+    previewed = preview(scene, records).parameters
+    assert {name: previewed[name] for name in drift} == pytest.approx(drift, rel=1e-12)
 
 
 def test_a_choice_of_effects_weighs_all_models_with_one_noise(vibrating):
