@@ -9,7 +9,6 @@ Every replicate is solved again, warm from the answer.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from identify.influence import Influence
 from identify.quantiles import normal, student
 from identify.shooting import Problem
+from identify.telling import Progress
 from identify.warm import Settled, Warm
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def bootstrap(
     level: float = 0.95,
     seed: int = 0,
     refine: bool = True,
-    progress: Callable[[str, float | None], None] | None = None,
+    progress: Progress | None = None,
 ) -> Bootstrap:
     """Replicates of the answer z (n,) of a problem, and intervals from them.
 

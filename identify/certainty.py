@@ -15,7 +15,7 @@ from identify.attempt import Attempt
 from identify.bootstrap import Bootstrap, bootstrap
 from identify.coloured import Colour
 from identify.combinations import Combination, Direction, combinations, directions
-from identify.examined import AtBound, Examination, Progress, Question
+from identify.examined import AtBound, Examination, Question
 from identify.fine_enough import fine_enough
 from identify.influence import influence
 from identify.inward import taken_inside
@@ -23,6 +23,7 @@ from identify.outcome import Status
 from identify.profile import Profiles
 from identify.ridge_ends import strengthened
 from identify.shares import Share, share_estimates, shares
+from identify.telling import Progress
 from identify.uncertainty import Estimate, Information
 from identify.unknowns import Unknowns
 

@@ -21,6 +21,7 @@ from identify.profile import Profiles, profile
 from identify.profile_line import ProfilePoint
 from identify.quantiles import chi_square
 from identify.ridge_ends import better_course, other_sign
+from identify.telling import Progress
 from identify.uncertainty import Estimate, Information, Interval, estimates
 from identify.unknowns import Unknowns
 from identify.valleys import other_valleys
@@ -28,7 +29,6 @@ from identify.widened import widened
 from identify.worth_a_walk import doubtful, ridge
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float | None], None]
 AtBound = Callable[[Array], Mapping[str, str]]
 
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum

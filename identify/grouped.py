@@ -7,7 +7,6 @@ information they hold on what is shared, and the joint problem starts from the m
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,11 +19,11 @@ from identify.outcome import Status
 from identify.passes import solve_in_passes
 from identify.prepare import Prepared
 from identify.search import Sources, search
+from identify.telling import Progress
 from identify.uncertainty import information
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float | None], None]
 
 LEAST = 1e-12  # of the largest information: what a group says less of is taken from the others
 

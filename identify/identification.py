@@ -36,12 +36,12 @@ from identify.second_look import looked_into
 from identify.selection import choose_from_data
 from identify.shaken import shaken
 from identify.status_words import at_bounds, ended, untried
+from identify.telling import Progress, to_nobody
 from identify.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.vibration import tuned
 from identify.worth import worth, worth_document
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float | None], None]
 _Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
 
 ANSWERS = 3  # of one model, each better than the one before, that are looked into
@@ -72,7 +72,7 @@ def fit(
             its status says so.
     """
     clock, began = Clock(), time.perf_counter()
-    told: Progress = progress or (lambda _stage, _share: None)
+    told = progress or to_nobody
     choice: Choice | None = None
     if scene.effects == "auto":
         scene, records = with_records(scene, records)

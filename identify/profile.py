@@ -18,6 +18,7 @@ from identify.passes import Solved
 from identify.prepare import Prepared
 from identify.profile_line import ProfileLine, ProfilePoint
 from identify.quantiles import chi_square
+from identify.telling import Progress
 from identify.uncertainty import WEAK
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
@@ -107,7 +108,7 @@ def profile(
     solved: Solved,
     unknowns: Unknowns,
     covariance: Array,
-    progress: Callable[[str, float | None], None],
+    progress: Progress,
     *,
     memory: Array | None = None,
     steps: int = 1,
@@ -161,7 +162,7 @@ def _walks(
     sizes: Mapping[int, float],
     wait: Mapping[int, float],
     steps: int,
-    progress: Callable[[str, float | None], None],
+    progress: Progress,
 ) -> dict[tuple[int, float], _Walk]:
     """Both sides of every parameter, by its index, from the best point, from points met beyond its end, and past its
     end where others know a way."""

@@ -26,13 +26,13 @@ from identify.outcome import Status
 from identify.prepare import Prepared, settled_part
 from identify.ranking import ranked
 from identify.start import GOOD, Start, candidates, fit_features, random_starts
+from identify.telling import Progress, to_nobody
 from identify.trust import Trust
 from identify.unknowns import Unknowns
 from identify.vibration import quieted
 
 Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]
-Progress = Callable[[str, float | None], None]
 
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 ATTEMPTS = 4  # starts that are solved before giving up
@@ -64,7 +64,7 @@ def search(
         log that took no part, why.
     """
     clock = clock or Clock()
-    told: Progress = progress or (lambda _stage, _share: None)
+    told = progress or to_nobody
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = [i for i in range(len(prepared)) if i not in left_out]
     if not able:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from data_io import Record
@@ -13,8 +13,7 @@ from identify.findings import Findings
 from identify.outcome import Status
 from identify.prepare import Prepared
 from identify.scene import Scene
-
-Progress = Callable[[str, float | None], None]
+from identify.telling import Progress
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)  # of which the cause is looked for
 

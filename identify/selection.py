@@ -6,7 +6,7 @@ as long as the misfit with the price of the parameters (Schwarz) falls.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,11 +26,11 @@ from identify.scene import Scene
 from identify.scene.variant import scene_with
 from identify.screening import screen
 from identify.selection_words import Gain, reasons
+from identify.telling import Progress, to_nobody
 from identify.unknowns import from_scene
 from identify.weighing import CONFUSED, ENOUGH, better, penalty, searched, statistic
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float | None], None]
 
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
 # What slips and sticks look alike under: each may stand where the other is true.
@@ -68,7 +68,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
         FitError: a log of which nothing is left.
         SceneError: what the scene says does not go together.
     """
-    told: Progress = progress or (lambda _stage, _share: None)
+    told = progress or to_nobody
     told("looking at the logs", 0.0)
     first, whole = scene_with(scene, LOOKED_AT, {}), records
     first, records = parted(first, records)

@@ -7,7 +7,7 @@ which only the first cycles are shown, so that their start is known and the rest
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from identify.passes import solve_in_passes
 from identify.prepare import Prepared
 from identify.scene import Scene
 from identify.scene.variant import scene_with
+from identify.telling import Progress
 from identify.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ def worth(
     prepared: Sequence[Prepared],
     unknowns: Unknowns,
     attempt: Attempt,
-    progress: Callable[[str, float | None], None],
+    progress: Progress,
 ) -> list[Worth]:
     """The accepted fit, then one row per effect that can be left out."""
     full = as_it_ended(scene, unknowns, prepared, attempt)

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # Lowest first: values, the model, forward in time, logs without a model, closed forms, what follows from the
 # nonlinear model, the fit, the report, the command line. A new room gets a place here; a folder stands for its files.
 ROOMS = """
-errors quantities quantiles level speeds typical signal outcome examples
+errors quantities quantiles level speeds typical signal outcome telling examples
 effects base composition chain model scene
 wide native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts
 stepper plan machine phases

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,11 @@ from identify.batch.refusal import BatchError
 from identify.errors import SceneError
 from identify.scene import Scene
 from identify.scene.toml import put, read_toml
+from identify.telling import Progress, to_nobody
 
 PER_LOG = ("mass", "stiffness", "damping", "normal_force", "noise", "drive_speed")  # of [rig]; a log may have its own
 NAMED = 5  # groups or rows that a complaint names before it counts
 
-Told = Callable[[str, float | None], None]
 Document = dict[str, Any]
 
 
@@ -38,7 +38,7 @@ class Plan:
     notes: tuple[str, ...]
 
 
-def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Told = lambda _stage, _share: None) -> Plan:
+def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progress = to_nobody) -> Plan:
     """Check everything that can be checked without fitting, and make the jobs.
 
     Args:
@@ -178,7 +178,7 @@ def _named(places: Sequence[str]) -> str:
     return shown if len(places) <= NAMED else f"{shown} and {len(places) - NAMED} others"
 
 
-def _hashed(listing: Listing, told: Told) -> dict[str, tuple[str, int]]:
+def _hashed(listing: Listing, told: Progress) -> dict[str, tuple[str, int]]:
     """SHA-256 and bytes of every log, by absolute path.
 
     Raises:
