@@ -93,7 +93,7 @@ def _stronger(attempt: Attempt, unknowns: Unknowns) -> Iterator[Unknowns]:
     """Starts with the same friction coefficient of the fastest slip, and the larger one of the answer's as that of a
     contact that has rested; none where the answer has mu_s above mu_k0, or not all of this is searched."""
     told, names = _at_the_fastest(attempt, unknowns), unknowns.names
-    if told is None or "D" not in names or "t_cr" not in names:
+    if told is None or "D" not in names or "t_cr" not in names or not unknowns.free[names.index("t_cr")]:
         return
     (mu_s, mu_k0, delta_mu_k, a), fastest, level = told
     answer = attempt.solved.theta

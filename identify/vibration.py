@@ -62,16 +62,20 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
         found, left = rhythms(logs, most=len(searched))
         lines, longest = list(found), max(float(np.ptp(log.data.time)) for log in logs)
         own = np.full((len(logs), len(names)), np.nan)
-        for wave in sorted(searched, key=lambda w: unknowns.upper[w.frequency] - unknowns.lower[w.frequency]):
-            line = next((r for r in lines if _fits(r, wave, unknowns)), None)
+        lobe = LOBE / longest
+        for wave in sorted(searched, key=lambda w: np.ptp(_band(w, unknowns, lobe))):
+            low, high = _band(wave, unknowns, lobe)
+            line = next((r for r in lines if low < np.log(r.frequency) < high), None)
             if line is None:
                 free[[wave.amplitude, wave.frequency, wave.phase]] = False
                 continue
             lines.remove(line)
             _set(line, wave, logs, unknowns, start, own)
-            lower[wave.frequency] = max(lower[wave.frequency], np.log(line.frequency - LOBE / longest))
-            upper[wave.frequency] = min(upper[wave.frequency], np.log(line.frequency + LOBE / longest))
-        logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
+            if free[wave.frequency]:
+                lower[wave.frequency] = max(low, np.log(line.frequency - lobe))
+                upper[wave.frequency] = min(high, np.log(line.frequency + lobe))
+        if len(lines) < len(found):
+            logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
     return logs, replace(unknowns, start=start, free=free, lower=lower, upper=upper)
 
 
@@ -85,13 +89,18 @@ def _waves(unknowns: Unknowns) -> list[_Wave]:
     ]
 
 
-def _fits(line: Rhythm, wave: _Wave, unknowns: Unknowns) -> bool:
-    at = np.log(line.frequency)
-    return bool(unknowns.lower[wave.frequency] < at < unknowns.upper[wave.frequency])
+def _band(wave: _Wave, unknowns: Unknowns, lobe: float) -> tuple[float, float]:
+    """Between which logarithms of a frequency a rhythm may be this harmonic; lobe [Hz]: how near it must come to one
+    that the scene fixes."""
+    i = wave.frequency
+    if unknowns.free[i]:
+        return float(unknowns.lower[i]), float(unknowns.upper[i])
+    known = float(np.exp(unknowns.start[i]))
+    return float(np.log(max(known - lobe, 0.5 * known))), float(np.log(known + lobe))
 
 
 def _set(line: Rhythm, wave: _Wave, logs: list[Prepared], unknowns: Unknowns, start: Array, own: Array) -> None:
-    """Write a rhythm into the start: the force follows the motion through spring and damper."""
+    """Write a rhythm into the start, but for what the scene fixes: spring and damper carry the motion."""
     omega = 2 * np.pi * line.frequency
     amplitudes, phases = [], []
     for log, amplitude, phase in zip(logs, line.amplitude, line.phase, strict=True):
@@ -101,14 +110,15 @@ def _set(line: Rhythm, wave: _Wave, logs: list[Prepared], unknowns: Unknowns, st
         phases.append(float(phase - np.angle(response)))
     shown = np.isfinite(amplitudes)
     start[wave.amplitude] = float(np.mean(np.array(amplitudes)[shown]))
-    start[wave.frequency] = np.log(line.frequency)
-    start[wave.phase] = phases[int(np.argmax(shown))]
-    own[:, wave.phase] = np.where(shown, phases, 0.0)
+    if unknowns.free[wave.frequency]:
+        start[wave.frequency] = np.log(line.frequency)
+    if unknowns.free[wave.phase]:
+        start[wave.phase] = phases[int(np.argmax(shown))]
+        own[:, wave.phase] = np.where(shown, phases, 0.0)
 
 
 def _corrected(log: Prepared, own: Array, left: float) -> Prepared:
     """The log with its own phases; an estimated noise that counted the rhythms in is rid of them."""
-    if not np.any(np.isfinite(own)):
-        return log
     weight = log.data.weight / min(left, 1.0) if log.noise_estimated else log.data.weight
-    return replace(log, data=replace(log.data, own=own, weight=weight))
+    mine = own if np.any(np.isfinite(own)) else log.data.own
+    return replace(log, data=replace(log.data, own=mine, weight=weight))

@@ -172,6 +172,32 @@ def test_what_a_scene_fixes_of_a_drift_stays_fixed():
     assert {name: previewed[name] for name in drift} == pytest.approx(drift, rel=1e-12)
 
 
+@pytest.mark.parametrize("given", [{"excitation_frequency": 31.02}, {"excitation_phase": 0.45}, {}])
+def test_what_a_scene_fixes_of_a_vibration_stays_fixed(vibrating, given):
+    effects = (*MAIN, "excitation")
+    scene = _scene(effects, parameters={name: {"fixed": value} for name, value in given.items()})
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
+    logs, unknowns = tuned(logs, unknowns)
+    base = logs[0].data.base
+    free = dict(zip(unknowns.names, unknowns.free.tolist(), strict=True))
+    assert free["excitation_amplitude"], "a rhythm lies there"
+    assert not any(free[name] for name in given)
+    for log in logs:
+        values = dict(zip(unknowns.names, unknowns.values(log.data.theta(unknowns.start), base).tolist(), strict=True))
+        assert {name: values[name] for name in given} == pytest.approx(given, rel=1e-12)
+        assert values["excitation_amplitude"] == pytest.approx(3e-6, rel=0.1)
+
+
+def test_a_rhythm_is_not_taken_for_a_vibration_whose_frequency_is_another_one(vibrating):
+    scene = _scene((*MAIN, "excitation"), parameters={"excitation_frequency": {"fixed": 31.5}})
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
+    _, unknowns = tuned(logs, unknowns)
+    assert not unknowns.free[unknowns.names.index("excitation_amplitude")]
+    assert unknowns.start[unknowns.names.index("excitation_frequency")] == pytest.approx(np.log(31.5))
+
+
 def test_a_choice_of_effects_weighs_all_models_with_one_noise(vibrating):
     """The noise of a model that lacks the vibration counted it in, and 568 of its statistic were 6."""
     scene = _scene(MAIN)

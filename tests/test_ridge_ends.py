@@ -18,7 +18,7 @@ from identify.model import assemble
 from identify.outcome import Status
 from identify.parting import parted
 from identify.prepare import prepare
-from identify.ridge_ends import better_course, other_sign, strengthened
+from identify.ridge_ends import _stronger, better_course, other_sign, strengthened
 from identify.scene import Scene
 from identify.simulate import run
 from identify.unknowns import from_scene
@@ -131,3 +131,6 @@ def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
     assert anew.solved.problem.samples == right.solved.problem.samples
     assert abs(2 * (anew.solved.solution.cost - right.solved.solution.cost)) < 1
     assert strengthened(right, unknowns) is None
+    fixed = np.array([name == "t_cr" for name in unknowns.names])
+    held = replace(unknowns, free=unknowns.free & ~fixed, start=np.where(fixed, wrong, unknowns.start))
+    assert list(_stronger(weakening, unknowns)) and not list(_stronger(weakening, held)), "they move t_cr"
