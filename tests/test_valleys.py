@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
@@ -127,6 +128,16 @@ def test_a_start_thrown_about_the_datas_own_start_ends_in_the_other_valley(doubl
         all(_off(valley.solved.theta, made, unknowns, name) < 0.15 for name in ("mu_s", "mu_k0", "D", "t_cr"))
         for valley in valleys
     )
+
+
+def test_other_valleys_are_of_the_same_samples_and_inside_the_joint_region_the_lowest_first(doubled):
+    _, wrong, unknowns, valleys = doubled
+    costs = [valley.solved.solution.cost for valley in valleys]
+    assert costs and costs == sorted(costs)
+    assert costs[-1] < wrong.solved.solution.cost + 0.5 * chi2.ppf(0.95, np.count_nonzero(unknowns.free))
+    for valley in valleys:
+        assert valley.gate.status is Status.CONVERGED and valley.logs == wrong.logs
+        assert valley.solved.problem.samples == wrong.solved.problem.samples
 
 
 def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
