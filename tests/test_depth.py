@@ -10,7 +10,7 @@ import pytest
 from document_check import check_document
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
-from identify import examples, fine_enough, fit
+from identify import examples, fine_enough
 from identify.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
 from identify.asked import Asked
 from identify.cli import main as cli
@@ -18,7 +18,10 @@ from identify.combinations import combinations, directions
 from identify.effects import MAIN
 from identify.errors import FitError
 from identify.outcome import Status
+from identify.prepare import prepare
 from identify.scene import Scene
+from identify.search import search
+from identify.unknowns import from_scene
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 
@@ -155,15 +158,19 @@ def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypa
     logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in (2, 3)]
     scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs})
     records, finest = [case.records[i] for i in (2, 3)], Asked(accuracy=replace(DEFAULT, share=1e-9))
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    answer, _ = search(prepared, unknowns)
+    assert answer.gate.status is Status.CONVERGED
 
-    def found(solver):
-        def again(attempt, unknowns, **_):
-            return replace(attempt, gate=replace(attempt.gate, status=solver, message="the finer one"))
+    def finer(status):
+        def again(attempt, _unknowns, **_):
+            return replace(attempt, gate=replace(attempt.gate, status=status, message="the finer one"))
 
         monkeypatch.setattr(fine_enough, "resolve", again)
-        result = fit(scene, records, asked=finest).result
-        assert max(map(abs, result["fit"]["discretisation"].values())) > 1e-9
-        return result
+        attempt, _, shares = fine_enough.fine_enough(answer, unknowns, finest)
+        assert max(map(abs, shares.values())) > 1e-9, "what the steps cost is told"
+        return attempt
 
-    assert found(Status.SOLVER_FAILED)["status"] == "converged"
-    assert found(Status.MODEL_MISFIT)["status"] == "model_misfit"  # what finer steps tell of the model counts
+    assert finer(Status.SOLVER_FAILED) is answer
+    assert finer(Status.MODEL_MISFIT).gate.status is Status.MODEL_MISFIT, "what finer steps tell of the model counts"
