@@ -16,6 +16,7 @@ from identify.outcome import Status
 from identify.parting import parted
 from identify.prepare import prepare
 from identify.profile import profile
+from identify.ranking import ranked
 from identify.scene_records import with_records
 from identify.uncertainty import information
 from identify.unknowns import from_scene
@@ -95,6 +96,18 @@ def test_intervals_seen_from_an_answer_that_they_do_not_hold_are_open(pair):
     np.testing.assert_allclose(
         seen.likely + early.solved.theta[free], walked.likely + walked.middle[free], rtol=1e-12, err_msg="same points"
     )
+
+
+def test_starts_are_ranked_by_the_motion_that_follows_from_each(pair):
+    right, early, unknowns, _ = pair
+    there, beside = right.solved.theta, early.solved.theta
+    far, nowhere = there.copy(), there.copy()
+    far[unknowns.names.index("D")] += 1.0
+    nowhere[[unknowns.names.index(name) for name in ("mu_k0", "delta_mu_k")]] = 2.0, 0.5  # slides steadily
+    order = ranked(list(right.prepared), unknowns, [nowhere, far, beside, there])
+    assert [next(i for i, t in enumerate((there, beside, far)) if t is start.theta) for start in order] == [0, 1, 2]
+    costs = [start.cost for start in order]
+    assert 0.45 < costs[0] < 0.7 and costs == sorted(costs), "half of chi^2 per sample, on the coarse grid"
 
 
 VALLEY = {
