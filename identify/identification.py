@@ -64,7 +64,8 @@ def fit(
         progress: called as progress(stage, share of the whole).
         starts: where the search starts: "data", "user" (the scene's `start` values), "both"; default both where the
             scene gives a start, else the data.
-        seed: of the random starts, which are only used where the data's own do not fit, and of the bootstrap.
+        seed: of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
+            bootstrap.
         asked: how finely, and which further looks at how sure the answer is.
 
     Raises:
