@@ -146,12 +146,14 @@ def solve_held(
     best: Attempt | None = None
     loosest = np.inf
     for first in range(ways):
+        released_to = np.inf
         for firmness, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[first:]):
             if not tried.solved.solution.success:
                 break
+            released_to = firmness
             if tried.gate.status is Status.CONVERGED and firmness < loosest:
                 best, loosest = tried, firmness
-        if loosest == SLOWLY[-1]:
+        if released_to == SLOWLY[-1]:  # nothing wandered off: to hold it less firmly leads to the same place
             break
     return best
 

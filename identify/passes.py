@@ -7,7 +7,7 @@ more than half a sample, the assignment and the answer agree.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -29,6 +29,7 @@ STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
 SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
+RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
 OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
 PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
@@ -149,6 +150,7 @@ def _in_passes(
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     bent = False
+    been, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
     hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
     for number in range(1, (LONGEST if hidden or trust is not None else MOST_PASSES) + 1):
         since = time.perf_counter()
@@ -190,6 +192,11 @@ def _in_passes(
         arrived += 1
         if _last(solved, arrived, way.hopeless):
             return solved
+        if not coarse:
+            events = _events(guesses)
+            if any(np.max(np.abs(events - before)) < RETURNED * finest for before in been):
+                return solved  # samples change sides to and fro: the passes to come are those that were
+            been.append(events)
         fitting = fine_grid(logs, guesses, unknowns)
         grid, tolerance, barrier = replace(fitting, steps=min(max(fitting.steps, way.steps), way.most)), 1e-8, 1e-6
     assert solved is not None
@@ -209,6 +216,12 @@ def _last(solved: Solved, arrived: int, hopeless: float) -> bool:
     if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
         return True
     return (fine and solved.event_shift < SETTLED) or not np.all([_ordered(guess) for guess in solved.guesses])
+
+
+def _events(guesses: Sequence[Guess]) -> Array:
+    """When every phase of all motions ends (e,) [s]."""
+    ends = [np.concatenate([g.onset, g.arrest, [stretch.until for stretch in g.tail]]) for g in guesses]
+    return np.concatenate(ends)
 
 
 @dataclass(frozen=True)

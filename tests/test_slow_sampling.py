@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from experiments.run_fit_speed import TRUTH, simulated
 from experiments.run_recovery_study import Study, fit_case
-from experiments.study_problem import RIG, SPEEDS
-from identify import Scene, features, passes
+from experiments.study_problem import RIG, SPEEDS, scene_of
+from identify import Scene, attempt, features, passes
 from identify.effects import MAIN
+from identify.outcome import Status
 from identify.prepare import prepare
-from identify.search import features_of
+from identify.search import features_of, own_starts
 from identify.start import GOOD, fit_features
 from identify.unknowns import from_scene
 
@@ -23,6 +26,24 @@ def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypat
     monkeypatch.setattr(passes, "AT_BOUND", np.inf)  # and an event that goes as far as it can has not arrived
     hasty = fit_case(case, None, "data")
     assert not hasty.recovered and "normal force is off" in hasty.message
+
+
+def test_samples_that_change_sides_to_and_fro_end_the_passes(monkeypatch):
+    """Pair 75 at 5 Hz: in every fourth pass the events are where they were. All forty were made, from every start and
+    with every firmness of the priors that hold it: six minutes for what takes twenty seconds."""
+    case, _, _ = Study("usual", rate=0.25).case(75)
+    scene = scene_of(case)
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, case.records, strict=True)]
+    start = replace(unknowns, start=next(own_starts(logs, unknowns)))
+    tried = attempt.solve_from(logs, attempt.usable(logs), start, attempt.Clock())
+    assert tried.gate.status is Status.SOLVER_FAILED and "event" in tried.gate.message
+    assert tried.solved.passes < 15
+    began, placed = [], attempt.place_on
+    monkeypatch.setattr(attempt, "SLOWLY", (4.0, 1.0))
+    monkeypatch.setattr(attempt, "place_on", lambda *where: began.append(where) or placed(*where))
+    assert attempt.solve_held(logs, attempt.usable(logs), start, attempt.Clock(), ways=2) is None
+    assert len(began) == 1, "nothing wandered off: to hold it less firmly leads to the same place"
 
 
 def test_the_mean_of_many_falls_knows_how_much_a_few_samples_each_blur_it(monkeypatch):
