@@ -24,7 +24,7 @@ from identify.ridge_ends import better_course, other_sign
 from identify.telling import Progress
 from identify.uncertainty import Estimate, Information, Interval, estimates
 from identify.unknowns import Unknowns
-from identify.valleys import other_valleys
+from identify.valleys import lowest_valley
 from identify.widened import widened
 from identify.worth_a_walk import doubtful, ridge
 
@@ -32,8 +32,6 @@ Array = NDArray[np.float64]
 AtBound = Callable[[Array], Mapping[str, str]]
 
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
-LOWER = 0.1  # by which chi^2 must fall for a valley to be a lower one
-LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
 CURVE_STEPS = 4  # of each side of a profile that is drawn
 
 
@@ -132,14 +130,10 @@ class Examination:
         q = self._q
         if not (self.accepted and self._doubtful()):
             return
-        for _ in range(LOOKS):
-            q.progress("looking for other valleys", None)
-            self._valleys = other_valleys(self.attempt, q.unknowns, q.seed)
-            cost = self.attempt.solved.solution.cost
-            if not self._valleys or self._valleys[0].solved.solution.cost > cost - 0.5 * LOWER:
-                break
-            self._valleys.append(self.attempt)
-            self._move(self._valleys[0], None)
+        q.progress("looking for other valleys", None)
+        lowest, self._valleys = lowest_valley(self.attempt, q.unknowns, q.seed)
+        if lowest is not self.attempt:
+            self._move(lowest, None)
             self.view = self._seen()
 
     def _move(self, attempt: Attempt, walked: Profiles | None) -> None:

@@ -28,27 +28,55 @@ Array = NDArray[np.float64]
 
 THROWN = 16  # starts about each place
 SOLVED = 3  # of these, those that fit best before they are solved
+LOWER = 0.1  # by which chi^2 must fall for a valley to be a lower one
+LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
 FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coefficient: half as far
 
 
-def other_valleys(attempt: Attempt, unknowns: Unknowns, seed: int) -> list[Attempt]:
+def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int) -> tuple[Attempt, list[Attempt]]:
+    """Return the lowest place to which starts lead that are thrown about an answer, and about a lower one once more;
+    and the other valleys within its joint region: of all looks, and the answer given where it was left."""
+    valleys: list[Attempt] = []
+    for look in range(LOOKS):
+        valleys += other_valleys(attempt, unknowns, seed, own=look == 0)
+        lowest = min(valleys, key=_cost, default=attempt)
+        if _cost(lowest) > _cost(attempt) - 0.5 * LOWER:
+            break
+        valleys = [attempt, *(valley for valley in valleys if valley is not lowest)]
+        attempt = lowest
+    limit = _limit(attempt, unknowns)
+    return attempt, [valley for valley in valleys if _cost(valley) < limit]
+
+
+def other_valleys(attempt: Attempt, unknowns: Unknowns, seed: int, *, own: bool = True) -> list[Attempt]:
     """Return the answers at which solves from thrown starts settle, the lowest first; all lie below the one given, or
     where the data object no more than within its joint region. That answer itself may be among them.
 
     They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere.
+
+    Args:
+        own: starts are thrown about the data's own start too.
     """
-    limit = attempt.solved.solution.cost + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
-    settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed))
-    found = [other for other in settled if other is not None and other.solved.solution.cost < limit]
-    return sorted(found, key=lambda other: other.solved.solution.cost)
+    limit = _limit(attempt, unknowns)
+    settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed, own))
+    return sorted((other for other in settled if other is not None and _cost(other) < limit), key=_cost)
 
 
-def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int) -> Iterator[Array]:
+def _cost(attempt: Attempt) -> float:
+    return attempt.solved.solution.cost
+
+
+def _limit(attempt: Attempt, unknowns: Unknowns) -> float:
+    """The cost at the edge of the joint region of an answer."""
+    return _cost(attempt) + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
+
+
+def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:
     """The starts (n_p,) worth a solve."""
     logs, rng = list(attempt.prepared), np.random.default_rng(seed)
     far = FAR * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
     far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_sd), 0.0)
-    for place in (attempt.solved.theta, *islice(own_starts(logs, unknowns), 1)):
+    for place in (attempt.solved.theta, *islice(own_starts(logs, unknowns), int(own))):
         about = place + far * rng.standard_normal((THROWN, place.size))
         about = np.where(unknowns.free, np.clip(about, unknowns.lower, unknowns.upper), place)
         yield from (start.theta for start in ranked(logs, unknowns, about)[:SOLVED])

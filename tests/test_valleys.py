@@ -10,6 +10,7 @@ from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify import certainty as sureness
 from identify import search
+from identify import valleys as room
 from identify.asked import NOTHING_MORE
 from identify.attempt import Clock, resolve, solve_from
 from identify.outcome import Status
@@ -151,6 +152,23 @@ def test_other_valleys_are_of_the_same_samples_and_inside_the_joint_region_the_l
     for valley in valleys:
         assert valley.gate.status is Status.CONVERGED and valley.logs == wrong.logs
         assert valley.solved.problem.samples == wrong.solved.problem.samples
+
+
+def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(doubled, monkeypatch):
+    _, wrong, unknowns, _ = doubled
+
+    def at(cost):
+        solved = wrong.solved
+        return replace(wrong, solved=replace(solved, solution=replace(solved.solution, cost=cost)))
+
+    first, lower, beside, above, beyond = (at(cost) for cost in (100.0, 97.0, 99.0, 101.0, 109.0))
+    looks, own = [[lower, beside, beyond], [above]], []
+    monkeypatch.setattr(room, "other_valleys", lambda *_, **how: own.append(how["own"]) or looks.pop(0))
+    answer, others = room.lowest_valley(first, unknowns, 0)
+    assert answer is lower and own == [True, False], "about the data's own start once"
+    assert {id(other) for other in others} == {id(first), id(beside), id(above)}, "109 is outside the joint region"
+    looks = [[beside]]
+    assert room.lowest_valley(at(99.02), unknowns, 0)[1] == [beside], "hardly lower: no place to move to"
 
 
 def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
