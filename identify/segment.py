@@ -113,7 +113,7 @@ class Segmentation:
 
     def share(self, phase: int) -> float:
         """Share of the samples in a phase (STICK, SLIP or SLIDING), 0 to 1."""
-        return float(np.mean(self.phase == phase)) if self.phase.size else 0.0
+        return float(np.count_nonzero(self.phase == phase) / self.phase.size) if self.phase.size else 0.0
 
     @staticmethod
     def _median(values: Array) -> float:

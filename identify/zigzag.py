@@ -23,6 +23,7 @@ WIDTH_SHARE = 0.2  # of the half period: impulses too weak to be masked vanish
 QUIET, QUIET_OF_WHITE = 0.1, 0.01579  # share of second differences that are quiet, and their limit for unit variance
 COLOURED = 1.5  # times what white noise leaves after smoothing: from there on noise is taken to have a memory
 MOST_COLOURED = 3.0  # times the white part
+PORTION = 1 << 14  # samples smoothed at once, as a rule: few enough to stay in cache
 WIDEST_SHARE = 0.45  # of the time from peak to valley: smoothing wider than this bends the slip
 
 
@@ -70,13 +71,23 @@ def running_means(values: Array, width: int) -> Array:
     Put together of sums of 1, 2, 4, ... neighbours: faster than differences of a running total, which a processor can
     only add up one by one, and not rounded by what came long before.
     """
-    total, begin, sums = np.zeros(values.size - width + 1), 0, values
+    means, portion = np.empty(values.size - width + 1), max(PORTION, 4 * width)
+    for first in range(0, means.size, portion):
+        part = means[first : first + portion]
+        _sum_neighbours(values[first : first + part.size + width - 1], width, part)
+        part /= width
+    return means
+
+
+def _sum_neighbours(values: Array, width: int, total: Array) -> None:
+    """Sums of every `width` neighbours of values (n,), into total (n - width + 1,)."""
+    total[:] = 0.0
+    begin, sums = 0, values
     for many in (1 << power for power in range(width.bit_length())):
         if width & many:
             total += sums[begin : begin + total.size]
             begin += many
         sums = sums[:-many] + sums[many:] if 2 * many <= width else sums
-    return total / width
 
 
 def _corners(values: Array, hysteresis: float) -> Indices:

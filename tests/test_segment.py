@@ -317,7 +317,9 @@ def test_a_million_samples_take_little_time(fast):
     assert found.count == run.arrests.size
 
 
-@pytest.mark.parametrize(("samples", "width"), [(10, 1), (10, 10), (1001, 7), (5000, 64), (5000, 219)])
+@pytest.mark.parametrize(
+    ("samples", "width"), [(10, 1), (10, 10), (1001, 7), (5000, 64), (5000, 219), (40001, 9), (90000, 20001)]
+)
 def test_means_of_neighbours_are_a_convolution(samples, width):
     values = 5.0 + np.random.default_rng(samples).standard_normal(samples)
     np.testing.assert_allclose(
