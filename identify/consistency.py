@@ -75,10 +75,11 @@ def _goes_back(guess: Guess) -> int | None:
     """The first cycle with a node at which the mass moves backwards."""
     if guess.cycles == 0:
         return None
-    for nodes in (guess.slip, guess.saturated):
-        speed = nodes[..., SPEED]
-        fastest = np.nanmax(np.abs(guess.slip[..., SPEED]), axis=1, initial=0.0)
-        wrong = np.any(speed < -BACKWARDS * fastest[:, None], axis=1)
-        if np.any(wrong):
-            return int(np.argmax(wrong))
-    return None
+    fastest = np.nanmax(np.abs(guess.slip[..., SPEED]), axis=1, initial=0.0)
+
+    def wrong(nodes: Array) -> NDArray[np.bool_]:
+        return np.any(nodes[..., SPEED] < -BACKWARDS * fastest[:, None], axis=1)
+
+    # A slip that never saturates has nodes after its saturation that stand for nothing.
+    found = wrong(guess.slip) | (guess.saturates & wrong(guess.saturated))
+    return int(np.argmax(found)) if found.any() else None

@@ -149,7 +149,7 @@ class _Course:
         the first peak comes when it is seen."""
         log, model = self.log, self.model
         peak = self.data.first_peak(self.moving_from(log.begin))
-        until = log.begin + 0.8 * (peak - log.begin)
+        until = self.data.first_rise(peak)
         mine = (log.time >= log.begin) & (log.time <= until) & (log.weight > 0)
         if not np.any(mine):
             mine = np.arange(log.time.size) == np.searchsorted(log.time, log.begin)

@@ -167,6 +167,18 @@ class Guess:
         return self.onset[1:] - self.arrest[:-1]
 
     @property
+    def slips(self) -> Array:
+        """How long the mass slides from an onset to the arrest after it [s]; of every slip that has both."""
+        followed, begun = list[float](), np.nan
+        for stretch in self.tail:
+            if stretch.ended_by == "onset":
+                begun = stretch.until
+            elif stretch.ended_by == "arrest":
+                followed.append(stretch.until - begun)
+        told = np.array(followed)
+        return np.concatenate([self.arrest - self.onset, told[np.isfinite(told)]])
+
+    @property
     def arrests(self) -> int:
         """How often the mass comes to rest."""
         return self.cycles + sum(stretch.ended_by == "arrest" for stretch in self.tail)

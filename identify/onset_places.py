@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.guess import LogData
+from identify.local_fits import line_slope
 
 Array = NDArray[np.float64]
 
@@ -15,7 +16,10 @@ REACH = 4.0  # half periods by which an onset is moved at most around what the d
 PER_HALF_PERIOD = 12  # places per half period that are tried
 PEAK = 0.5  # of a rest: how far from its simulated end the peak is looked for
 COMPARED = 400  # samples that vote on a place
+BY_CHANCE = 12.0  # squared deviations by which noise makes one of some hundred places the best
 FEWEST = 3  # samples that have a highest one
+BINS, RISEN = 50, 0.8  # means up to the first peak, and share of its height that is reached on the way for sure
+LEVEL, SURE = 0.25, 3.0  # of the slope of a stick, and standard errors: a force that rises less is no stick
 
 
 @dataclass(frozen=True)
@@ -54,33 +58,40 @@ class DataSide:
         return next((c for c in self.changes if c > t), self.log.end)
 
     def placed(self, since: float, onset: float, wave: Wave) -> float:
-        """Where on the data the wave of a slide that is expected from `onset` on fits best; after `since` [s]."""
+        """Where on the data the wave of a slide that is expected from `onset` on fits best; after `since` [s]. Where
+        nothing fits better than by chance it stays where it is expected."""
         log = self.log
         reach = max(REACH * self.half, 2.0 * log.interval)
         step = max(self.half / PER_HALF_PERIOD, 0.25 * log.interval)
         centres = self.centres(since, onset, wave, reach)
         around = np.arange(-reach, reach, step)
-        places = np.unique(np.concatenate([centre + around for centre in centres]))
         latest = self.change_after(since) - 1e-3 * self.half
-        places = places[(places > since + 1e-3 * self.half) & (places < latest)]
-        if places.size == 0:
-            return onset
-        costs = np.full(places.size, np.inf)
+        best, lowest, expected = onset, np.inf, np.inf
         for centre in centres:
-            inside = np.abs(places - centre) <= reach
             first, last = np.searchsorted(log.time, [centre - reach - self.half, centre + reach + wave.length])
             index = np.arange(first, last, max((last - first) // COMPARED, 1))
             # The simulated wave knows nothing of another speed of the drive.
             index = index[(log.weight[index] > 0) & (log.time[index] > since) & (log.time[index] < latest)]
             if index.size < 2:
                 continue
-            t, f, w = log.time[index], log.force[index], log.weight[index]
-            for i in np.flatnonzero(inside):
-                after = t - places[i]
-                counted = after < wave.length
-                misfit = float(np.sum(w[counted] * (f - wave.at(after))[counted] ** 2))
-                costs[i] = min(costs[i], misfit / max(counted.sum(), 1))
-        return float(places[int(np.argmin(costs))]) if np.any(np.isfinite(costs)) else onset
+            if centre == onset:
+                expected = self._misfit(index, onset, wave)
+                least = expected - BY_CHANCE / index.size
+            for place in (centre + around).tolist():
+                if since + 1e-3 * self.half < place < latest:
+                    misfit = self._misfit(index, place, wave)
+                    if misfit < lowest:
+                        best, lowest = place, misfit
+        return best if not np.isfinite(expected) or lowest < least else onset
+
+    def _misfit(self, index: NDArray[np.intp], place: float, wave: Wave) -> float:
+        """Mean square of what some samples lie off the wave of a slide from `place` [s] on, over the noise."""
+        after = self.log.time[index] - place
+        counted = after < wave.length
+        if not counted.any():
+            return np.inf
+        chosen = index[counted]
+        return float(np.mean(self.log.weight[chosen] * (self.log.force[chosen] - wave.at(after[counted])) ** 2))
 
     def centres(self, since: float, onset: float, wave: Wave, reach: float) -> list[float]:
         """What an onset is looked for around [s]."""
@@ -90,12 +101,32 @@ class DataSide:
         fall = self._steepest_fall(used)
         if fall is not None and min(abs(fall - centre) for centre in found) > reach:
             found.append(fall)
-        return found
+        return [c for c in found if all(self._may_rest(other, c, wave.slope) for other in found if other < c)]
+
+    def _may_rest(self, begin: float, end: float, slope: float) -> bool:
+        """Whether the force between two times [s] may belong to a stick that loads at `slope` [N/s]: of a level force
+        the highest sample lies anywhere."""
+        used = self._used(begin, end)
+        if used.size < FEWEST or any(begin < change < end for change in self.changes):
+            return True
+        t = self.log.time[used]
+        error = self.log.noise / (np.sqrt(t.size) * float(np.std(t)))
+        return line_slope(t, self.log.force[used], self.log.noise) > LEVEL * slope - SURE * error
 
     def first_peak(self, moving: float) -> float:
         """When the smoothed force is highest from where the drive moves until its speed changes [s]."""
         used = self._used(moving, self.change_after(moving))
         return self.log.begin if used.size < FEWEST else self._highest(used)
+
+    def first_rise(self, peak: float) -> float:
+        """Until when the force rises without doubt towards its first peak [s]: not on a level that ends there."""
+        used = self._used(self.log.begin, peak)
+        if used.size < 2 * BINS:
+            return self.log.begin + RISEN * (peak - self.log.begin)
+        per = used.size // BINS
+        means = self.log.force[used[: per * BINS]].reshape(BINS, per).mean(axis=1)
+        high = means >= means[0] + RISEN * (means.max() - means[0])
+        return float(self.log.time[used[per * max(int(np.argmax(high)), 1)]])
 
     def _highest(self, used: NDArray[np.intp]) -> float:
         width = max(min(int(0.2 * self.half / self.log.interval), used.size // 3), 1)

@@ -31,6 +31,7 @@ SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
 RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
+VANISHING = 0.05  # samples: an event that goes as far as it can, and no farther than this, stands still
 OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
 PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 LONGEST = 40  # passes where slips last no longer than samples lie apart: an event comes a share of a slip nearer
@@ -298,7 +299,7 @@ def _ordered(guess: Guess) -> bool:
 
 def _interval(log: LogData, guess: Guess) -> float:
     """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter."""
-    slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else np.inf
+    slip = float(np.median(guess.slips)) if guess.slips.size else np.inf
     return min(log.interval, OF_A_SLIP * slip)
 
 
@@ -313,6 +314,7 @@ def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData],
             offset = solution.x[index]
             worst = max(worst, float(np.max(np.abs(offset))) / interval)
             reach = np.where(offset > 0.0, problem.layout.upper[index], -problem.layout.lower[index])
-            if np.any(np.abs(offset) > AT_BOUND * reach):
+            # A rest that vanishes halves from pass to pass, for ever, and moves nothing.
+            if np.any((np.abs(offset) > AT_BOUND * reach) & (np.abs(offset) > VANISHING * interval)):
                 worst = max(worst, 2.0 * SETTLED)
     return worst
