@@ -16,7 +16,7 @@ from identify.outcome import Status
 from identify.passes import COARSE, Solved, solve_in_passes
 from identify.placing import place
 from identify.prepare import Prepared, cut_in_last_stick
-from identify.sequence import TRIES, followed, resequenced
+from identify.sequence import TRIES, followed, grazes, resequenced
 from identify.trust import Trust
 from identify.unknowns import Unknowns
 
@@ -25,6 +25,7 @@ PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut
 
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
+BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
 FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
 SLOWLY = (20.0, 13.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0)  # where the start is off besides: small steps find the way
 FIRST = 5  # of these: how firmly a start is held before another one is taken
@@ -96,7 +97,42 @@ def solve_placed(
     hopeless: float = np.inf,
     trust: Trust | None = None,
 ) -> Attempt:
-    """Solve from a start that is placed on some of the logs, one at least."""
+    """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
+    motion that follows from the answer, and the better of both."""
+    attempt = _solved(prepared, placed, unknowns, clock, firmness, hopeless, trust)
+    if attempt.solved.solution.cost > hopeless or not np.isfinite(attempt.excess):
+        return attempt
+    at_answer = replace(unknowns, start=attempt.solved.theta)
+    anew = [
+        _as_it_follows(log, guess, prepared[number], at_answer)
+        for number, log, guess in zip(attempt.logs, attempt.prepared, attempt.solved.guesses, strict=True)
+    ]
+    if all(new is None for new in anew):
+        return attempt
+    was = zip(attempt.prepared, attempt.solved.guesses, strict=True)
+    moved = [(number, *(new or old)) for number, new, old in zip(attempt.logs, anew, was, strict=True)]
+    other = _solved(prepared, moved, at_answer, clock, firmness, hopeless, None)
+    return other if other.excess < attempt.excess - BETTER else attempt
+
+
+def _as_it_follows(log: Prepared, guess: Guess, whole: Prepared, unknowns: Unknowns) -> tuple[Prepared, Guess] | None:
+    """The log as the parameters (unknowns.start) have it, where its slips rest by a hair."""
+    if not grazes(log, guess):
+        return None
+    p = unknowns.start
+    return followed(replace(whole, manner=whole.manner.as_course), replace(unknowns, start=guess.theta(p)))
+
+
+def _solved(
+    prepared: list[Prepared],
+    placed: list[PlacedLog],
+    unknowns: Unknowns,
+    clock: Clock,
+    firmness: float,
+    hopeless: float,
+    trust: Trust | None,
+) -> Attempt:
+    """Solve until every course is that of the answer."""
     since = time.perf_counter()
     numbers, logs, guesses = (list(column) for column in zip(*placed, strict=True))
     # What every log has for itself, the first log has in the shared theta.
@@ -222,7 +258,10 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
     placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
     for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
-        if guess is None or not _joins_up(guess, log):
+        if guess is None:
+            continue
+        if not _joins_up(guess, log):  # rests are shorter than slips are placed exactly
+            out += [(number, *found) for found in _followed(replace(log, manner=log.manner.as_course), unknowns)]
             continue
         sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
         typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])

@@ -40,7 +40,8 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     """Solve again with the logs that took no part so far, their slips mended at the answer, where it can be placed on
     them."""
     at_answer = replace(unknowns, start=best.solved.theta)
-    prepared = [with_events_mended(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
+    seen = {i: prepared[i] for i in late if prepared[i].manner.faint}
+    prepared = [_mended(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
     late = [i for i in late if place_on(prepared, [i], at_answer)]
     if not late:
         return best
@@ -49,8 +50,8 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
         return joined
     # One log that does not fit must not keep out the others; of a course that does not, its steady end may.
     for i in late:
-        settled = settled_part(prepared[i])
-        for log in (prepared[i], settled):
+        as_seen = with_events_mended(seen[i], at_answer) if i in seen else None
+        for log in (prepared[i], as_seen, settled_part(prepared[i])):
             if log is None or (len(late) == 1 and log is prepared[i]):
                 continue
             having = [log if j == i else other for j, other in enumerate(prepared)]
@@ -59,3 +60,10 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
                 best, prepared = joined, having
                 break
     return best
+
+
+def _mended(log: Prepared, unknowns: Unknowns) -> Prepared:
+    """A log with its slips mended; one whose slips the noise hides is followed, whatever was seen of them."""
+    if log.manner.faint:
+        return replace(log, manner=log.manner.as_course)
+    return with_events_mended(log, unknowns)

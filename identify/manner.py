@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -29,11 +29,18 @@ LEVEL = 0.5  # of the middle force: a record that starts above slides from its s
 
 @dataclass(frozen=True)
 class Manner:
-    """The name; settled: since when the last stretch slides steadily [s], None where it does not; begins_sliding."""
+    """The name; settled: since when the last stretch slides steadily [s], None where it does not; begins_sliding;
+    faint: the noise hides so much of the cycles that many of them were missed."""
 
     name: Name
     settled: float | None
     begins_sliding: bool
+    faint: bool = False
+
+    @property
+    def as_course(self) -> Manner:
+        """The same log, followed by the model instead of cycle by cycle as they were seen."""
+        return replace(self, name="course", faint=False)
 
 
 def manner_of(
@@ -53,7 +60,7 @@ def manner_of(
         return Manner("course", settled, begins)
     slides = found.ends_sliding and (falls.size < FEW or found.share(SLIDING) > MOSTLY)
     if falls.size and not slides:
-        return Manner("cycles", None, False)
+        return Manner("cycles", None, False, found.faint)
     if falls.size == 0 and not slides:
         return Manner("cycles", None, False)
     rise = int(np.argmax(found.phase != STICK)) if found.phase.size and found.phase[0] == STICK else 0

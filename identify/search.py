@@ -69,12 +69,14 @@ def search(
     able = [i for i in range(len(prepared)) if i not in left_out]
     if not able:
         return None, left_out
-    choices = [*([i for i in able if prepared[i].typical >= least] for least in LEAST), able]
+    cycling = [[i for i in able if prepared[i].typical >= least] for least in LEAST]
+    faint = {i for i in able if prepared[i].manner.faint}
+    choices = [[i for i in cycling[0] if i not in faint], *cycling, able]
     way = _Way(sources, seed, thorough, clock, told)
     best: Attempt | None = None
     for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
         best = _better(best, _from_logs(prepared, first, able, unknowns, way))
-        if best is not None and best.gate.status is Status.CONVERGED:
+        if best is not None and best.gate.status is Status.CONVERGED and faint <= set(best.logs):
             break
     if best is None or best.gate.status is not Status.CONVERGED:
         best = _levels_only(prepared, able, unknowns, clock) or best

@@ -12,11 +12,13 @@ from data_io.thinned import kept, thinned_steps
 from identify.local_fits import crossing, level, noise_on_lines, slope, span
 from identify.noise import bridged, quantum, spikes, white_noise
 from identify.slips import SLIDING, SLIP, STICK, Slips, Trace, judge, label, loading_knee, not_slipping
-from identify.zigzag import find_falls
+from identify.zigzag import WIDTH_SHARE, find_falls
 
 __all__ = ["SLIDING", "SLIP", "STICK", "Cycles", "Segmentation", "segment"]
 
 Array = NDArray[np.float64]
+
+CLEAR = 6.0  # standard deviations of the smoothed force: of smaller falls many are lost in the noise
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ class Segmentation:
     not finite; phase: int8 (n,), 0 stick, 1 slip (peak to valley), 2 sliding without stick-slip;
     begins_in_slip: the record starts within a slip (not counted); stick_slopes: slope of every stick
     that was seen completely [N/s], in order, the first ramp of a record that starts at rest apart in
-    `loading_slope` (None without one); ends_sliding: steady or decaying sliding follows the last cycle.
+    `loading_slope` (None without one); ends_sliding: steady or decaying sliding follows the last cycle; faint: slips
+    fall by so little that many of them are lost in the noise.
     """
 
     cycles: Cycles
@@ -71,6 +74,7 @@ class Segmentation:
     stick_slopes: Array
     loading_slope: float | None
     sample_interval: float
+    faint: bool = False
 
     @property
     def count(self) -> int:
@@ -157,9 +161,11 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
     trace = Trace(time, clean, turns.smoothed, sd, turns.hysteresis)
     slips = judge(trace, turns)
     phase, ends_sliding = label(trace, slips)
+    cycles = _cycles(trace, slips)
+    faint = _faint(cycles, sd, interval, half_period)
     return Segmentation(
-        cycles=_cycles(trace, slips),
-        noise=_noise(kept(force, ~holes), clean, phase, white) if noise is None else noise,
+        cycles=cycles,
+        noise=_noise(kept(force, ~holes), clean, phase, white, faint) if noise is None else noise,
         spikes=masked | holes,
         phase=phase,
         begins_in_slip=slips.starts_falling and bool(slips.kept.any()),
@@ -167,12 +173,23 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
         stick_slopes=slips.stick_slopes,
         loading_slope=_loading_slope(trace, slips),
         sample_interval=interval,
+        faint=faint,
     )
 
 
-def _noise(finite: Array, clean: Array, phase: NDArray[np.int8], white: float) -> float:
-    """Never less than the rounding of the file."""
-    return max(noise_on_lines(clean, not_slipping(phase)) or white, quantum(finite) / sqrt(12.0))
+def _faint(cycles: Cycles, white: float, interval: float, half_period: float | None) -> bool:
+    """Whether slips fall by less than what is surely seen of them."""
+    if cycles.count == 0:
+        return False
+    drop = float(np.median(cycles.onset_force - cycles.arrest_force))
+    lasting = half_period or float(np.median(cycles.arrest - cycles.onset))
+    return drop * sqrt(max(WIDTH_SHARE * lasting / interval, 1.0)) < CLEAR * white
+
+
+def _noise(finite: Array, clean: Array, phase: NDArray[np.int8], white: float, faint: bool) -> float:
+    """Never less than the rounding of the file; what lies between faint slips holds others."""
+    on_lines = None if faint else noise_on_lines(clean, not_slipping(phase))
+    return max(on_lines or white, quantum(finite) / sqrt(12.0))
 
 
 def _nothing(time: Array, holes: NDArray[np.bool_], noise: float) -> Segmentation:

@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from identify.following import follow
 from identify.guess import Guess
 from identify.prepare import Prepared
 from identify.unknowns import Unknowns
 
+HAIR = 0.1  # of half a period: rests that are shorter are hardly any
 TRIES = 3  # how often a course is followed anew
 
 
@@ -29,6 +32,15 @@ def followed(log: Prepared, unknowns: Unknowns) -> tuple[Prepared, Guess] | None
     if found is None:
         return None
     return replace(log, data=replace(log.data, end=min(found.end, log.data.end))), found.guess
+
+
+def grazes(log: Prepared, guess: Guess) -> bool:
+    """Whether slips of a log that is solved cycle by cycle come to rest by a hair: how they rest is easily taken for
+    something else where it is only told by when they fall."""
+    half_period = log.rig.half_period
+    if log.manner.name != "cycles" or guess.sticks.size == 0 or half_period is None:
+        return False
+    return float(np.median(guess.sticks)) < HAIR * half_period
 
 
 def resequenced(

@@ -9,6 +9,7 @@ from identify.following import follow
 from identify.guess import LogData
 from identify.model import assemble
 from identify.simulate import run
+from identify.trajectory import Trajectory
 
 MODEL = assemble(MAIN)
 PAIR = {"mu_s": 0.9904, "mu_k0": 0.8659, "delta_mu_k": -0.06065, "a": 1566.0, "D": 1.278e-5, "t_cr": 3.305}
@@ -34,3 +35,42 @@ def test_an_onset_is_found_where_a_stick_rises_by_less_than_the_noise(error: flo
     assert abs(first.until - onset) < 2.0 / RATE
     believed_onset = onset + error / (RIG["stiffness"] * SPEED)
     assert abs(first.until - believed_onset) > 10.0 / RATE  # the parameters alone are a second off
+
+
+# Slips of 6 mN that the noise hides at 0.1 mm/s; slower than that the mass comes to rest twice, and slides on.
+FAINT = {"mu_s": 0.6721, "mu_k0": 0.6122, "delta_mu_k": -0.1083, "a": 1491.0, "D": 1.184e-4, "t_cr": 0.03212}
+FAINT_RIG = {"mass": 0.1281, "stiffness": 1387.0, "damping": 291.7}
+
+
+def faint(speed: float, duration: float, rate: float) -> tuple[Trajectory, LogData]:
+    """The true motion, and a log of it with noise."""
+    truth = FAINT | FAINT_RIG
+    motion = run(MODEL, truth, speed, 1.0, duration)
+    time = np.arange(int(duration * rate) + 1) / rate
+    force = motion.sample(time)["force"] + NOISE * np.random.default_rng(7).standard_normal(time.size)
+    p = np.array([truth[n] for n in MODEL.parameter_names])
+    weight = np.full(time.size, NOISE**-2)
+    return motion, LogData(time, force, weight, p, speed, NormalForce.of(1.0), 0.0, 0.0, duration)
+
+
+def test_an_onset_is_not_moved_along_a_level_force() -> None:
+    """Of a level force the highest sample lies minutes after the onset, and what is level says nothing of a stick."""
+    motion, log = faint(SPEED, DURATION, RATE)
+    onset = next(p.start + p.duration for p in motion.phases if p.ended_by is not None and p.mode == "stick")
+    assert abs(float(log.time[np.argmax(log.force)]) - onset) > 20.0
+    found = follow(MODEL, log, log.base, begins_sliding=False)
+    assert found is not None and found.end == DURATION
+    first = next(s for s in found.guess.tail if s.ended_by == "onset")
+    loading = FAINT_RIG["stiffness"] * SPEED
+    assert abs(first.until - onset) * loading < 0.1 * NOISE
+    assert abs(found.guess.start[0]) * FAINT_RIG["stiffness"] < 0.1 * NOISE  # it began unloaded
+
+
+def test_hundreds_of_slips_below_the_noise_are_followed() -> None:
+    motion, log = faint(1e-4, 20.0, 500.0)
+    found = follow(MODEL, log, log.base, begins_sliding=False)
+    assert found is not None
+    arrests = np.array([s.until for s in found.guess.tail if s.ended_by == "arrest"])
+    assert arrests.size == motion.arrests.size == 166
+    period = float(np.median(np.diff(motion.arrests)))
+    assert np.max(np.abs(arrests - motion.arrests)) < 0.5 * period
