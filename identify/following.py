@@ -39,7 +39,7 @@ AFTER = 0.1  # of a slide: how much of the rest after it is taken where the moti
 BRIEF_LOADING = 4.0  # half periods: a first stick that is shorter has no peak of its own
 FIRST_SWINGS = 8.0  # half periods
 TOLERANCE = 1e-7  # of a simulation step
-MOST_STRETCHES = 1200
+MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
 
 

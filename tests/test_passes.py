@@ -49,3 +49,16 @@ def test_a_motion_that_hangs_together_is_followed_to_the_end_of_its_valley(monke
     tried = passes._tried(problem, 1e-8, 1e-4, False, False)
     assert tried.solution.success == goes_on
     assert asked == [(False, None), (True, "plain"), *([(True, "exact")] if goes_on else [])]
+
+
+@pytest.mark.parametrize(("shift", "settles"), [(0.5 * passes.VANISHING, True), (2.0 * passes.VANISHING, False)])
+def test_a_rest_that_vanishes_halves_for_ever_and_counts_as_settled(shift, settles):
+    """An event that goes as far as it can in a pass has farther to go, unless that is next to nothing."""
+    interval = 0.05
+    place = SimpleNamespace(events=np.array([0, 1]))
+    reach = np.array([1.0, shift * interval])
+    layout = SimpleNamespace(places=[place], upper=reach, lower=-reach)
+    solution = SimpleNamespace(x=np.array([0.0, -shift * interval]))
+    log, guess = SimpleNamespace(interval=interval), SimpleNamespace(slips=np.empty(0))
+    moved = passes._shift_in_samples(SimpleNamespace(layout=layout), solution, [log], [guess])
+    assert (moved < passes.SETTLED) == settles
