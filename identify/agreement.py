@@ -76,6 +76,22 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -
     Raises:
         LinAlgError: a covariance that is none.
     """
+    moves, covariances = _of_sources(problem, z, known)
+    return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
+
+
+def imbalance(problem: Problem, z: Array, known: Influence, memory: float) -> float:
+    """Squared distance, in units of its covariance, by which all pulls together move the answer z (n,) scaled: nothing,
+    unless something holds it that is no information, an event that can go no farther say. Errors as `pulls_of_logs`."""
+    moves, covariances = (made.sum(axis=0) for made in _of_sources(problem, z, known))
+    size = np.sqrt(np.maximum(np.diag(covariances), 1e-300))
+    half = np.linalg.cholesky(covariances / np.outer(size, size))
+    return float(np.sum(np.linalg.solve(half, moves / size) ** 2)) / memory
+
+
+def _of_sources(problem: Problem, z: Array, known: Influence) -> tuple[Array, Array]:
+    """Moves (l + 1, f) of the answer by the noise of each log and, last, by what the user knows beside them; and their
+    covariances (l + 1, f, f)."""
     layout, logs = problem.layout, len(problem.logs)
     f = known.kept.size
     moves, covariances = np.zeros((logs + 1, f)), np.zeros((logs + 1, f, f))
@@ -87,7 +103,7 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -
         column, sd = known.columns[unknown], layout.prior_sd[unknown]
         moves[owner[unknown]] -= column * (x[unknown] - layout.prior_mean[unknown]) / sd**2
         covariances[owner[unknown]] += np.outer(column, column) / sd**2
-    return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
+    return moves, covariances
 
 
 def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:

@@ -48,14 +48,32 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     joined = solve_from(prepared, sorted([*best.logs, *late]), at_answer, clock)
     if joined is not None and joined.gate.status is Status.CONVERGED:
         return joined
-    # One log that does not fit must not keep out the others; of a course that does not, its steady end may.
+    # One log that does not fit must not keep out the others, nor one that is taken up too early.
+    found = _one_by_one(best, prepared, late, seen, unknowns, clock)
+    if len(late) == 1 or set(late) <= set(found.logs):
+        return found
+    other = _one_by_one(best, prepared, late[::-1], seen, unknowns, clock)
+    return other if len(other.logs) > len(found.logs) else found
+
+
+def _one_by_one(
+    best: Attempt,
+    prepared: list[Prepared],
+    late: list[int],
+    seen: dict[int, Prepared],
+    unknowns: Unknowns,
+    clock: Clock,
+) -> Attempt:
+    """The answer that the late logs join in this order, as far as they do: as they are, the faint ones also as they
+    were seen, and of a course that does not fit its steady end."""
     for i in late:
-        as_seen = with_events_mended(seen[i], at_answer) if i in seen else None
+        at_best = replace(unknowns, start=best.solved.theta)
+        as_seen = with_events_mended(seen[i], at_best) if i in seen else None
         for log in (prepared[i], as_seen, settled_part(prepared[i])):
             if log is None or (len(late) == 1 and log is prepared[i]):
                 continue
             having = [log if j == i else other for j, other in enumerate(prepared)]
-            joined = solve_from(having, sorted([*best.logs, i]), replace(unknowns, start=best.solved.theta), clock)
+            joined = solve_from(having, sorted([*best.logs, i]), at_best, clock)
             if joined is not None and joined.gate.status is Status.CONVERGED:
                 best, prepared = joined, having
                 break

@@ -313,8 +313,15 @@ def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData],
             interval = _interval(log, guess)
             offset = solution.x[index]
             worst = max(worst, float(np.max(np.abs(offset))) / interval)
-            reach = np.where(offset > 0.0, problem.layout.upper[index], -problem.layout.lower[index])
             # A rest that vanishes halves from pass to pass, for ever, and moves nothing.
-            if np.any((np.abs(offset) > AT_BOUND * reach) & (np.abs(offset) > VANISHING * interval)):
+            far = goes_as_far_as_it_can(problem, solution.x, index)
+            if np.any(far & (np.abs(offset) > VANISHING * interval)):
                 worst = max(worst, 2.0 * SETTLED)
     return worst
+
+
+def goes_as_far_as_it_can(problem: Problem, x: Array, events: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which offsets of events (e,), by their places in the unknowns x (n,), end at their bounds."""
+    lower, upper = problem.layout.lower[events], problem.layout.upper[events]
+    room = 1.0 - AT_BOUND
+    return np.asarray((upper - x[events] < room * np.abs(upper)) | (x[events] - lower < room * np.abs(lower)))

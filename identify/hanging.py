@@ -1,0 +1,56 @@
+"""Does an answer hang on an event that can go no farther?
+
+A rest, or a contact that re-ages in mid-slide, can shrink to nothing from pass to pass, since at the answer it does not
+happen: the motion may then be held where the data do not want it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identify.agreement import imbalance
+from identify.guess import Guess
+from identify.influence import influence
+from identify.passes import Solved, goes_as_far_as_it_can
+
+HELD = 4.0  # squared distance from which on an answer hangs on what is no data: two standard errors
+
+
+def hanging(solved: Solved, names: Sequence[str]) -> str | None:
+    """A sentence where a phase that can get no shorter holds the answer back by more than two standard errors.
+
+    Args:
+        names: of the logs.
+    """
+    problem, solution = solved.problem, solved.solution
+    ends = [bool(goes_as_far_as_it_can(problem, solution.x, place.events).any()) for place in problem.layout.places]
+    if not any(ends):
+        return None
+    try:
+        parts = [guess.parts for guess in solved.guesses]
+        squared = imbalance(problem, solution.z, influence(problem, solution.z, parts, absorbed=False), 1.0)
+    except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
+        return None
+    if squared < HELD:
+        return None
+    (begin, end), name = min(
+        ((_shortest(guess), name) for guess, name, there in zip(solved.guesses, names, ends, strict=True) if there),
+        key=lambda found: found[0][1] - found[0][0],
+    )
+    return (
+        f"{name}: at this answer what happens from {begin:.5g} s lasts {end - begin:.2g} s only, if it happens at all, "
+        f"and holds the answer back by {np.sqrt(squared):.1f} standard errors; leave this log out or end it there, or give "
+        "start values"
+    )
+
+
+def _shortest(guess: Guess) -> tuple[float, float]:
+    """Begin and end [s] of the shortest phase of a motion after its first onset."""
+    middle = guess.saturation[guess.saturates]
+    ends = np.sort(np.concatenate([guess.onset, middle, guess.arrest, [stretch.until for stretch in guess.tail]]))
+    if ends.size < 2:
+        return float(ends[0]), float(ends[0])
+    first = int(np.argmin(np.diff(ends)))
+    return float(ends[first]), float(ends[first + 1])
