@@ -258,10 +258,9 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
     placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
     for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
-        if guess is None:
-            continue
-        if not _joins_up(guess, log):  # rests are shorter than slips are placed exactly
-            out += [(number, *found) for found in _followed(replace(log, manner=log.manner.as_course), unknowns)]
+        if guess is None or not _joins_up(guess, log):
+            if guess is not None and grazes(log, guess):  # rests are shorter than slips are placed exactly
+                out += [(number, *found) for found in _followed(replace(log, manner=log.manner.as_course), unknowns)]
             continue
         sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
         typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
