@@ -17,6 +17,7 @@ from identify.coloured import Colour
 from identify.combinations import Combination, Direction, combinations, directions
 from identify.examined import AtBound, Examination, Question
 from identify.fine_enough import fine_enough
+from identify.hanging import hanging
 from identify.influence import influence
 from identify.inward import taken_inside
 from identify.outcome import Status
@@ -85,8 +86,12 @@ def certainty(
         return None
     seen = Examination(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
     attempt, view = seen.attempt, seen.view
-    if seen.accepted and not view.bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel
-        attempt = agreeing(attempt, unknowns, base, view.allowed)
+    if seen.accepted and not view.bounds:  # at a bound the pulls of the logs do not cancel
+        held = hanging(attempt.solved, [log.name for log in attempt.prepared])
+        if held is not None:
+            attempt = replace(attempt, gate=replace(attempt.gate, status=Status.WRONG_EVENT_COUNT, message=held))
+        elif len(attempt.logs) > 1:
+            attempt = agreeing(attempt, unknowns, base, view.allowed)
     theta, groups = attempt.solved.theta, shares(attempt, unknowns)
     bounds_of = {s.log: at_bound(attempt.solved.guesses[s.log].theta(theta)) for s in groups}
     of_groups = share_estimates(groups, unknowns, theta, base, view.joint, at_bound=bounds_of, hints=view.hints)

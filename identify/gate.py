@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from identify.consistency import inconsistency
 from identify.guess import Guess, LogData
-from identify.hanging import hanging
 from identify.leaning import most_leaning
 from identify.outcome import Status
 from identify.passes import SETTLED, Solved
@@ -96,7 +95,6 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     if status is Status.CONVERGED:
         problem = solved.problem
         broken = inconsistency(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, names)
-        broken = broken or hanging(solved, names)
         leaning = None if broken is not None else _leaning(solved, fitted, names)
         if broken is not None:
             status, message = Status.WRONG_EVENT_COUNT, broken
