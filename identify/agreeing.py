@@ -26,7 +26,7 @@ def agreeing(attempt: Attempt, unknowns: Unknowns, base: Array, seen: Allowed) -
     solved, names = attempt.solved, [log.name for log in attempt.prepared]
     slow = slowness(attempt, seen.colours)
     try:
-        found = pulls_of_logs(solved.problem, solved.solution.z, seen.reached or influence_at(attempt), slow)
+        found = pulls_of_logs(solved.problem, solved.solution.z, seen.reached or influence_at(solved), slow)
     except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
         return attempt
     message = contradiction(

@@ -53,10 +53,7 @@ def pulls(moves: Array, covariances: Array) -> list[Pull]:
         moves: (n, f) by how much the noise of each source moved the answer; covariances (n, f, f) of these moves,
             together that of the answer.
     """
-    covariance = covariances.sum(axis=0)
-    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    half = np.linalg.cholesky(covariance / np.outer(size, size))
-    whitened = np.linalg.solve(half, (moves / size).T).T
+    size, half, whitened = _whitened(moves, covariances)
     out = []
     for number, (move, own) in enumerate(zip(whitened, covariances / np.outer(size, size), strict=True)):
         share, directions = np.linalg.eigh(np.linalg.solve(half, np.linalg.solve(half, own).T))
@@ -80,13 +77,19 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -
     return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
 
 
-def imbalance(problem: Problem, z: Array, known: Influence, memory: float) -> float:
+def imbalance(problem: Problem, z: Array, known: Influence) -> float:
     """Squared distance, in units of its covariance, by which all pulls together move the answer z (n,) scaled: nothing,
     unless something holds it that is no information, an event that can go no farther say. Errors as `pulls_of_logs`."""
-    moves, covariances = (made.sum(axis=0) for made in _of_sources(problem, z, known))
-    size = np.sqrt(np.maximum(np.diag(covariances), 1e-300))
-    half = np.linalg.cholesky(covariances / np.outer(size, size))
-    return float(np.sum(np.linalg.solve(half, moves / size) ** 2)) / memory
+    _, _, whitened = _whitened(*_of_sources(problem, z, known))
+    return float(np.sum(whitened.sum(axis=0) ** 2))
+
+
+def _whitened(moves: Array, covariances: Array) -> tuple[Array, Array, Array]:
+    """Standard errors (f,), the Cholesky factor (f, f) of the correlation, and the moves (n, f) in units of both."""
+    covariance = covariances.sum(axis=0)
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    half = np.linalg.cholesky(covariance / np.outer(size, size))
+    return size, np.asarray(half), np.asarray(np.linalg.solve(half, (moves / size).T).T)
 
 
 def _of_sources(problem: Problem, z: Array, known: Influence) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from identify.attempt import Attempt
 from identify.coloured import Colour, colour, coloured_covariance
 from identify.influence import Influence, influence, sample_moves
 from identify.outcome import Status
+from identify.passes import Solved
 from identify.uncertainty import Information
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ def allowed(attempt: Attempt, known: Information, speed_tolerance: float) -> All
     joint[: len(white), : len(white)] = white + speed_tolerance**2 * np.outer(by_speed, by_speed)
     if attempt.gate.status is not Status.CONVERGED or all(c.white for c in colours):
         return Allowed(white, joint, colours, None)
-    reached = influence_at(attempt)
+    reached = influence_at(attempt.solved)
     return Allowed(white, joint + _excess(attempt, reached, colours), colours, reached)
 
 
@@ -71,9 +72,8 @@ def slowness(attempt: Attempt, colours: Sequence[Colour]) -> float:
     return max(1.0, attempt.gate.level) * max([1.0, *(colour.memory for colour in colours)])
 
 
-def influence_at(attempt: Attempt) -> Influence:
+def influence_at(solved: Solved) -> Influence:
     """How the residuals of every part of the logs reach the parameters at an answer."""
-    solved = attempt.solved
     cycles = [guess.parts for guess in solved.guesses]
     return influence(solved.problem, solved.solution.z, cycles, absorbed=False)
 

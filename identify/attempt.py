@@ -16,7 +16,7 @@ from identify.outcome import Status
 from identify.passes import COARSE, Solved, solve_in_passes
 from identify.placing import place
 from identify.prepare import Prepared, cut_in_last_stick
-from identify.sequence import TRIES, followed, grazes, resequenced
+from identify.sequence import TRIES, followed, grazes, refollowed, resequenced
 from identify.trust import Trust
 from identify.unknowns import Unknowns
 
@@ -103,24 +103,13 @@ def solve_placed(
     if attempt.solved.solution.cost > hopeless or not np.isfinite(attempt.excess):
         return attempt
     at_answer = replace(unknowns, start=attempt.solved.theta)
-    anew = [
-        _as_it_follows(log, guess, prepared[number], at_answer)
-        for number, log, guess in zip(attempt.logs, attempt.prepared, attempt.solved.guesses, strict=True)
-    ]
-    if all(new is None for new in anew):
+    whole = [prepared[number] for number in attempt.logs]
+    anew = refollowed(whole, attempt.prepared, attempt.solved.guesses, at_answer)
+    if anew is None:
         return attempt
-    was = zip(attempt.prepared, attempt.solved.guesses, strict=True)
-    moved = [(number, *(new or old)) for number, new, old in zip(attempt.logs, anew, was, strict=True)]
+    moved = list(zip(attempt.logs, *anew, strict=True))
     other = _solved(prepared, moved, at_answer, clock, firmness, hopeless, None)
     return other if other.excess < attempt.excess - BETTER else attempt
-
-
-def _as_it_follows(log: Prepared, guess: Guess, whole: Prepared, unknowns: Unknowns) -> tuple[Prepared, Guess] | None:
-    """The log as the parameters (unknowns.start) have it, where its slips rest by a hair."""
-    if not grazes(log, guess):
-        return None
-    p = unknowns.start
-    return followed(replace(whole, manner=whole.manner.as_course), replace(unknowns, start=guess.theta(p)))
 
 
 def _solved(
@@ -260,7 +249,7 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
         if guess is None or not _joins_up(guess, log):
             if guess is not None and grazes(log, guess):  # rests are shorter than slips are placed exactly
-                out += [(number, *found) for found in _followed(replace(log, manner=log.manner.as_course), unknowns)]
+                out += [(number, *found) for found in _followed(log.as_course, unknowns)]
             continue
         sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
         typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])

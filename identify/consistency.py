@@ -73,8 +73,6 @@ def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tup
 
 def _goes_back(guess: Guess) -> int | None:
     """The first cycle with a node at which the mass moves backwards."""
-    if guess.cycles == 0:
-        return None
     fastest = np.nanmax(np.abs(guess.slip[..., SPEED]), axis=1, initial=0.0)
 
     def wrong(nodes: Array) -> NDArray[np.bool_]:

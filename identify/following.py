@@ -7,10 +7,8 @@ the shooting. A slide whose oscillation has faded goes on as steady sliding, whi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,22 +17,20 @@ from identify import lanes
 from identify.drive import NormalForce
 from identify.errors import SimulationError
 from identify.guess import Guess, LogData, Stretch
-from identify.model import SPEED, Model
+from identify.model import Model
 from identify.onset_places import DataSide, Wave
-from identify.phases import stick
+from identify.phases import Phase, stick
 from identify.simulate import run
 from identify.situated import Situated
+from identify.slide_parts import SlideParts
 from identify.steadiness import Steadiness, steadiness
 from identify.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-INTERVAL = 1 / 4  # of half a period: shooting intervals of a slide
-FIRST_INTERVALS = 8  # of the part of a slip in which the contact fades
 CHUNK = 6.0  # half periods that are simulated at a time
 FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
 LONGEST = 120  # half periods of one slide that are followed
-BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
 BRIEF_LOADING = 4.0  # half periods: a first stick that is shorter has no peak of its own
 FIRST_SWINGS = 8.0  # half periods
@@ -248,31 +244,22 @@ class _Course:
     def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""
         until, begun = self.data.change_after(t), t
-        parts: list[tuple[str, float, str]] = []  # mode, end, what ended it
-        pieces: list[tuple[float, Trajectory]] = []
-        rested = faded = False
+        slide = SlideParts(self.model, begun, self.half)
+        arrest: Phase | None = None
+        faded = False
         while t < until and t < begun + LONGEST * self.half:
             motion = self.motion(t, x, min(CHUNK * self.half, until - t))
-            pieces.append((t, motion))
-            for phase in motion.phases:
-                end = t + phase.start + phase.duration
-                if phase.mode == "stick":
-                    continue
-                _note(parts, phase.mode, end, phase.ended_by)
-                if phase.ended_by == "speed":
-                    rested, last = True, phase
-                    break
-            if rested:
-                t, x = t + last.start + last.duration, last.end
+            arrest = slide.take(t, motion)
+            if arrest is not None:
+                t, x = t + arrest.start + arrest.duration, arrest.end
                 break
             t, x = t + motion.duration, motion.phases[-1].end
             faded = t < until and self.faded(t, motion)
             if faded:
                 break
-        if rested:
-            parts = _merged(parts, begun, BRIEF * self.half)
-        self.note_parts(begun, parts, pieces, "arrest" if rested else "time")
-        if rested:
+        after_rest = bool(self.stretches) and self.stretches[-1].kind == "rest"
+        self.stretches += slide.stretches("time" if arrest is None else "arrest", after_rest=after_rest)
+        if arrest is not None:
             return t, x, False
         if faded:
             self.glide(t, until)
@@ -280,24 +267,6 @@ class _Course:
             assert steady is not None
             return until, steady.state, True
         return (until, x, True) if t >= until else (np.nan, x, True)
-
-    def note_parts(
-        self, begun: float, parts: list[tuple[str, float, str]], pieces: list[tuple[float, Trajectory]], last: str
-    ) -> None:
-        """Stretches of a slide with their nodes."""
-        since = begun
-        at = _sampler(self.model, pieces)
-        for i, (mode, end, ended) in enumerate(parts):
-            first = i == 0 and mode == "slip" and bool(self.stretches) and self.stretches[-1].kind == "rest"
-            count = max(ceil((end - since) / (INTERVAL * self.half)), FIRST_INTERVALS if first else 2)
-            nodes = at(np.linspace(since, end, count + 1))
-            if i + 1 == len(parts):
-                ended = last
-            if ended == "arrest":
-                nodes[-1, SPEED] = 0.0
-            kept = {"clearance": "saturation", "release": "release"}.get(ended, ended)
-            self.stretches.append(Stretch(mode, end, kept, nodes))  # type: ignore[arg-type]
-            since = end
 
     def faded(self, t: float, motion: Trajectory) -> bool:
         """Whether the last period of a motion that ends at t is steady sliding but for a part of the noise."""
@@ -323,34 +292,3 @@ class _Course:
         rows = [s.state for s in states]
         nodes = np.stack([state for i in range(count) for state in (rows[i], rows[i + 1])])
         self.stretches.append(Stretch("steady_saturated" if saturated else "steady", until, "time", nodes))
-
-
-def _note(parts: list[tuple[str, float, str]], mode: str, end: float, ended: str | None) -> None:
-    """One more phase of a slide, joined to the one before where only the simulation was cut."""
-    if parts and parts[-1][0] == mode and parts[-1][2] == "time":
-        parts.pop()
-    parts.append((mode, end, "time" if ended is None else ended))
-
-
-def _merged(parts: list[tuple[str, float, str]], begun: float, brief: float) -> list[tuple[str, float, str]]:
-    """Without the brief re-ageing of a saturated contact before it rests."""
-    if len(parts) < 2 or parts[-2][2] != "release" or parts[-1][1] - parts[-2][1] > brief:
-        return parts
-    return [*parts[:-2], (parts[-2][0], parts[-1][1], parts[-1][2])]
-
-
-def _sampler(model: Model, pieces: list[tuple[float, Trajectory]]) -> Callable[[Array], Array]:
-    """States (n, n_x) of joined motions at times (n,) [s]."""
-    starts = np.array([t for t, _ in pieces])
-    names = [s.name for s in model.states]
-
-    def at(times: Array) -> Array:
-        which = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, None)
-        out = np.empty((times.size, len(names)))
-        for i in np.unique(which).tolist():
-            rows, (begin, motion) = which == i, pieces[i]
-            sampled = motion.sample(np.clip(times[rows] - begin, 0.0, motion.duration))
-            out[rows] = np.stack([sampled[name] for name in names], axis=1)
-        return out
-
-    return at

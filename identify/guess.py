@@ -162,6 +162,14 @@ class Guess:
         return self.onset.size
 
     @property
+    def times(self) -> Array:
+        """When each phase after the first rest begins, and the last one ends [s], in the order of the motion."""
+        times = np.stack([self.onset, self.saturation, self.arrest], axis=1)
+        there = np.ones(times.shape, dtype=bool)
+        there[:, 1] = self.saturates
+        return np.concatenate([times[there], [stretch.until for stretch in self.tail]])
+
+    @property
     def sticks(self) -> Array:
         """How long the mass sticks between slips (c - 1,) [s]."""
         return self.onset[1:] - self.arrest[:-1]

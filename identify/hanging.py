@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.agreement import imbalance
+from identify.allowed import influence_at
 from identify.guess import Guess
-from identify.influence import influence
 from identify.passes import Solved, goes_as_far_as_it_can
 
 HELD = 4.0  # squared distance from which on an answer hangs on what is no data: two standard errors
@@ -29,8 +29,7 @@ def hanging(solved: Solved, names: Sequence[str]) -> str | None:
     if not any(ends):
         return None
     try:
-        parts = [guess.parts for guess in solved.guesses]
-        squared = imbalance(problem, solution.z, influence(problem, solution.z, parts, absorbed=False), 1.0)
+        squared = imbalance(problem, solution.z, influence_at(solved))
     except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
         return None
     if squared < HELD:
@@ -48,9 +47,7 @@ def hanging(solved: Solved, names: Sequence[str]) -> str | None:
 
 def _shortest(guess: Guess) -> tuple[float, float]:
     """Begin and end [s] of the shortest phase of a motion after its first onset."""
-    middle = guess.saturation[guess.saturates]
-    ends = np.sort(np.concatenate([guess.onset, middle, guess.arrest, [stretch.until for stretch in guess.tail]]))
-    if ends.size < 2:
-        return float(ends[0]), float(ends[0])
-    first = int(np.argmin(np.diff(ends)))
-    return float(ends[first]), float(ends[first + 1])
+    if guess.times.size < 2:
+        return float(guess.times[0]), float(guess.times[0])
+    first = int(np.argmin(np.diff(guess.times)))
+    return float(guess.times[first]), float(guess.times[first + 1])

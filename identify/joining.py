@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -68,10 +69,7 @@ def _one_by_one(
     were seen, and of a course that does not fit its steady end."""
     for i in late:
         at_best = replace(unknowns, start=best.solved.theta)
-        as_seen = with_events_mended(seen[i], at_best) if i in seen else None
-        for log in (prepared[i], as_seen, settled_part(prepared[i])):
-            if log is None or (len(late) == 1 and log is prepared[i]):
-                continue
+        for log in _forms(prepared[i], seen.get(i), at_best, tried=len(late) == 1):
             having = [log if j == i else other for j, other in enumerate(prepared)]
             joined = solve_from(having, sorted([*best.logs, i]), at_best, clock)
             if joined is not None and joined.gate.status is Status.CONVERGED:
@@ -80,8 +78,21 @@ def _one_by_one(
     return best
 
 
+def _forms(log: Prepared, seen: Prepared | None, unknowns: Unknowns, *, tried: bool) -> Iterator[Prepared]:
+    """The forms of a log in the order in which they deserve a try, each made when it is asked for: mending takes time.
+
+    Args:
+        seen: a faint log as it was seen. tried: the log as it is has been.
+    """
+    if not tried:
+        yield log
+    if seen is not None:
+        yield with_events_mended(seen, unknowns)
+    settled = settled_part(log)
+    if settled is not None:
+        yield settled
+
+
 def _mended(log: Prepared, unknowns: Unknowns) -> Prepared:
     """A log with its slips mended; one whose slips the noise hides is followed, whatever was seen of them."""
-    if log.manner.faint:
-        return replace(log, manner=log.manner.as_course)
-    return with_events_mended(log, unknowns)
+    return log.as_course if log.manner.faint else with_events_mended(log, unknowns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
@@ -36,11 +36,6 @@ class Manner:
     settled: float | None
     begins_sliding: bool
     faint: bool = False
-
-    @property
-    def as_course(self) -> Manner:
-        """The same log, followed by the model instead of cycle by cycle as they were seen."""
-        return replace(self, name="course", faint=False)
 
 
 def manner_of(

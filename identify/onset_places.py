@@ -66,7 +66,7 @@ class DataSide:
         centres = self.centres(since, onset, wave, reach)
         around = np.arange(-reach, reach, step)
         latest = self.change_after(since) - 1e-3 * self.half
-        best, lowest, expected = onset, np.inf, np.inf
+        best, lowest, least = onset, np.inf, np.inf
         for centre in centres:
             first, last = np.searchsorted(log.time, [centre - reach - self.half, centre + reach + wave.length])
             index = np.arange(first, last, max((last - first) // COMPARED, 1))
@@ -75,14 +75,13 @@ class DataSide:
             if index.size < 2:
                 continue
             if centre == onset:
-                expected = self._misfit(index, onset, wave)
-                least = expected - BY_CHANCE / index.size
-            for place in (centre + around).tolist():
-                if since + 1e-3 * self.half < place < latest:
-                    misfit = self._misfit(index, place, wave)
-                    if misfit < lowest:
-                        best, lowest = place, misfit
-        return best if not np.isfinite(expected) or lowest < least else onset
+                least = self._misfit(index, onset, wave) - BY_CHANCE / index.size
+            places = centre + around
+            for place in places[(places > since + 1e-3 * self.half) & (places < latest)].tolist():
+                misfit = self._misfit(index, place, wave)
+                if misfit < lowest:
+                    best, lowest = place, misfit
+        return best if lowest < least else onset
 
     def _misfit(self, index: NDArray[np.intp], place: float, wave: Wave) -> float:
         """Mean square of what some samples lie off the wave of a slide from `place` [s] on, over the noise."""

@@ -291,10 +291,7 @@ def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> 
 
 def _ordered(guess: Guess) -> bool:
     """Whether every event still follows the one before it."""
-    middle = np.where(guess.saturates, guess.saturation, 0.5 * (guess.onset + guess.arrest))
-    times = np.stack([guess.onset, middle, guess.arrest], axis=1).ravel()
-    times = np.concatenate([times, [stretch.until for stretch in guess.tail]])
-    return bool(np.all(np.isfinite(times)) and np.all(np.diff(times) > 0))
+    return bool(np.all(np.isfinite(guess.times)) and np.all(np.diff(guess.times) > 0))
 
 
 def _interval(log: LogData, guess: Guess) -> float:

@@ -66,6 +66,11 @@ class Prepared:
     pieces: tuple[Prepared, ...] = ()
 
     @property
+    def as_course(self) -> Prepared:
+        """The same log, to be followed by the model instead of cycle by cycle as they were seen."""
+        return replace(self, manner=replace(self.manner, name="course", faint=False))
+
+    @property
     def typical(self) -> int:
         """Number of cycles in the stretch that shows most of them."""
         if self.manner.name == "cycles":

@@ -51,12 +51,36 @@ def resequenced(
     Args:
         whole: the logs before they were cut to what could be followed.
     """
-    new_logs, new_guesses, other = list(logs), list(guesses), False
-    for i, (log, guess) in enumerate(zip(logs, guesses, strict=True)):
-        if log.manner.name != "course":
-            continue
-        found = followed(whole[i], replace(unknowns, start=guess.theta(unknowns.start)))
-        if found is not None and modes_of(found[1]) != modes_of(guess):
-            new_logs[i], new_guesses[i] = found[0], replace(found[1], own=guess.own)
-            other = True
-    return (new_logs, new_guesses) if other else None
+    found = [
+        _at_answer(uncut, guess, unknowns) if log.manner.name == "course" else None
+        for uncut, log, guess in zip(whole, logs, guesses, strict=True)
+    ]
+    other = [new and modes_of(new[1]) != modes_of(guess) for new, guess in zip(found, guesses, strict=True)]
+    return _put_in([new if differs else None for new, differs in zip(found, other, strict=True)], logs, guesses)
+
+
+def refollowed(
+    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
+) -> tuple[list[Prepared], list[Guess]] | None:
+    """As `resequenced`, with the logs whose slips rest by a hair followed as courses; None where none do."""
+    found = [
+        _at_answer(uncut.as_course, guess, unknowns) if grazes(log, guess) else None
+        for uncut, log, guess in zip(whole, logs, guesses, strict=True)
+    ]
+    return _put_in(found, logs, guesses)
+
+
+def _at_answer(log: Prepared, guess: Guess, unknowns: Unknowns) -> tuple[Prepared, Guess] | None:
+    """A log followed with what it shares and what it has for itself at the answer."""
+    found = followed(log, replace(unknowns, start=guess.theta(unknowns.start)))
+    return None if found is None else (found[0], replace(found[1], own=guess.own))
+
+
+def _put_in(
+    found: Sequence[tuple[Prepared, Guess] | None], logs: Sequence[Prepared], guesses: Sequence[Guess]
+) -> tuple[list[Prepared], list[Guess]] | None:
+    """The logs and guesses with what was found in its place; None where nothing was."""
+    if not any(found):
+        return None
+    made = [new or old for new, old in zip(found, zip(logs, guesses, strict=True), strict=True)]
+    return [log for log, _ in made], [guess for _, guess in made]

@@ -25,14 +25,15 @@ drawn scatter stated calculable choice price selection_numbers comparison form_s
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess harmonics passage loads lanes steadiness onset_places following one_way gaps parting partly_read scene_records
+guess harmonics passage loads lanes steadiness onset_places slide_parts following one_way gaps parting
+partly_read scene_records
 reageing block_equations blocks features
 unknowns cutting manner window prepare rhythms vibration placing first_onsets
 layout start collector rest_parts footing lay_out relaid compression pattern shooting trust
 equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
-discretisation levels sequence consistency hanging leaning remembered gate accuracy combinations held asked profile_line
+discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
 attempt inward status_words events joining ranking search valleys profile widened shaken ridge_ends grouped shares
-allowed agreeing fine_enough worth_a_walk examined certainty
+allowed hanging agreeing fine_enough worth_a_walk examined certainty
 fitted held_out taken_over nested weighing screening
 selection_words compared_models selection suspects diagnosis preview depth
 findings second_look log_outlook worth log_document result_notes result identification
