@@ -77,11 +77,13 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -
     return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
 
 
-def imbalance(problem: Problem, z: Array, known: Influence) -> float:
-    """Squared distance, in units of its covariance, by which all pulls together move the answer z (n,) scaled: nothing,
-    unless something holds it that is no information, an event that can go no farther say. Errors as `pulls_of_logs`."""
-    _, _, whitened = _whitened(*_of_sources(problem, z, known))
-    return float(np.sum(whitened.sum(axis=0) ** 2))
+def imbalance(problem: Problem, z: Array, known: Influence) -> tuple[float, Array]:
+    """Where all pulls together move the answer z (n,) scaled: the squared distance, in units of its covariance, and the
+    move (f,). Nothing, unless something holds it that is no information, an event that can go no farther say. Errors as
+    `pulls_of_logs`."""
+    moves, covariances = _of_sources(problem, z, known)
+    _, _, whitened = _whitened(moves, covariances)
+    return float(np.sum(whitened.sum(axis=0) ** 2)), moves.sum(axis=0)
 
 
 def _whitened(moves: Array, covariances: Array) -> tuple[Array, Array, Array]:

@@ -20,6 +20,7 @@ from identify.fine_enough import fine_enough
 from identify.hanging import hanging
 from identify.influence import influence
 from identify.inward import taken_inside
+from identify.letting_go import let_go
 from identify.outcome import Status
 from identify.profile import Profiles
 from identify.ridge_ends import strengthened
@@ -81,6 +82,7 @@ def certainty(
     if attempt.gate.status is Status.CONVERGED:
         attempt = strengthened(attempt, unknowns) or attempt
         attempt = taken_inside(attempt, unknowns) or attempt
+        attempt = let_go(attempt, unknowns) or attempt
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None

@@ -52,7 +52,7 @@ def resequenced(
         whole: the logs before they were cut to what could be followed.
     """
     found = [
-        _at_answer(uncut, guess, unknowns) if log.manner.name == "course" else None
+        _at_answer(replace(uncut, manner=log.manner), guess, unknowns) if log.manner.name == "course" else None
         for uncut, log, guess in zip(whole, logs, guesses, strict=True)
     ]
     other = [new and modes_of(new[1]) != modes_of(guess) for new, guess in zip(found, guesses, strict=True)]

@@ -35,7 +35,7 @@ def taken_over(
     assert known is not None
     start = values_of(other, unknowns)
     logs = [
-        replace(prepared[i], data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
+        replace(prepared[i], manner=cut.manner, data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
         for i, cut in zip(known.logs, known.prepared, strict=True)
     ]
     guesses = [

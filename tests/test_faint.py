@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from taken_logs import error, taken
 
 from data_io import Record
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify import Scene, attempt
+from identify import attempt
 from identify.attempt import Attempt, Clock, place_on, solve_from
 from identify.effects import MAIN
 from identify.hanging import hanging
 from identify.joining import join
 from identify.model import assemble
 from identify.outcome import Status
-from identify.prepare import Prepared, prepare
+from identify.prepare import Prepared
 from identify.segment import segment
 from identify.simulate import run
-from identify.unknowns import Unknowns, from_scene
+from identify.unknowns import Unknowns
 
 NOISE = 5e-3
 # Slow, middle, fast: drive speed [m/s], duration [s], rate [Hz].
@@ -52,31 +51,12 @@ def logs(
     return (*taken(records, drives, dict(pair), dict(rig)), tuple(slips))
 
 
-def taken(
-    records: Sequence[Record], drives: Sequence[tuple[float, ...]], pair: dict[str, float], rig: dict[str, float]
-) -> tuple[list[Prepared], Unknowns]:
-    """Logs as the fit takes them, and the search started at the truth."""
-    entries = [{"path": f"log_{i}.csv", "drive_speed": drive[0]} for i, drive in enumerate(drives)]
-    document = {"effects": [*MAIN, "varying_normal_force"], "rig": rig, "logs": entries}
-    scene = Scene.from_document(document, Path())
-    unknowns = from_scene(scene)
-    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    theta = unknowns.theta(np.array([(pair | rig)[name] for name in unknowns.names]), unknowns.base(rig))
-    return prepared, replace(unknowns, start=theta)
-
-
 def hidden() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
     return logs(tuple(HIDDEN.items()), tuple(HIDDEN_RIG.items()), (FAINT, FAST, FASTEST))
 
 
 def by_a_hair() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
     return logs(tuple(BY_A_HAIR.items()), tuple(HAIR_RIG.items()), (SLOW, FAST))
-
-
-def error(found: Attempt, unknowns: Unknowns, name: str) -> float:
-    """Of a logarithmic parameter, relative."""
-    at = unknowns.names.index(name)
-    return abs(float(np.expm1(found.solved.theta[at] - unknowns.start[at])))
 
 
 def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:

@@ -33,7 +33,7 @@ layout start collector rest_parts footing lay_out relaid compression pattern sho
 equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
 attempt inward status_words events joining ranking search valleys profile widened shaken ridge_ends grouped shares
-allowed hanging agreeing fine_enough worth_a_walk examined certainty
+allowed hanging letting_go agreeing fine_enough worth_a_walk examined certainty
 fitted held_out taken_over nested weighing screening
 selection_words compared_models selection suspects diagnosis preview depth
 findings second_look log_outlook worth log_document result_notes result identification
