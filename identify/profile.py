@@ -33,6 +33,8 @@ POINTS = 14  # of one side
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
 BEYOND = 1.15  # of a side: where others are asked whether they know a way on
 OTHERS = 2  # how many are asked, and from how many a walk goes on
+STRIDES, LONG = 3, 0.1  # from an end to as far as a profile asks, to look for what lies behind a rise; for long sides
+RISEN = 3.0  # times the root of the loss that ends a side: so high a rise has nothing behind it
 FURTHER = 0.05  # of a side: how far beyond its end a point lies from which the walk goes on
 ROUNDS = 2  # in which they do once more
 FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
@@ -173,6 +175,7 @@ def _walks(
             walks[index, sign] = _walk(line, index, sign, size, line.best, wait[index], steps)
     for (index, sign), walk in walks.items():
         _follow(line, index, sign, walk)
+        _behind(line, index, sign, walk, wait[index])
     progress("profiles from other points", None)
     for (index, sign), walk in walks.items():
         walks[index, sign] = _further(line, index, sign, walk, wait[index], sizes[index])
@@ -321,6 +324,24 @@ def _follow(line: ProfileLine, index: int, sign: float, walk: _Walk) -> None:
             return
         point = line.point(here, index, target)
         if point is None or line.loss_root(point) ** 2 >= CRITICAL:
+            return
+        here = point
+
+
+def _behind(line: ProfileLine, index: int, sign: float, walk: _Walk, wait: float) -> None:
+    """Look past the end of a logarithm, as far as a profile asks, for a place behind the rise to which the data do not
+    object: of contacts that age before every slip, and of others that age so slowly that each slip shows it."""
+    end = walk.side.end
+    if end is None or walk.side.walled or not line.unknowns.logarithmic[index]:
+        return
+    centre, reach = float(line.best.theta[index]), _room(line, index, sign)[0]
+    side = abs(end - centre)
+    if side < LONG * reach:  # so sharp an end is none of a ridge
+        return
+    here, limit = walk.last, np.sqrt(CRITICAL * wait)
+    for stride in range(1, STRIDES + 1):
+        point = line.point(here, index, centre + sign * (side + (reach - side) * stride / STRIDES))
+        if point is None or not limit <= line.loss_root(point) < RISEN * limit:
             return
         here = point
 

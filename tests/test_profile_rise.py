@@ -1,0 +1,75 @@
+"""A made-up ridge with a rise across it: what lies behind belongs to the interval where the data object no more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identify import profile
+from identify.profile import CRITICAL, _walks
+from identify.profile_line import FREE
+
+NEAR, FAR = 0.19, 0.75  # of a logarithm: the data begin to object, and no longer do
+SIDE = 0.1  # standard error near the answer
+
+
+class Line:
+    """A logarithm that all others follow; `loss` is what the data lose at a distance from the answer."""
+
+    def __init__(self, loss: Callable[[float], float]) -> None:
+        open_ = np.full(1, np.inf)
+        self.unknowns = SimpleNamespace(
+            names=["t_cr"], logarithmic=[True], lower=-open_, upper=open_, walls=np.zeros((2, 1), bool)
+        )
+        self.best = self._made(0.0, FREE)
+        self.seen: list[Any] = []
+        self._loss = loss
+
+    @staticmethod
+    def _made(value: float, held: int) -> Any:
+        return SimpleNamespace(theta=np.array([value]), held=held)
+
+    def point(self, _near: Any, index: int, value: float) -> Any:
+        self.seen.append(self._made(value, index))
+        return self.seen[-1]
+
+    def loss_root(self, point: Any) -> float:
+        return float(np.sqrt(self._loss(float(point.theta[0]))))
+
+
+def rise(off: float) -> float:
+    """A parabola below the answer and up to a height of 5, which falls again."""
+    parabola = (off / SIDE) ** 2
+    return parabola if off < NEAR else max(2.0, 5.0 - 3.0 * (off - NEAR) / (FAR - NEAR))
+
+
+def ends(line: Line) -> tuple[float | None, float | None]:
+    walks = _walks(line, {0: SIDE}, {0: 1.0}, 1, lambda _stage, _share: None)  # type: ignore[arg-type]
+    return walks[0, -1.0].side.end, walks[0, 1.0].side.end
+
+
+def test_behind_a_rise_the_walk_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    low, high = ends(Line(rise))
+    assert low == pytest.approx(-SIDE * np.sqrt(CRITICAL), rel=0.02)
+    assert high is None  # as far as a profile asks
+    monkeypatch.setattr(profile, "LONG", np.inf)  # nobody looks
+    assert ends(Line(rise))[1] == pytest.approx(NEAR, abs=0.02)
+
+
+def test_a_rise_that_goes_on_is_an_end_and_costs_few_looks() -> None:
+    line = Line(lambda off: (off / SIDE) ** 2)
+    low, high = ends(line)
+    assert low == pytest.approx(-SIDE * np.sqrt(CRITICAL), rel=0.02)
+    assert high == pytest.approx(SIDE * np.sqrt(CRITICAL), rel=0.02)
+    assert sum(abs(point.theta[0]) > 2.5 * SIDE for point in line.seen) <= 4  # two on each side
+
+
+def test_behind_a_high_rise_nothing_counts() -> None:
+    def cliff(off: float) -> float:
+        return 0.0 if off > 0.9 else 100.0 if off > 2.5 * SIDE else (off / SIDE) ** 2
+
+    assert ends(Line(cliff))[1] == pytest.approx(SIDE * np.sqrt(CRITICAL), rel=0.02)
