@@ -21,7 +21,9 @@ from identify.held import Held
 from identify.model import RIG_PARAMETERS
 from identify.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
 from identify.prepare import Prepared
+from identify.restraints import restraints
 from identify.scene import Scene
+from identify.status_words import at_bounds
 from identify.suspects import GROSS, SLIGHT, Suspect, found_and_stated
 from identify.uncertainty import sizes
 from identify.unknowns import Unknowns
@@ -81,11 +83,12 @@ def diagnose(
     if fits(ended):
         return None
     found: list[_Explanation] = []
+    beside = restraints(scene, () if attempt is None else at_bounds(unknowns, attempt.solved.theta))
     if attempt is not None and ended.excess < NEAR * ended.samples:
-        tried = _tried(SLIGHT, scene, prepared, lambda freed: _from_values(ended, freed, records))
+        tried = _tried((*beside, *SLIGHT), scene, prepared, lambda freed: _from_values(ended, freed, records))
         found = _explanations(tried, scene, ended)
     if not found:
-        tried = _tried(GROSS, scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
+        tried = _tried((*beside, *GROSS), scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
         found = _explanations(tried, scene, ended)
     if not found:
         return None
@@ -178,6 +181,7 @@ def doubt(
     told: Sequence[str],
     memory: float,
     *,
+    beyond: bool,
     anew: bool,
 ) -> Doubt | None:
     """What alone would describe the data clearly better than an answer that fits; None where nothing does, or where the
@@ -185,14 +189,15 @@ def doubt(
 
     Args:
         as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; memory: by how
-            much that of the noise widens a variance; anew: an effect more is fitted from the data alone too, where the
+            much that of the noise widens a variance; beyond: rig and sensor are suspected too, and not only what the
+            scene says of single parameters; anew: an effect more is fitted from the data alone too, where the
             answer's own motion may hide what it does.
     """
     ended = as_it_ended(scene, unknowns, prepared, attempt)
     if not described(ended):
         return None
     cleared = {h.name for h in held if h.squared < ASKED / 2}
-    suspects = [suspect for suspect in SLIGHT if suspect.parameter not in cleared]
+    suspects = [*restraints(scene, ()), *(s for s in SLIGHT if beyond and s.parameter not in cleared)]
     found = []
     for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
         gain = (ended.excess - fitted.excess) / memory

@@ -12,6 +12,7 @@ from identify.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.findings import Findings
 from identify.outcome import Status
 from identify.prepare import Prepared
+from identify.restraints import restraints
 from identify.scene import Scene
 from identify.telling import Progress
 
@@ -35,14 +36,15 @@ def looked_into(
             message = _caused(cause.sentence, findings.attempt)
             return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
     refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
-    if not refused and (findings.status is not Status.CONVERGED or not _doubtful(findings)):
+    doubtful = refused or _doubtful(findings)
+    if not doubtful and (findings.status is not Status.CONVERGED or not restraints(scene, ())):
         return findings, None
     progress("looking for what is wrong", 0.95)
     assert findings.attempt is not None
     told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
     memory = 1.0 if findings.sure is None else slowness(findings.attempt, findings.sure.colours)
     where = scene, read, prepared, findings.unknowns, findings.attempt
-    found = doubt(*where, findings.held, told, memory, anew=refused or _rises(findings))
+    found = doubt(*where, findings.held, told, memory, beyond=doubtful, anew=refused or _rises(findings))
     return (findings, None) if found is None else (_doubted(findings, found), found.better)
 
 

@@ -35,7 +35,7 @@ discretisation levels sequence consistency leaning remembered gate accuracy comb
 attempt inward status_words events joining ranking search valleys profile widened shaken ridge_ends grouped shares
 allowed hanging letting_go agreeing fine_enough worth_a_walk examined certainty
 fitted held_out taken_over nested weighing screening
-selection_words compared_models selection suspects diagnosis preview depth
+selection_words compared_models selection suspects restraints diagnosis preview depth
 findings second_look log_outlook worth log_document result_notes result identification
 report
 comparing
