@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.motion import check_drive
+from identify.counted_twice import refuse_counted_twice
 from identify.errors import FitError
 from identify.partly_read import read_partly
 from identify.scene import Scene
@@ -14,15 +15,21 @@ from identify.scene.values import LogEntry
 
 
 def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:
-    """A scene and the records of its logs: those given, else read, of a log larger than memory only what is used."""
+    """A scene and the records of its logs: those given, else read, of a log larger than memory only what is used.
+
+    Raises:
+        FitError: no logs, not a record for each, or samples that two of them share. LogError: one that cannot be read.
+    """
     if not scene.logs:
         raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
     if records is None:
         read = [_read(scene, i) for i in range(len(scene.logs))]
         logs = tuple(entry for entry, _ in read)
+        refuse_counted_twice(logs, [record for _, record in read])
         return (scene if logs == scene.logs else replace(scene, logs=logs)), [record for _, record in read]
     if len(records) != len(scene.logs):
         raise FitError(f"{len(records)} records were given for {len(scene.logs)} logs of the scene; give one each")
+    refuse_counted_twice(scene.logs, records)
     return scene, list(records)
 
 

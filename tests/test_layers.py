@@ -26,7 +26,7 @@ sliding glide_steps glide hold cycle orbit course trace branch prospect sensitiv
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
 guess harmonics passage loads lanes steadiness onset_places slide_parts following one_way gaps parting
-partly_read scene_records
+partly_read counted_twice scene_records
 reageing block_equations blocks features
 unknowns cutting manner window prepare rhythms vibration placing first_onsets
 layout start collector rest_parts footing lay_out relaid compression pattern shooting trust
