@@ -171,6 +171,7 @@ COMPLAINTS = {
     "parameter key": ("mu_s = { start", "mu_s = { strat", ["[parameters] mu_s", "'strat'", "'start'"]),
     "log key": ("step = 2", "steps = 2", ["[[logs]] number 2", "'steps'", "'step'"]),
     "effect": ('"inertia"', '"inertai"', ["'inertai'", "'inertia'"]),
+    "effect twice": ('"inertia"', '"inertia", "inertia"', ["effects names 'inertia' twice", "remove one"]),
     "effect of a parameter": (', "velocity_weakening"', "", ["names a", "velocity_weakening"]),
     "no inertia": ('"inertia", ', "", ["inertia"]),
     "no effects": ("effects =", "name = 'x' #", ["no effects", "expected a list"]),

@@ -34,7 +34,7 @@ def with_effect(name):
     """The paper's effects, what the effect needs, and itself in place of its rivals."""
     effect = next(e for e in ALL if e.name == name)
     rivals = [e.name for e in ALL if e.role and e.role == effect.role]
-    return [n for n in (*MAIN, *effect.needs) if n not in rivals] + [name]
+    return [n for n in dict.fromkeys((*MAIN, *effect.needs)) if n not in (*rivals, name)] + [name]
 
 
 def complaint(*arguments, **tables):

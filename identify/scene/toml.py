@@ -176,6 +176,9 @@ def _effects(value: Any) -> tuple[str, ...] | Literal["auto"]:
         found = "no effects" if value is None else f"effects = {value!r}"
         listed = ", ".join(f'"{name}"' for name in MAIN)
         raise SceneError(f'the scene has {found}; expected a list: effects = [{listed}, …], or "auto"')
+    twice = next((name for place, name in enumerate(value) if name in value[:place]), None)
+    if twice is not None:
+        raise SceneError(f"effects names {twice!r} twice; expected each effect once: remove one of the two")
     return known_effects(value)
 
 
