@@ -174,8 +174,11 @@ def test_anonymous_files_name_nobody_and_the_key_tells_all(tmp_path, capsys):
     assert told["steps"][0]["parameters"]["Started at"] == "12:21:58.029 12 May 2022"
     assert (tmp_path / "log.key.json").stat().st_mode & 0o077 == 0
     # the key is never written over by that of other logs
-    assert cli.main(["convert", str(source), "--out", str(out), "--anonymise"]) == 2
-    assert "may be the key of other logs" in capsys.readouterr().err
+    for other in ([], ["--key", str(tmp_path / "log.key.json")]):
+        out.unlink(missing_ok=True)
+        assert cli.main(["convert", str(source), "--out", str(out), "--anonymise", *other]) == 2
+        assert "may be the key of other logs" in capsys.readouterr().err
+        assert json.loads((tmp_path / "log.key.json").read_text()) == key
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,18 @@ def test_simulated_logs_are_read_back(folder, capsys):
     assert noisy.drive_speed == 1e-3
 
 
+@pytest.mark.parametrize("name", ["log.csv", "log.h5"])
+def test_no_command_writes_over_a_log_that_is_there(folder, capsys, name):
+    Path(name).write_text("measured")
+    log = examples.FOLDER / "1_mm_per_s.txt.gz"
+    commands = [["simulate", "--scene", examples.SCENE, *RIG, "--duration", "1", "--rate", "9"]]
+    commands += [["convert", log], ["convert", log, examples.FOLDER / "5_mm_per_s.txt.gz"]] * name.endswith("h5")
+    for command in commands:
+        told = refused(capsys, *command, "--out", name)
+        assert told == f"--out {name} exists and may hold a measured log; choose another name"
+        assert Path(name).read_text() == "measured"
+
+
 def test_json_is_one_document_and_words_go_to_standard_error(folder, capsys):
     code, out, err = stickslip(
         capsys,

@@ -230,15 +230,16 @@ def test_the_command_line_takes_an_accuracy_and_reports_the_error(tmp_path, caps
     from identify.examples import FOLDER
 
     rig = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N", "--duration", "2", "--rate", "500"]
-    command = ["simulate", "--scene", str(FOLDER / "pair.toml"), *rig, "--out", str(tmp_path / "log.csv")]
-    assert main([*command, "--accuracy", "1e-5", "--json"]) == 0
+    command = ["simulate", "--scene", str(FOLDER / "pair.toml"), *rig]
+    assert main([*command, "--out", str(tmp_path / "fine.csv"), "--accuracy", "1e-5", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["accuracy"]
     assert found["asked"] == 1e-5
     assert 0.0 < found["switches"] < 1e-5
     assert found["methods"] == ["dop853"]
-    assert main([*command, "--noise", "5 mN", "--json"]) == 0
+    assert main([*command, "--out", str(tmp_path / "noisy.csv"), "--noise", "5 mN", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["accuracy"]["asked"] == pytest.approx(1e-4)
-    assert main([*command, "--accuracy", "2"]) == 2
+    assert main([*command, "--out", str(tmp_path / "log.csv"), "--accuracy", "2"]) == 2
+    assert "--accuracy is 2" in capsys.readouterr().err
 
 
 def test_orders_hold_through_switches_and_are_lost_where_these_are_not_located() -> None:

@@ -45,6 +45,7 @@ class Terminal:
 
 
 LONG = 30_000_000  # bytes of a log from which on reading shows its progress
+MEASURED = "a measured log"
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -74,6 +75,21 @@ def file_to_write(path: str, option: str) -> Path:
         raise CommandLineError(f"{option} {path}: its folder does not exist; create it or choose another one")
     if not os.access(out.parent, os.W_OK | os.X_OK):
         raise CommandLineError(f"{option} {path}: nothing may be written in its folder; choose another one")
+    return out
+
+
+def new_file(path: str, option: str, holding: str) -> Path:
+    """The file an option names, which must not be there yet: nothing that was measured or edited is written over.
+
+    Args:
+        holding: what such a file may hold, in words.
+
+    Raises:
+        CommandLineError: as `file_to_write`, or a file that is there.
+    """
+    out = file_to_write(path, option)
+    if out.exists():
+        raise CommandLineError(f"{option} {out} exists and may hold {holding}; choose another name")
     return out
 
 

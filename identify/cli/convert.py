@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from identify.cli.common import (
     DONE,
+    MEASURED,
     NOT_SUCCEEDED,
     Answer,
     CommandLineError,
@@ -18,6 +19,7 @@ from identify.cli.common import (
     add_log_options,
     add_part_options,
     file_to_write,
+    new_file,
     read,
 )
 
@@ -31,7 +33,7 @@ HELP = "write any readable logs in the HDF5 layout of this project: one, or many
 def add_arguments(parser: ArgumentParser) -> None:
     """The arguments of this command."""
     parser.add_argument("logs", nargs="+", metavar="LOG", help="a log in any readable format; several make an archive")
-    parser.add_argument("--out", required=True, metavar="LOG.h5", help="the file to write")
+    parser.add_argument("--out", required=True, metavar="LOG.h5", help="the file to write; never overwritten")
     parser.add_argument(
         "--anonymise", action="store_true", help="leave out names, dates, paths and free text; they go into the key"
     )
@@ -51,6 +53,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         raise CommandLineError(f"--out {out} ends in {out.suffix!r}; expected .h5: rename it")
     key = _key_file(arguments, out)
     _check_not_a_source(arguments.logs, out, key)
+    new_file(arguments.out, "--out", MEASURED)
     from data_io import write_archive, write_hdf5
     from identify.cli.progress import Progress
 
@@ -125,7 +128,7 @@ def _key_file(arguments: Namespace, out: Path) -> Path | None:
             raise CommandLineError("--key was given without --anonymise; there is no key then: add --anonymise")
         return None
     key = file_to_write(arguments.key or str(out.with_suffix(".key.json")), "--key")
-    if key.exists() and arguments.key is None:
+    if key.exists():
         raise CommandLineError(f"{key} exists, and may be the key of other logs; move it, or name another with --key")
     return key
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.cli.common import Answer, CommandLineError, Terminal, add_log_options, file_to_write, log_options
+from identify.cli.common import Answer, Terminal, add_log_options, log_options, new_file
 
 if TYPE_CHECKING:
     from data_io import Record, Step
@@ -30,9 +30,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, LogError, OSError: one sentence each.
     """
-    out = file_to_write(arguments.out, "--out")
-    if out.exists():
-        raise CommandLineError(f"--out {out} exists and may hold your edits; choose another name")
+    out = new_file(arguments.out, "--out", "your edits")
 
     from data_io.atomic import atomic_write
     from identify.draft import draft

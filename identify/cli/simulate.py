@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, quantity
+from identify.cli.common import MEASURED, Answer, CommandLineError, Terminal, new_file, quantity
 
 if TYPE_CHECKING:
     from identify.scene import Scene
@@ -30,7 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="X",
         help="relative error of switch times and forces that is tolerated (default: an order below the noise)",
     )
-    parser.add_argument("--out", required=True, metavar="LOG.csv|LOG.h5", help="the log to write")
+    parser.add_argument("--out", required=True, metavar="LOG.csv|LOG.h5", help="the log to write; never overwritten")
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -39,7 +39,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, SceneError, SimulationError, OSError: one sentence each.
     """
-    out = file_to_write(arguments.out, "--out")
+    out = new_file(arguments.out, "--out", MEASURED)
     if out.suffix.lower() not in (".csv", ".h5", ".hdf5"):
         raise CommandLineError(f"--out {out} ends in {out.suffix!r}; expected .csv or .h5: rename it")
     duration, rate, noise, seed = _asked(arguments)
