@@ -118,11 +118,16 @@ def find(
     for effect in ALL:
         if effect.name in scene.effects and (refusal := effect.unfit(values)) is not None:
             raise FitError(refusal)
+    unknowns = from_scene(scene)
+    if not np.any(unknowns.free):
+        raise FitError(
+            "[parameters] fixes or ties every parameter, so that nothing is left to fit; expected one that is free: "
+            "give one of them a start instead of fixed, or look at what these values do: stickslip fit --preview"
+        )
     progress("reading the logs", 0.0)
     scene, read = parted(*with_records(scene, records))
     since = clock.add("read", began)
     progress("detecting cycles", 0.05)
-    unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)

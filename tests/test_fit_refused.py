@@ -39,6 +39,18 @@ def test_at_its_null_values_it_is_let_pass(effects, parameters):
         fit(_scene(effects, **parameters))
 
 
+FIXED = {"mu_s": 0.6, "mu_k0": 0.45, "delta_mu_k": -0.1, "a": 500.0, "D": 40e-6, "t_cr": 0.5}
+LAWS = ["contact_ageing", "velocity_weakening"]
+
+
+def test_a_fit_in_which_nothing_is_free_is_refused():
+    held = {name: {"fixed": value} for name, value in FIXED.items()}
+    with pytest.raises(FitError, match=r"fixes or ties every parameter.*--preview"):
+        fit(_scene(LAWS, **held))
+    with pytest.raises(LogError, match=r"log\.csv"):  # the next thing that is missing
+        fit(_scene(LAWS, **held | {"t_cr": {"start": 0.5}}))
+
+
 def test_a_fit_without_inertia_is_refused_by_name():
     document = {"effects": ["contact_ageing"], "rig": RIG, "logs": [{"path": "log.csv", "drive_speed": 1e-3}]}
     with pytest.raises(FitError, match="inertia is off"):
