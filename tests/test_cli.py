@@ -308,6 +308,17 @@ def test_an_interruption_of_the_garbage_collector_is_remembered_quietly(folder, 
     assert code == 130 and words.count("\n") == 1 and sys.unraisablehook is before
 
 
+@pytest.mark.parametrize("work", ["{}", "exec({!r})"])
+def test_an_interruption_while_the_imports_come_in_is_one_sentence(folder, work):
+    signalled = "import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(60)"
+    (folder / "pandas.py").write_text(work.format(signalled))
+    path = os.pathsep.join([str(folder), environment()["PYTHONPATH"]])
+    command = [sys.executable, "-m", "identify", "fit", "--scene", "x"]
+    done = subprocess.run(command, capture_output=True, text=True, env={**environment(), "PYTHONPATH": path})
+    assert done.returncode == 130
+    assert done.stderr == "stickslip: interrupted; no half-written result is left behind\n"
+
+
 def test_help_is_quick_and_brings_no_casadi():
     script = "import sys, identify.cli.main as m; m.build_parser().format_help(); print('casadi' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -48,6 +48,15 @@ def interrupted() -> bool:
     return bool(_received)
 
 
+def taken_as_handled() -> None:
+    """Let the exit code stand, once a KeyboardInterrupt was caught.
+
+    Where it came within the `exec` of a text, as dataclasses and namedtuples do, Python remembers it as unhandled and
+    dies by the signal at its end (`python -m`); the next `exec` that ends well makes it forget.
+    """
+    exec("")
+
+
 def check_interrupted() -> None:
     """Raise the KeyboardInterrupt again that CasADi turns into a solver that "stopped by itself"."""
     if interrupted():

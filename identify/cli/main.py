@@ -13,20 +13,6 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, NoReturn
 
-from identify.cli import (
-    amplitude,
-    batch,
-    compare,
-    convert,
-    demo,
-    fit,
-    inspect,
-    scene,
-    simulate,
-    stability,
-    steps,
-    verify,
-)
 from identify.cli.common import (
     DEFECT,
     INTERRUPTED,
@@ -35,23 +21,8 @@ from identify.cli.common import (
     CommandLineError,
     standard_terminal,
 )
-from identify.cli.interrupt import check_interrupted, interrupted, interruptible
+from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
 from identify.errors import IdentifyError
-
-COMMANDS: tuple[ModuleType, ...] = (
-    demo,
-    inspect,
-    steps,
-    scene,
-    fit,
-    verify,
-    batch,
-    compare,
-    simulate,
-    stability,
-    amplitude,
-    convert,
-)
 
 STOPPED = "interrupted; no half-written result is left behind"
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
@@ -76,18 +47,41 @@ class _Parser(ArgumentParser):
         raise CommandLineError(f"{message}; see: {self.prog} --help")
 
 
+def commands() -> tuple[ModuleType, ...]:
+    """Every command, in the order of the help.
+
+    They bring NumPy and pandas, a good part of a second: imported within `main`, which an interruption ends in words.
+    """
+    from identify.cli import (
+        amplitude,
+        batch,
+        compare,
+        convert,
+        demo,
+        fit,
+        inspect,
+        scene,
+        simulate,
+        stability,
+        steps,
+        verify,
+    )
+
+    return demo, inspect, steps, scene, fit, verify, batch, compare, simulate, stability, amplitude, convert
+
+
 def build_parser() -> ArgumentParser:
     """The parser of all commands."""
     parser = _Parser(
         prog="stickslip", description=DESCRIPTION, epilog=EPILOG, formatter_class=RawDescriptionHelpFormatter
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    for command in COMMANDS:
-        sub = commands.add_parser(command.NAME, help=command.HELP, description=command.HELP)
+    known = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    for command in commands():
+        sub = known.add_parser(command.NAME, help=command.HELP, description=command.HELP)
         command.add_arguments(sub)
         sub.set_defaults(run=command.run)
-    for place in (parser, *commands.choices.values()):
+    for place in (parser, *known.choices.values()):
         place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
         place.add_argument("--debug", action="store_true", help="show the traceback of an error")
     return parser
@@ -125,9 +119,11 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
     except BrokenPipeError:
         raise
     except KeyboardInterrupt:
+        taken_as_handled()
         return _failed(INTERRUPTED, STOPPED, debug)
     except Exception as error:  # noqa: BLE001 - the last resort: a defect is said, never shown as a traceback
         if interrupted():  # a library made an error of its own out of the KeyboardInterrupt
+            taken_as_handled()
             return _failed(INTERRUPTED, STOPPED, debug)
         if _mendable(error):
             return _failed(WRONG_INPUT, _sentence(error), debug)
@@ -151,7 +147,7 @@ def _run(given: list[str], json_mode: bool) -> Answer:
             terminal.say(f"stickslip {installed}")
             return Answer(document={"status": "done", "version": installed})
         if arguments.command is None:
-            raise CommandLineError(f"no command was given; expected one of {', '.join(c.NAME for c in COMMANDS)}")
+            raise CommandLineError(f"no command was given; expected one of {', '.join(c.NAME for c in commands())}")
         with warnings.catch_warnings():
             if not arguments.debug:
                 warnings.simplefilter("ignore")  # of libraries, for developers; what users must know is in the answer
