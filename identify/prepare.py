@@ -82,6 +82,11 @@ class Prepared:
         """Short name of the log in sentences."""
         return name_of(self.entry)
 
+    @property
+    def never_slips(self) -> bool:
+        """Whether the log is left out because no slip is seen in it, and for nothing else."""
+        return self.left_out is not None and self.judgement.verdict != "reject" and self.segmentation.count == 0
+
     @cached_property
     def mean_load(self) -> float:
         """Mean of the measured normal force, all of it [N]."""
@@ -160,7 +165,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         begin, end = window.of_cycles(record.time[inner], measured[inner], found, noise, entry.skip_cycles)
     else:
         begin, end = window.of_a_course(record.time[inner], measured[inner], found, noise, manner, drive, half_period)
-    reason = _reason(manner, falls, name) or _rejected(judgement, name)
+    reason = _rejected(judgement, name) or _reason(manner, falls, found.count, entry, name)
     try:
         course, hidden = as_modelled(
             record, used, (begin, end), follows=unknowns.model.follows_load, name=name, cycles=found.count
@@ -281,7 +286,10 @@ def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, 
     return tuple(out)
 
 
-def _reason(manner: Manner, falls: Array, name: str) -> str | None:
+def _reason(manner: Manner, falls: Array, cycles: int, entry: LogEntry, name: str) -> str | None:
+    """Why a log that is sound is left out; cycles: how many were found, those that the scene skips included."""
+    if manner.name == "cycles" and falls.size == 0 and cycles:
+        return f"{name}: skip_cycles = {entry.skip_cycles} leaves none of its {cycles} cycles; lower it"
     if manner.name == "cycles" and falls.size == 0:
         return f"{name} shows no complete stick-slip cycle"
     if manner.name == "sliding" and manner.settled is None:

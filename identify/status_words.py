@@ -37,10 +37,10 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
             "slides steadily; check the rig values, or estimate them under [parameters]"
         )
     reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
-    return Status.NO_CYCLES, (
-        f"{reason}: there is nothing to fit; see the classical table, "
-        "and record slower, with a softer spring or at a higher load"
-    )
+    # What is wrong with a log that is rejected, or of which all cycles are skipped, no other test would mend.
+    slower = ", and record slower, with a softer spring or at a higher load"
+    remedy = slower if any(log.never_slips for log in prepared) else ""
+    return Status.NO_CYCLES, f"there is nothing to fit: {reason}; see the classical table{remedy}"
 
 
 def ended(attempt: Attempt, bounds: Mapping[str, str]) -> tuple[Status, str]:

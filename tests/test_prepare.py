@@ -229,6 +229,28 @@ def test_a_log_without_a_load_is_left_out_and_the_fit_is_not_lost(load):
     assert alone["status"] != "converged" and "the normal force is zero or pulls" in alone["logs"][0]["reason_left_out"]
 
 
+def _message(record: Record, **log: object) -> str:
+    result = fit(_scene(**log), [record]).result
+    assert result["status"] == "no_cycles" and result["message"].startswith("there is nothing to fit: a.csv")
+    return str(result["message"])
+
+
+def test_why_a_log_is_left_out_decides_the_remedy():
+    """A log without slips asks for another test; a sensor that tells nothing, or a number of the scene, does not."""
+    record, slower = _record(), "record slower, with a softer spring or at a higher load"
+    loading = 0.1 * record.time + 1e-3 * np.random.default_rng(1).standard_normal(record.time.size)
+    assert slower in _message(Record(record.time, record.normal_force, loading))
+    dead = _message(Record(record.time, record.normal_force, np.full(record.time.size, 0.3)))
+    assert "rejected by the quality gate: the friction force is exactly 0.3 N" in dead and slower not in dead
+    unloaded = _message(Record(record.time, np.zeros(record.time.size), record.friction_force))
+    assert "the normal force is zero or pulls" in unloaded and slower not in unloaded
+    cycles = _prepared(record).segmentation.count
+    skipped = _message(record, skip_cycles=1000)
+    assert f"a.csv: skip_cycles = 1000 leaves none of its {cycles} cycles; lower it" in skipped
+    assert slower not in skipped
+    assert _prepared(record, skip_cycles=cycles - 1).left_out is None
+
+
 def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():
     assert _prepared(_record()).judgement.verdict == "accept"
     wrong = replace(_scene(), rig=replace(_scene().rig, drive_speed=1.2e-3))
