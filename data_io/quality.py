@@ -103,7 +103,8 @@ def assess(record: Record, used: npt.NDArray[np.bool_] | None = None, thresholds
     sampling, notes = describe_sampling(record, used, thresholds)
     sound = used & np.isfinite(record.friction_force) & np.isfinite(record.normal_force)
     if np.count_nonzero(sound) < 2:
-        nothing = Finding("no_rows", "reject", "fewer than two rows count; widen window and exclude")
+        text = "fewer than two rows count; widen window, exclude less, or take a longer log"
+        nothing = Finding("no_rows", "reject", text)
         return Quality(
             sampling, Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0), Rests(None, None), None, None,
             (*record.findings, *notes, nothing),

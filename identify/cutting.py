@@ -6,10 +6,15 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from data_io import LogError, Record
 from data_io.correct import Change, Corrected, Corrections, Cut, correct
 from identify.errors import FitError
 from identify.scene.values import LogEntry
+
+FEWEST = 8  # samples of a log that can be looked at at all
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,32 @@ def cut_and_correct(entry: LogEntry, record: Record) -> Corrected:
         return correct(record, wanted)
     except LogError as error:
         raise FitError(str(error)) from None
+
+
+def refuse_too_few(entry: LogEntry, record: Record, used: NDArray[np.bool_], name: str) -> None:
+    """Refuse a log of which hardly a sample is left; what took them away decides the remedy.
+
+    Args:
+        used: (n,) the samples that may count. name: of the log, in sentences.
+
+    Raises:
+        FitError: a window outside the log or too narrow, too much excluded, or a log that is that short.
+    """
+    left = int(np.count_nonzero(used))
+    if left >= FEWEST:
+        return
+    time, end = record.time, float(record.time[-1])
+    start, stop = entry.window or (0.0, end)
+    inside = int(np.count_nonzero((time >= start) & (time <= stop)))
+    if inside < FEWEST <= time.size:
+        remedy = "widen it" if start >= 0.0 and stop <= end else "move the window inside"
+        raise FitError(
+            f"{name}: the window {start:g} to {stop:g} s holds {inside} row(s); the log runs from 0 to {end:.6g} s; "
+            f"{remedy}"
+        )
+    if entry.exclude and inside >= FEWEST:
+        raise FitError(f"{name}: exclude leaves {left} of {inside} samples; expected hundreds: exclude less")
+    raise FitError(f"{name} has {left} usable samples; expected hundreds: record longer, or sample faster")
 
 
 def account(entry: LogEntry, raw: Record, corrected: Corrected, sign: int, first: float, begin: float) -> Account:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.thinned import kept, shown, thinned
 from identify import window
-from identify.cutting import Account, account, cut_and_correct
+from identify.cutting import Account, account, cut_and_correct, refuse_too_few
 from identify.drive import Drive, NormalForce
 from identify.errors import FitError
 from identify.guess import LogData, Pull
@@ -135,10 +135,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     raw, record = record, corrected.record
     force = np.asarray(record.friction_force, float)
     used = corrected.used & np.isfinite(force) & np.isfinite(record.normal_force)
-    if np.count_nonzero(used) < 8:
-        raise FitError(
-            f"{name} has {np.count_nonzero(used)} usable samples; expected hundreds: widen window and exclude"
-        )
+    refuse_too_few(entry, record, used, name)
     sign = _sign(entry, kept(force, used))
     force = sign * force
     measured = shown(force, used)

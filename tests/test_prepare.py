@@ -106,10 +106,29 @@ def test_what_cannot_be_fitted_is_refused_by_name():
     stepped = replace(scene, rig=replace(scene.rig, drive_speed=((0.0, 1e-3), (1.0, -1e-3))))
     with pytest.raises(FitError, match="a drive that turns"):
         prepare(stepped, stepped.logs[0], _record(), from_scene(stepped))
-    with pytest.raises(FitError, match="0 usable samples"):
-        _prepared(_record(), window=[10.0, 11.0])
     with pytest.raises(FitError, match="tare interval"):
         _prepared(_record(), tare=[10.0, 11.0])
+
+
+@pytest.mark.parametrize(
+    ("rows", "said", "words"),
+    [
+        (4000, {"window": [10.0, 11.0]}, "a.csv: the window 10 to 11 s holds 0 row(s); the log runs from 0 to 3.999 s; "
+         "move the window inside"),
+        (4000, {"window": [1.0, 1.002]}, "a.csv: the window 1 to 1.002 s holds 3 row(s); the log runs from 0 to "
+         "3.999 s; widen it"),
+        (4000, {"exclude": [[0.0, 9.0]]}, "a.csv: exclude leaves 0 of 4000 samples; expected hundreds: exclude less"),
+        (4000, {"window": [1.0, 2.0], "exclude": [[0.0, 1.998]]}, "a.csv: exclude leaves 2 of 1001 samples"),
+        (2, {}, "a.csv has 2 usable samples; expected hundreds: record longer, or sample faster"),
+        (2, {"window": [0.0, 9.0], "exclude": [[5.0, 6.0]]}, "a.csv has 2 usable samples"),
+    ],
+)  # fmt: skip
+def test_what_leaves_too_few_samples_decides_the_remedy(rows, said, words):
+    record = _record()
+    short = Record(record.time[:rows], record.normal_force[:rows], record.friction_force[:rows])
+    with pytest.raises(FitError) as refused:
+        _prepared(short, **said)
+    assert str(refused.value).startswith(words)
 
 
 def test_ripple_is_kept_and_noise_is_not():
