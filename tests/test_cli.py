@@ -183,6 +183,7 @@ def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
         (["fit", "--scene", examples.SCENE, "--run", "last"], "--run"),
         (["stability", "--scene", examples.SCENE, "--at", "mass=-1 kg"], "--at mass is -1"),
         (["stability", "--scene", examples.SCENE, "--at", "stiffness=0"], "--at stiffness is 0"),
+        (["stability", "--scene", examples.SCENE, "--at", "drive_speed=-1 mm/s"], "--at drive_speed is -0.001 m/s"),
         (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "mu_k0 is 0.9 here"),
         (["amplitude", "--scene", examples.SCENE, "--at", "delta_mu_k=-0.9"], "above 0"),
         (["amplitude", "--scene", examples.SCENE, "--plot", "none/a.png"], "folder does not exist"),

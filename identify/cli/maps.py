@@ -51,8 +51,9 @@ def map_answer(
     ranges = _ranges(arguments.range, names, points)
     known = None if point.covariance is None else Known.of(point.names, point.covariance)
     if len(names) == 1:
-        return _line(terminal, part, site, names[0], ranges[0], arguments.points or LINE, known, plot, data)
-    n = arguments.points or GRID
+        n = LINE if arguments.points is None else arguments.points
+        return _line(terminal, part, site, names[0], ranges[0], n, known, plot, data)
+    n = GRID if arguments.points is None else arguments.points
     made = chart(site, (names[0], names[1]), (ranges[0], ranges[1]), (n, n))
     terminal.say(wrapped(chart_text(made), "", ""))
     if plot:

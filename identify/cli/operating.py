@@ -25,7 +25,7 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         from identify.cli.maps import map_answer
 
         return map_answer(arguments, terminal, part, points, tested_range(arguments))
-    if arguments.data or arguments.range or arguments.points:
+    if arguments.data or arguments.range or arguments.points is not None:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
     further = asked_further(arguments)
     documents = _outlooks(points)

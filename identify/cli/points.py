@@ -147,6 +147,11 @@ def at_values(items: list[str], scene: Scene) -> dict[str, float]:
                 f"Known are {', '.join(units)}"
             )
         values[key.strip()] = quantity(text, units[key.strip()], f"--at {key}")
+    if values.get("drive_speed", 0.0) < 0.0:  # not in a scene, where the sign tells the direction of a stroke
+        raise CommandLineError(
+            f"--at drive_speed is {values['drive_speed']:g} m/s; expected a positive speed, as both directions "
+            "are alike: give it without its sign"
+        )
     for p in scene.model.parameters:
         if p.name in values and not p.lower <= values[p.name] <= p.upper:
             raise CommandLineError(
