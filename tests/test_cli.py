@@ -447,6 +447,15 @@ def test_calculators_carry_the_uncertainty_of_a_fit(fitted, folder, capsys):
     assert drop["value"] == pytest.approx(0.523, rel=0.03), "as measured at 0.1 mm/s"
 
 
+def test_a_scene_that_lists_no_log_is_told_so_before_anything_else(folder, capsys):
+    rig = 'effects = ["inertia"]\n[rig]\nmass = 0.2\nstiffness = 1470\n'
+    scene = write("rig.toml", rig)
+    assert refused(capsys, "fit", "--scene", scene).startswith("rig.toml lists no log and none was given; name a LOG")
+    listed = ["--set", 'logs=[{path="slow.csv"}]']
+    assert "there is no such log" in refused(capsys, "fit", "--scene", scene, *listed)
+    assert "no drive speed" in refused(capsys, "fit", write("slow.csv", LOG), "--scene", scene)
+
+
 def test_a_log_without_cycles_is_reported_with_exit_code_3(folder, capsys):
     slow = ["--set", "rig.drive_speed=0.1 mm/s"]  # two seconds of it only load the spring
     simulated(capsys, "load.csv", *slow, "--noise", "5 mN")

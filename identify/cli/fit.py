@@ -110,26 +110,26 @@ def scene_of(arguments: Namespace) -> Scene:
     options = {key: value for key, value in log_options(arguments).items() if value is not None}
     if "normal_force" in options:
         options["normal_force"] = quantity(options["normal_force"], "N", "--normal-force")
-    check_named(arguments.logs, arguments.scene)
+    check_named(arguments.logs, arguments.scene, arguments.set)
     scene = Scene.from_toml(arguments.scene, arguments.set)
     scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
-    if not scene.logs:
-        raise CommandLineError(f"{arguments.scene} lists no log and none was given; name a LOG, or add [[logs]] to it")
     return replace(scene, logs=tuple(replace(entry, **options) for entry in scene.logs))
 
 
-def check_named(logs: Sequence[str], scene: str) -> None:
-    """Refuse a log that is neither a file nor one of the scene's, before anything is said of the scene.
+def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) -> None:
+    """Refuse no log at all, or one that is neither a file nor one of the scene's, before more is said of the scene.
 
     Raises:
-        CommandLineError: no such log. SceneError: no scene file.
+        CommandLineError: no log, or no such log. SceneError: no scene file.
     """
     from identify.scene.toml import read_toml
 
     try:
-        listed = read_toml(Path(scene)).get("logs", [])
+        listed = read_toml(Path(scene), overrides).get("logs", [])
     except SceneError as error:
         raise SceneError(f"{scene}: {error}") from None
+    if not logs and not listed:
+        raise CommandLineError(f"{scene} lists no log and none was given; name a LOG, or add [[logs]] to it")
     paths = [str(log.get("path", "")) for log in listed if isinstance(log, dict)] if isinstance(listed, list) else []
     names = {Path(path).name for path in paths}
     for path in paths if not logs else ():
