@@ -456,6 +456,13 @@ def test_a_scene_that_lists_no_log_is_told_so_before_anything_else(folder, capsy
     assert "no drive speed" in refused(capsys, "fit", write("slow.csv", LOG), "--scene", scene)
 
 
+def test_a_folder_without_logs_in_the_place_of_a_log_is_called_one(folder, capsys):
+    (folder / "slow.csv").mkdir()
+    scene = write("pair.toml", 'effects = ["inertia"]\n[rig]\nmass = 0.2\nstiffness = 1470\ndrive_speed = 1e-3\n')
+    for more in (["slow.csv"], ["--set", 'logs=[{path="slow.csv"}]']):
+        assert refused(capsys, "fit", *more, "--scene", scene).startswith("slow.csv is a folder that holds no log")
+
+
 def test_a_log_without_cycles_is_reported_with_exit_code_3(folder, capsys):
     slow = ["--set", "rig.drive_speed=0.1 mm/s"]  # two seconds of it only load the spring
     simulated(capsys, "load.csv", *slow, "--noise", "5 mN")

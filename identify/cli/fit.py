@@ -136,6 +136,8 @@ def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) 
         check_there(Path(scene).parent / Path(path).expanduser())
     for log in logs:
         if not log_is_at(Path(log)) and Path(log).name not in names:
+            if Path(log).is_dir():
+                check_there(Path(log))
             raise CommandLineError(
                 f"{log}: there is no such log, as a file or among the logs of the scene; check its path"
             )
@@ -155,10 +157,13 @@ def check_there(path: Path) -> None:
     """Refuse a log that is not there.
 
     Raises:
-        CommandLineError: no such file.
+        CommandLineError: no such file, or a folder without logs.
     """
-    if not log_is_at(path):
-        raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
+    if log_is_at(path):
+        return
+    if path.is_dir():
+        raise CommandLineError(f"{path} is a folder that holds no log; expected a log or a folder of them: name a file")
+    raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
 
 
 def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None) -> Fit:
