@@ -22,6 +22,7 @@ from identify.cli.common import (
     standard_terminal,
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
+from identify.cli.shortened import shortened
 from identify.errors import IdentifyError
 
 STOPPED = "interrupted; no half-written result is left behind"
@@ -126,7 +127,7 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
             taken_as_handled()
             return _failed(INTERRUPTED, STOPPED, debug)
         if _mendable(error):
-            return _failed(WRONG_INPUT, _sentence(error), debug)
+            return _failed(WRONG_INPUT, shortened(_sentence(error), given), debug)
         words = f"{type(error).__name__}: {error}".strip()
         return _failed(DEFECT, f"a defect of ours ({words}); run again with --debug and report what it prints", debug)
 
