@@ -2,6 +2,8 @@
 
 import json
 import math
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -23,6 +25,7 @@ OTHER_UNITS = {
     "Pa": ("4 kPa", 4e3),
     "m^2": ("2 cm^2", 2e-4),
 }
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.01, "normal_force": 1.0}
 
 
@@ -83,6 +86,13 @@ def test_given_parameters_are_held_unless_asked_for():
     searched = scene_of(effects, parameters={"skin_retardation": {"prior": {"mean": "7 s", "sd": "10 %"}}})
     assert searched.parameters["skin_retardation"].fixed is None
     assert searched.parameters["skin_retardation"].prior_sd == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("said", ['D = { fixed = "60 um" }', 'skin_retardation = "2 ms"'])
+def test_parameters_are_held_as_the_readme_writes_it(said):
+    assert f"`{said}`" in README
+    ((name, value),) = tomllib.loads(said).items()
+    assert scene_of([*MAIN, "skin_compliance"], parameters={name: value}).parameters[name].fixed is not None
 
 
 @pytest.mark.parametrize(
