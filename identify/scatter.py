@@ -60,7 +60,13 @@ def pooled_result(documents: Sequence[Mapping[str, Any]], model: Model) -> dict[
             "these results do not tell the same parameters; give results of one pair, fitted with the same scene, "
             "in which every parameter is known"
         )
-    logs = np.array([model.parameter(name).scale == "log" for name in names[0]])
+    groups = [{n: (e.get("per"), e.get("group")) for n, e in d["parameters"].items()} for d in documents]
+    if any(other != groups[0] for other in groups):
+        raise SimulationError(
+            "the parameters of these results differ between other groups of logs; give results of one pair, fitted "
+            "with the same scene and labels"
+        )
+    logs = np.array([model.parameter(_parameter(first, name)).scale == "log" for name in names[0]])
     rows = [_estimates(document, names[0], logs) for document in documents]
     together = pooled(np.array([row for row, _ in rows]), np.array([matrix for _, matrix in rows]))
     values = np.where(logs, np.exp(np.where(logs, together.mean, 0.0)), together.mean)
@@ -73,6 +79,11 @@ def pooled_result(documents: Sequence[Mapping[str, Any]], model: Model) -> dict[
     }
     correlation = {"names": list(names[0]), "matrix": (covariance / np.outer(sd, sd)).tolist()}
     return first | {"parameters": {**first["parameters"], **entries}, "correlation": correlation}
+
+
+def _parameter(document: Mapping[str, Any], name: str) -> str:
+    """Which parameter an estimate is of: "D (V08)" is one of D."""
+    return str(document["parameters"][name].get("parameter") or name)
 
 
 def _estimates(document: Mapping[str, Any], names: Sequence[str], logs: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_traje
 heap noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality
 judgement draft
 bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread
-drawn scatter stated calculable choice price selection_numbers comparison form_slopes
+drawn scatter stated pairs calculable choice price selection_numbers comparison form_slopes
 sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
 outlook advice sureness
 axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data

@@ -10,6 +10,7 @@ from identify.advice import advise
 from identify.cli.points import Point, points_of
 from identify.errors import SimulationError
 from identify.outcome import Fit
+from identify.pairs import groups_of
 from identify.scene import Scene
 from identify.sureness import sureness
 from identify.tested import Tested
@@ -25,7 +26,7 @@ def with_counsel(scene: Scene, fit: Fit) -> Fit:
     if not fit.converged or not answered:
         return fit
     chosen = max(answered, key=lambda i: (_sticks(logs[i]["derived"]), abs(logs[i]["drive_speed_m_per_s"] or 0.0)))
-    point = _point(scene, result, logs[chosen])
+    point = _point(scene, result, chosen)
     if point is None:
         return fit
     at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
@@ -41,7 +42,8 @@ def _sticks(derived: Mapping[str, Any]) -> bool:
     return bool(derived["amplitude"]["drop"]["value"] is not None)
 
 
-def _point(scene: Scene, result: Mapping[str, Any], log: Mapping[str, Any]) -> Point | None:
+def _point(scene: Scene, result: Mapping[str, Any], number: int) -> Point | None:
+    log, groups = result["logs"][number], groups_of(result, number)
     speed = abs(log["drive_speed_m_per_s"] or 0.0)
-    here = [p for p in points_of(scene, result) if log["path"].endswith(p.name)]
+    here = [p for p in points_of(scene, result) if log["path"].endswith(p.name) and p.groups == groups and not p.untold]
     return next((p for p in here if abs(p.drive_speed - speed) <= 1e-9 * speed), None)

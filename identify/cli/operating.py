@@ -8,6 +8,7 @@ from typing import Any
 
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
 from identify.cli.further import asked_further
+from identify.cli.groups import one_pair
 from identify.cli.points import Point, operating_points, tested_range
 from identify.cli.summary import wrapped
 from identify.outlook import OperatingPoint, outlook, outlooks
@@ -24,13 +25,14 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     if arguments.map:
         from identify.cli.maps import map_answer
 
-        return map_answer(arguments, terminal, part, points, tested_range(arguments))
+        return map_answer(arguments, terminal, part, one_pair(points, "--map"), tested_range(arguments))
     if arguments.data or arguments.range or arguments.points is not None:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
+    shown = one_pair(points, "--plot") if plot else points
     further = asked_further(arguments)
     documents = _outlooks(points)
     for point, document in zip(points, documents, strict=True):
-        terminal.say(f"{document['name']}:")
+        terminal.say(f"{point.title}:")
         told = [document[part], document["closed_forms"]] if part in document else [document]  # alone: no answer
         if part in document:
             found = further(point, tested_range(arguments))
@@ -41,21 +43,28 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     if plot:
         from identify.cli.point_plot import draw
 
-        draw(points[0], [p.drive_speed for p in points], part, plot)
+        draw(shown[0], [p.drive_speed for p in shown], part, plot)
         terminal.say(f"plot: {plot}")
     return Answer(document={"status": "done", "points": documents})
 
 
 def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:
-    """The answers at each point, as `identify.outlook` gives them; they share what they have in common.
+    """The answers at each point, as `identify.outlook` gives them; points of one pair share what they have in common.
 
     Raises:
         SimulationError: no answer at the only point.
     """
-    names, model = points[0].names, points[0].model
-    at = [OperatingPoint(p.values, p.drive_speed, p.normal_force, p.covariance) for p in points]
-    if len(points) == 1:
-        found = [outlook(model, at[0].values, at[0].drive_speed, at[0].normal_force, at[0].covariance, names)]
+    if len(points) == 1 and not points[0].untold:
+        p = points[0]
+        found = {p.groups: [outlook(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]}
     else:
-        found = outlooks(model, at, names)
-    return [{"name": point.name, **document} for point, document in zip(points, found, strict=True)]
+        found = {groups: _of_pair([p for p in points if p.groups == groups]) for groups in {p.groups for p in points}}
+    left = {groups: iter(documents) for groups, documents in found.items()}
+    return [{"name": p.name} | ({"group": dict(p.groups)} if p.groups else {}) | next(left[p.groups]) for p in points]
+
+
+def _of_pair(points: Sequence[Point]) -> list[dict[str, Any]]:
+    if points[0].untold:
+        return [{"text": f"no answer: {points[0].untold}"} for _ in points]
+    at = [OperatingPoint(p.values, p.drive_speed, p.normal_force, p.covariance) for p in points]
+    return outlooks(points[0].model, at, points[0].names)

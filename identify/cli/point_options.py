@@ -24,6 +24,14 @@ def add_point_arguments(parser: ArgumentParser) -> None:
         help='operating point, repeatable: drive_speed="1 mm/s", normal_force, or any parameter (default: each log)',
     )
     parser.add_argument(
+        "--group",
+        action="append",
+        default=[],
+        metavar="GROUP",
+        help="of a fit whose parameters differ between groups: this one alone, as V08 or volunteer=V08, repeatable "
+        "(default: each)",
+    )
+    parser.add_argument(
         "--without",
         action="append",
         default=[],

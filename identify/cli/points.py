@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from identify.axes import Site
 from identify.calculable import check_calculable
 from identify.cli.common import CommandLineError, quantity
-from identify.cli.results import log_of, read_result, scene_of
+from identify.cli.groups import of_groups
+from identify.cli.results import place_of, read_result, scene_of
+from identify.pairs import Groups, Pair, named, pair_of
 from identify.scatter import pooled_result
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
@@ -34,7 +36,8 @@ POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
 class Point:
     """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
 
-    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it.
+    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it; groups: of the log,
+    by what the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has.
     """
 
     name: str
@@ -46,6 +49,13 @@ class Point:
     names: tuple[str, ...]
     area: float | None = None
     area_exponent: float = 0.0
+    groups: Groups = ()
+    untold: str = ""
+
+    @property
+    def title(self) -> str:
+        """Its name, with its group where there are several."""
+        return f"{self.name} ({named(self.groups)})" if self.groups else self.name
 
     @property
     def site(self) -> Site:
@@ -54,7 +64,8 @@ class Point:
 
 
 def operating_points(arguments: Namespace) -> list[Point]:
-    """One point per log, changed by --at; a drive speed given there makes it one point.
+    """One point per log, changed by --at; a drive speed given there makes it one point, of every group where parameters
+    differ between groups.
 
     Raises:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
@@ -66,11 +77,15 @@ def operating_points(arguments: Namespace) -> list[Point]:
     scene = without(arguments.without, _settled(scene, document))
     check_calculable(scene.model)
     changes = at_values(arguments.at, scene)
-    points = _points(scene, changes, document)
+    points = of_groups(arguments.group, _points(scene, changes, document))
     if changes:
-        _check_order(points[0].values)
-    if "drive_speed" in changes or len({(p.drive_speed, p.normal_force) for p in points}) == 1:
-        return [replace(points[0], name="the operating point")] if len(points) > 1 else points
+        for point in points:
+            _check_order(point.values)
+    if len(points) > 1 and (
+        "drive_speed" in changes or len({(p.drive_speed, p.normal_force, p.groups, p.untold) for p in points}) == 1
+    ):
+        first = {point.groups: point for point in reversed(points) if not point.untold}
+        points = [replace(point, name="the operating point") for point in reversed(first.values())] or points[:1]
     return points
 
 
@@ -171,15 +186,18 @@ def _check_order(values: Mapping[str, float]) -> None:
 
 
 def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[Point]:
-    estimates = _estimates(document)
-    covariance, names = _covariance(document)
     parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
     declared = scene.model.parameter_names
     points = []
     for number, entry in enumerate(scene.logs or (None,)):
-        said = log_of(document, number) if document and entry else {}
+        place = place_of(document, number) if document and entry else None
+        said = document["logs"][place] if document and place is not None else {}
+        pair = pair_of(document, scene, place or 0) if document else Pair()
+        names, covariance = pair.names, pair.covariance
         name = entry.path.name if entry else "the rig of the scene"
-        values = scene.values(entry) | {key: value for key, value in estimates.items() if key in declared} | parameters
+        values = (
+            scene.values(entry) | {key: value for key, value in pair.values.items() if key in declared} | parameters
+        )
         load = _normal_force(scene, entry, changes, said)
         for speed in _speeds(scene, entry, changes):
             check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
@@ -197,6 +215,8 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
                     names=tuple(names[i] for i in kept),
                     area=scene.contact.area_at(load),
                     area_exponent=scene.contact.exponent or 0.0,
+                    groups=pair.groups,
+                    untold=pair.untold,
                 )
             )
     return points
@@ -224,20 +244,3 @@ def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, fl
 
     record = read_log(entry.path, entry.step, entry.units, entry.columns, run=entry.run)
     return float(np.nanmedian(record.normal_force))
-
-
-def _estimates(document: Mapping[str, Any] | None) -> dict[str, float]:
-    parameters = document["parameters"] if document else {}
-    return {name: entry["value"] for name, entry in parameters.items() if entry["value"] is not None}
-
-
-def _covariance(document: Mapping[str, Any] | None) -> tuple[Array | None, tuple[str, ...]]:
-    """Covariance of the estimates, SI; None where one of them has no standard error."""
-    if not document or not (document.get("correlation") or {}).get("names"):
-        return None, ()
-    names = tuple(document["correlation"]["names"])
-    errors = [document["parameters"][name]["standard_error"] for name in names]
-    matrix = np.array(document["correlation"]["matrix"], dtype=float)
-    if any(error is None for error in errors) or not np.all(np.isfinite(matrix)):
-        return None, ()
-    return np.outer(errors, errors) * matrix, names

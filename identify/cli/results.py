@@ -33,13 +33,13 @@ def read_result(path: Path) -> dict[str, Any]:
     return dict(document)
 
 
-def log_of(document: Mapping[str, Any], number: int) -> dict[str, Any]:
-    """What a result says of log `number` (from 0) of its scene: of its first stroke, where it was cut into strokes."""
+def place_of(document: Mapping[str, Any], number: int) -> int:
+    """Where a result has log `number` (from 0) of its scene: its first stroke, where it was cut into strokes."""
     logs = document["logs"]
-    mine = [log for log in logs if log.get("part_of") == number + 1]
-    whole = [log for log in logs if "part_of" not in log]
+    mine = [place for place, log in enumerate(logs) if log.get("part_of") == number + 1]
+    whole = [place for place, log in enumerate(logs) if "part_of" not in log]
     before = len({log["part_of"] for log in logs if "part_of" in log and log["part_of"] <= number})
-    return dict(mine[0] if mine else whole[number - before])
+    return mine[0] if mine else whole[number - before]
 
 
 def scene_of(document: Mapping[str, Any], path: Path) -> Scene:

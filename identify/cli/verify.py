@@ -12,7 +12,7 @@ from typing import Any
 from data_io.digest import file_sha256
 from data_io.whereabouts import digest_of, log_is_at
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
-from identify.cli.results import log_of, read_result, scene_of
+from identify.cli.results import place_of, read_result, scene_of
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
@@ -43,7 +43,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     check_unedited(path)
     moved = {digest_of(there(Path(log))): Path(log) for log in arguments.logs}
     logs = [
-        replace(entry, path=unchanged(entry.path, log_of(stored, number)["sha256"], moved))
+        replace(entry, path=unchanged(entry.path, stored["logs"][place_of(stored, number)]["sha256"], moved))
         for number, entry in enumerate(scene.logs)
     ]
     seed, asked = stored["provenance"].get("seed"), Asked.again(stored["provenance"].get("asked"))

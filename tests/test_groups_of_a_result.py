@@ -1,0 +1,186 @@
+"""A fit whose parameters differ between groups: every answer asked of its result is that of the log's own group."""
+
+from __future__ import annotations
+
+import copy
+import json
+
+import numpy as np
+import pytest
+
+from identify import Scene, examples
+from identify.cli.main import main
+from identify.outlook import outlook
+from identify.pairs import pair_of
+
+OFFSET = -0.19  # of mu_k0 from mu_s
+SHARED = {"delta_mu_k": -0.13, "a": 300.0, "t_cr": 0.5}
+OWN = {"A": {"mu_s": 0.62, "D": 37.4e-6}, "B": {"mu_s": 0.66, "D": 60e-6}}
+KEYS = ("mu_s", "delta_mu_k", "a", "D", "t_cr", "mu_s (B)", "D (B)")
+OF_PAIR = {"A": (0, 1, 2, 3, 4), "B": (5, 1, 2, 6, 4)}
+SPEEDS = (1e-3, 2e-3)
+LOGS = [(group, speed) for group in OWN for speed in SPEEDS]
+VALUE = np.array([0.62, -0.13, 300.0, 37.4e-6, 0.5, 0.66, 60e-6])
+ERRORS = 2e-3 * np.abs(VALUE)
+_MIX = np.random.default_rng(5).standard_normal((7, 7))
+MATRIX = _MIX @ _MIX.T / np.sqrt(np.outer(np.diag(_MIX @ _MIX.T), np.diag(_MIX @ _MIX.T)))
+
+
+def document():
+    scene = Scene.from_toml(examples.SCENE).as_document()
+    scene["parameters"]["mu_k0"] = {"tie": {"to": "mu_s", "offset": OFFSET}}
+    for name in ("mu_s", "D"):
+        scene["parameters"][name] = {"per": "volunteer"}
+    scene["logs"] = [
+        {"path": f"{group}_{speed}.csv", "drive_speed": speed, "labels": {"volunteer": group}} for group, speed in LOGS
+    ]
+    known = {"unit": "", "interval": None, "verdict": "identified"}
+    parameters = {
+        key: {"value": float(value), "standard_error": float(error), **known}
+        for key, value, error in zip(KEYS, VALUE, ERRORS, strict=True)
+    }
+    for name in ("mu_s", "D"):
+        parameters[name] |= {"group": "A", "per": "volunteer"}
+        parameters[f"{name} (B)"] |= {"group": "B", "per": "volunteer", "parameter": name}
+    parameters["mu_k0"] = {"value": 0.62 + OFFSET, "standard_error": float(ERRORS[0]), **known}  # as older results have
+    logs = [
+        {
+            "path": f"{group}_{speed}.csv",
+            "sha256": "",
+            "labels": {"volunteer": group},
+            "normal_force_N": 1.0,
+            "drive_speed_m_per_s": speed,
+            "reason_left_out": None,
+        }
+        for group, speed in LOGS
+    ]
+    return {
+        "schema": 1,
+        "status": "converged",
+        "parameters": parameters,
+        "correlation": {"names": list(KEYS), "matrix": MATRIX.tolist()},
+        "logs": logs,
+        "provenance": {"scene": scene},
+    }
+
+
+def drop_at(group, speed, changed=None):
+    """The truth: drop [N] of a pair, each parameter of it moved by what `changed` (5,) says."""
+    names = [KEYS[i].removesuffix(" (B)") for i in OF_PAIR[group]]
+    moved = np.array([VALUE[i] for i in OF_PAIR[group]]) + (0.0 if changed is None else changed)
+    scene = Scene.from_toml(examples.SCENE)
+    values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
+    values["mu_k0"] = values["mu_s"] + OFFSET
+    return outlook(scene.model, values, speed, 1.0)["amplitude"]["drop"]["value"]
+
+
+def spread_of_drop(group, speed):
+    """Its standard deviation by differences of the whole, mu_k0 going with mu_s."""
+    places = list(OF_PAIR[group])
+    steps = 1e-4 * np.abs(VALUE[places])
+    slopes = [
+        (drop_at(group, speed, step * unit) - drop_at(group, speed, -step * unit)) / (2 * step)
+        for step, unit in zip(steps, np.eye(5), strict=True)
+    ]
+    covariance = (MATRIX * np.outer(ERRORS, ERRORS))[np.ix_(places, places)]
+    return float(np.sqrt(np.array(slopes) @ covariance @ np.array(slopes)))
+
+
+@pytest.fixture
+def path(tmp_path):
+    place = tmp_path / "result.json"
+    place.write_text(json.dumps(document()))
+    return str(place)
+
+
+def points(capsys, *arguments):
+    assert main([*arguments, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)["points"]
+
+
+def test_each_log_is_answered_by_its_own_group_and_covariance(path, capsys):
+    found = points(capsys, "amplitude", "--result", path)
+    assert [p["group"]["volunteer"] for p in found] == [group for group, _ in LOGS]
+    for (group, speed), point in zip(LOGS, found, strict=True):
+        drop = point["amplitude"]["drop"]
+        assert drop["value"] == pytest.approx(drop_at(group, speed), rel=1e-6)
+        width = np.log(drop["interval"][1] / drop["interval"][0]) / (2 * 1.959964)
+        assert width * drop["value"] == pytest.approx(spread_of_drop(group, speed), rel=1e-3), group
+
+
+def test_one_operating_point_is_answered_for_each_group(path, capsys):
+    found = points(capsys, "stability", "--result", path, "--at", "drive_speed=1.5 mm/s", "--advice")
+    assert [p["group"]["volunteer"] for p in found] == ["A", "B"]
+    assert [p["amplitude"]["drop"]["value"] for p in found] == pytest.approx(
+        [drop_at(group, 1.5e-3) for group in OWN], rel=1e-6
+    )
+    limits = [p["advice"]["changes"][0]["limit"]["value"] for p in found]
+    assert limits == pytest.approx([p["stability"]["critical_speed"]["value"] for p in found], rel=1e-5)
+    assert abs(limits[1] / limits[0] - 1) > 1e-4
+    alone = points(capsys, "amplitude", "--result", path, "--at", "drive_speed=1.5 mm/s", "--group", "volunteer=B")
+    assert [p["amplitude"]["drop"]["value"] for p in alone] == [found[1]["amplitude"]["drop"]["value"]]
+
+
+def test_words_name_the_group(path, capsys):
+    assert main(["amplitude", "--result", path, "--at", "drive_speed=1 mm/s"]) == 0
+    said = capsys.readouterr().out
+    assert "the operating point (volunteer A):" in said and "the operating point (volunteer B):" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--map", "drive_speed"], ("--map", "volunteer A; volunteer B", '--group "volunteer=A"')),
+        (["--plot", "x.png"], ("--plot", "volunteer A; volunteer B")),
+        (["--group", "C"], ("'C'", "volunteer A; volunteer B")),
+    ],
+)
+def test_one_group_is_asked_for_where_only_one_can_be_shown(path, capsys, arguments, words):
+    assert main(["amplitude", "--result", path, *arguments]) == 2
+    said = capsys.readouterr().err
+    assert all(word in said for word in words) and said.count("\n") == 1
+
+
+def test_a_map_of_the_second_group_is_its_own(path, capsys):
+    ends = []
+    for group in OWN:
+        asked = ["stability", "--result", path, "--map", "drive_speed", "--points", "12", "--group", group, "--json"]
+        assert main(asked) == 0
+        ends.append(json.loads(capsys.readouterr().out)["map"]["end_of_stick_slip"][0]["value"])
+    single = points(capsys, "stability", "--result", path, "--at", "drive_speed=1 mm/s")
+    assert ends == pytest.approx([p["stability"]["critical_speed"]["value"] for p in single], rel=1e-5)
+
+
+def test_a_log_whose_group_has_no_values_is_not_answered_by_another(path, capsys, tmp_path):
+    told = document()
+    told["logs"][3]["labels"] = {"volunteer": "C"}
+    (tmp_path / "result.json").write_text(json.dumps(told))
+    found = points(capsys, "amplitude", "--result", path)
+    assert "amplitude" in found[2] and "amplitude" not in found[3]
+    assert "tells mu_s of A, B only, and this log is of volunteer C" in found[3]["text"]
+
+
+def test_a_parameter_of_every_log_goes_by_the_number_of_the_log():
+    told = copy.deepcopy(document())
+    for key, entry in told["parameters"].items():
+        if entry.get("per"):
+            entry |= {"per": "log", "group": "log 3" if key.endswith("(B)") else "log 1"}
+    scene = Scene.from_document(told["provenance"]["scene"])
+    assert pair_of(told, scene, 2).values["D"] == 60e-6
+    assert pair_of(told, scene, 0).values["mu_k0"] == pytest.approx(0.43)
+    assert "log 2 has none" in pair_of(told, scene, 1).untold
+
+
+def test_results_are_pooled_group_by_group(path, capsys, tmp_path):
+    other = document()
+    other["parameters"]["mu_s (B)"]["value"] = 0.67
+    (tmp_path / "other.json").write_text(json.dumps(other))
+    found = points(capsys, "amplitude", "--result", path, str(tmp_path / "other.json"))
+    between = [drop_at("B", 1e-3, np.array([x, 0, 0, 0, 0])) for x in (0.0, 0.01)]
+    assert found[0]["amplitude"]["drop"]["value"] == pytest.approx(drop_at("A", 1e-3), rel=1e-6)
+    assert min(between) < found[2]["amplitude"]["drop"]["value"] < max(between)
+    for key in ("mu_s", "D"):
+        other["parameters"][key]["group"], other["parameters"][f"{key} (B)"]["group"] = "B", "A"
+    (tmp_path / "other.json").write_text(json.dumps(other))
+    assert main(["amplitude", "--result", path, str(tmp_path / "other.json")]) == 2
+    assert "other groups of logs" in capsys.readouterr().err
