@@ -27,7 +27,7 @@ def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Any
     names, ties = [unknowns.names[i] for i in free], _ties(unknowns)
     points: list[OperatingPoint | str] = []
     for number, log in enumerate(prepared):
-        mine = _of_log(number, log, found)
+        mine = of_log(number, log, found)
         if isinstance(mine, str):
             points.append(mine)
             continue
@@ -54,7 +54,7 @@ def _ties(unknowns: Unknowns) -> dict[str, Tie]:
     }
 
 
-def _of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] | str:
+def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] | str:
     """Theta (n_p,) of one log and the covariance (f, f) of its free parameters, its own group's among them; a sentence
     where the log took no part and its group has no values."""
     attempt, sure, names = found.attempt, found.sure, found.unknowns.names

@@ -94,13 +94,19 @@ def _sentence(document: Mapping[str, Any], log: int, name: str) -> str:
 
 
 def _covariance(document: Mapping[str, Any], keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
-    """Names and covariance [SI] of what was estimated of a pair; None where one of them has no standard error."""
+    """Names and covariance [SI] of what was estimated of a pair; None where one of them has no standard error.
+
+    The errors are those of the correlation; older results tell those of the parameters only, which a profile may have
+    given.
+    """
     told = document.get("correlation") or {}
     order = list(told.get("names") or ())
     names = tuple(name for name, key in keys.items() if key in order)
-    errors = [document["parameters"][keys[name]]["standard_error"] for name in names]
-    if not names or any(error is None for error in errors):
-        return (), None
+    open_ = any(document["parameters"][keys[name]]["standard_error"] is None for name in names)
     places = [order.index(keys[name]) for name in names]
+    own = told.get("standard_errors")
+    errors = [own[i] if own else document["parameters"][order[i]]["standard_error"] for i in places]
+    if not names or open_ or any(error is None for error in errors):
+        return (), None
     matrix = np.array(told["matrix"], dtype=float)[np.ix_(places, places)]
     return (names, np.outer(errors, errors) * matrix) if np.all(np.isfinite(matrix)) else ((), None)

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from identify.attempt import Clock
 from identify.choice import Choice, as_listed, document_of
+from identify.creep import creep_velocities
 from identify.depth import depth_document, profile_ends
 from identify.findings import Findings
 from identify.held import held_document
-from identify.level import LEVEL, NORMAL
+from identify.level import LEVEL
 from identify.log_document import log_document
 from identify.log_outlook import outlooks_of
 from identify.model import RIG_PARAMETERS
@@ -58,7 +59,7 @@ def document(
         "correlation": _correlation(found) if converged else None,
         "gate": _gate(found),
         "fit": _fit(found),
-        "derived": _derived(found) if converged else {},
+        "derived": creep_velocities(prepared, found) if converged else {},
         "logs": [
             log_document(scene, i, log, found, answer)
             for i, (log, answer) in enumerate(zip(prepared, outlooks_of(prepared, found), strict=True))
@@ -121,12 +122,12 @@ def _parameters(found: Findings, converged: bool) -> dict[str, Any]:
     out = {e.name: _parameter(e, converged) for e in _told(found)}
     if found.sure is None or not found.sure.shares:
         return out
-    names = found.unknowns.names
+    names, per = found.unknowns.names, found.unknowns.per
     for share in found.sure.shares:
         if share.place < 0:
-            out[names[share.index]] |= {"group": share.group, "per": found.unknowns.per[share.index]}
+            out[names[share.index]] |= {"group": share.group, "per": per[share.source]}
     for share, estimate in found.sure.of_groups:
-        told = {"group": share.group, "per": found.unknowns.per[share.index], "parameter": names[share.index]}
+        told = {"group": share.group, "per": per[share.source], "parameter": names[share.index]}
         out[estimate.name] = _parameter(estimate, converged) | told
     return out
 
@@ -161,17 +162,26 @@ def _parameter(estimate: Estimate, converged: bool) -> dict[str, Any]:
 
 
 def _correlation(found: Findings) -> dict[str, Any] | None:
+    """Correlation of all estimates and the standard errors [SI] that go with it. A profile may give a parameter another
+    error than the covariance has; the correlation times that one would be no covariance any more."""
     if found.covariance is None:
         return None
-    names = [found.unknowns.names[i] for i in np.flatnonzero(found.unknowns.free)]
-    covariance = found.covariance
+    free = np.flatnonzero(found.unknowns.free).tolist()
+    by_name = {e.name: e for e in found.estimates}
+    told = [by_name[found.unknowns.names[i]] for i in free]
+    covariance, index = found.covariance, free
     if found.sure is not None and found.sure.of_groups:
-        beyond = [len(names) + share.place for share, _ in found.sure.of_groups]
-        order = [*range(len(names)), *beyond]
-        names += [estimate.name for _, estimate in found.sure.of_groups]
+        beyond = [(share, e) for share, e in found.sure.of_groups if not share.tied]
+        order = [*range(len(free)), *(len(free) + share.place for share, _ in beyond)]
+        told, index = told + [e for _, e in beyond], free + [share.index for share, _ in beyond]
         covariance = found.sure.joint[np.ix_(order, order)]
     sd = np.sqrt(np.diag(covariance))
-    return {"names": names, "matrix": (covariance / np.outer(sd, sd)).tolist()}
+    size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in told], dtype=float), 1.0)
+    return {
+        "names": [e.name for e in told],
+        "matrix": (covariance / np.outer(sd, sd)).tolist(),
+        "standard_errors": [_finite(error) for error in (size * sd).tolist()],
+    }
 
 
 def _gate(found: Findings) -> dict[str, Any] | None:
@@ -209,26 +219,6 @@ def _fit(found: Findings) -> dict[str, Any] | None:
     }
 
 
-def _derived(found: Findings) -> dict[str, Any]:
-    """What follows from the parameters alone: the creep velocity D/t_cr."""
-    names = found.unknowns.names
-    open_ = [e.name for e in found.estimates if e.name in ("D", "t_cr") and e.verdict == "not identifiable"]
-    if found.attempt is None or found.covariance is None or not {"D", "t_cr"} <= set(names):
-        return {}
-    theta = found.attempt.solved.theta
-    log_ratio = float(theta[names.index("D")] - theta[names.index("t_cr")])
-    free = np.flatnonzero(found.unknowns.free)
-    slope = (free == names.index("D")).astype(float) - (free == names.index("t_cr")).astype(float)
-    half = NORMAL * math.sqrt(float(slope @ found.covariance @ slope))
-    ends = [_finite(_exp(log_ratio - half)), _finite(_exp(log_ratio + half))]
-    validity = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
-    if open_:
-        reason = f"interval open: these data do not tell {' and '.join(open_)}"
-        value = {"value": math.exp(log_ratio), "unit": "m/s", "interval": [None, None], "validity": validity}
-        return {"v_cr": value | {"reason": reason}}
-    return {"v_cr": {"value": math.exp(log_ratio), "unit": "m/s", "interval": ends, "validity": validity}}
-
-
 def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
     """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
     assert found.information is not None and found.attempt is not None and found.covariance is not None
@@ -259,10 +249,6 @@ def _shifts(found: Findings, move: Array) -> dict[str, Any]:
             "in_standard_errors": shift / error if error else None,
         }
     return out
-
-
-def _exp(x: float) -> float:
-    return math.exp(x) if x < 700 else math.inf
 
 
 def _finite(x: float) -> float | None:

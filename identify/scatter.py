@@ -77,7 +77,8 @@ def pooled_result(documents: Sequence[Mapping[str, Any]], model: Model) -> dict[
         name: {**first["parameters"][name], "value": float(value), "standard_error": float(error)}
         for name, value, error in zip(names[0], values, sd, strict=True)
     }
-    correlation = {"names": list(names[0]), "matrix": (covariance / np.outer(sd, sd)).tolist()}
+    matrix = (covariance / np.outer(sd, sd)).tolist()
+    correlation = {"names": list(names[0]), "matrix": matrix, "standard_errors": sd.tolist()}
     return first | {"parameters": {**first["parameters"], **entries}, "correlation": correlation}
 
 
@@ -91,7 +92,8 @@ def _estimates(document: Mapping[str, Any], names: Sequence[str], logs: NDArray[
     own = list(document["correlation"]["names"])
     order = [own.index(name) for name in names]
     values = np.array([document["parameters"][name]["value"] for name in names], dtype=float)
-    errors = np.array([document["parameters"][name]["standard_error"] for name in names], dtype=float)
+    told = document["correlation"].get("standard_errors") or [document["parameters"][n]["standard_error"] for n in own]
+    errors = np.array(told, dtype=float)[order]
     scale = np.where(logs, values, 1.0)
     matrix = np.array(document["correlation"]["matrix"], dtype=float)[np.ix_(order, order)]
     return np.where(logs, np.log(np.where(logs, values, 1.0)), values), matrix * np.outer(

@@ -172,7 +172,10 @@ def estimates(
     for i, declared in enumerate(unknowns.model.parameters):
         value, name, unit = float(values[i]), declared.name, declared.unit
         if source[i] != i:
-            out.append(_tied(unknowns, i, value, theta, base, sd, quantile, float(size_of[i])))
+            to, share = source[i], quantile * sd[source[i]]
+            followed = profiles.get(unknowns.names[to], Interval(theta[to] - share, theta[to] + share))
+            known = None if unknowns.names[to] in profiles else sd[to]
+            out.append(_tied(unknowns, i, value, base, followed, known, float(size_of[i])))
             continue
         if i not in sd:
             out.append(Estimate(name, unit, value, None, None, None, "fixed", "not estimated"))
@@ -209,23 +212,18 @@ def sizes(unknowns: Unknowns, values: Array) -> Array:
 
 
 def _tied(
-    unknowns: Unknowns,
-    i: int,
-    value: float,
-    theta: Array,
-    base: Array,
-    sd: Mapping[int, float],
-    quantile: float,
-    size: float,
+    unknowns: Unknowns, i: int, value: float, base: Array, followed: Interval, sd: float | None, size: float
 ) -> Estimate:
-    """The estimate of a parameter that follows another one: as sure as that one."""
+    """The estimate of a parameter that follows another one: as sure as that one, whose interval of theta and standard
+    deviation are given (None: a profile gave the interval, and the error is its half width)."""
     declared, to = unknowns.model.parameters[i], int(unknowns.source[i])
-    reason = f"tied to {unknowns.names[to]}"
-    low, high = (parameter_value(unknowns, i, theta[to] + side * quantile * sd[to], base[i]) for side in (-1, 1))
-    verdict = _verdict(value, low, high, size, declared.scale == "log")
+    logarithmic, reason = declared.scale == "log", f"tied to {unknowns.names[to]}"
+    interval, _ = _within_walls(unknowns, to, followed)
+    low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
+    verdict = _verdict(value, low, high, size, logarithmic)
     if verdict == "not identifiable" or low is None or high is None:
         return Estimate(declared.name, declared.unit, value, None, None, None, "not identifiable", reason)
-    error = sd[to] * (value if declared.scale == "log" else 1.0)
+    error = (high - low) / (2 * NORMAL) if sd is None else sd * (value if logarithmic else 1.0)
     return Estimate(declared.name, declared.unit, value, float(error), low, high, verdict, reason)
 
 

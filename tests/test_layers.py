@@ -36,7 +36,7 @@ attempt inward status_words events joining ranking search valleys profile widene
 allowed hanging letting_go agreeing fine_enough worth_a_walk examined certainty
 fitted held_out taken_over nested weighing screening
 selection_words compared_models selection suspects restraints diagnosis preview depth
-findings second_look log_outlook worth log_document result_notes result identification
+findings second_look log_outlook creep worth log_document result_notes result identification
 report
 comparing
 batch

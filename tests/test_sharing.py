@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,10 +13,12 @@ import shooting_case as case
 
 from data_io import Record
 from identify.attempt import Clock
+from identify.cli.main import main
 from identify.effects import MAIN
 from identify.errors import SceneError
 from identify.identification import find, fit
 from identify.layout import kept_parameters
+from identify.log_outlook import outlooks_of
 from identify.outcome import Status
 from identify.scene import Scene
 
@@ -122,6 +125,11 @@ def test_the_document_names_every_group():
     )
     assert document["correlation"]["names"][-2:] == ["mu_s (B)", "D (B)"]
     assert len(document["correlation"]["matrix"]) == 8
+    creep = document["derived"]
+    for key in ("v_cr", "v_cr (B)"):
+        size = document["parameters"][key.replace("v_cr", "D")]["value"]
+        assert creep[key]["value"] == pytest.approx(size / document["parameters"]["t_cr"]["value"], rel=1e-9)
+        assert creep[key]["interval"][0] < creep[key]["value"] < creep[key]["interval"][1]
     drops = [log["derived"]["amplitude"]["drop"]["value"] for log in document["logs"]]
     assert drops[2] > 1.05 * drops[0], "each log's stability and amplitude are those of its own group"
 
@@ -136,6 +144,67 @@ def test_a_tied_parameter_follows(free):
     # One freedom fewer: the others are known better, and the misfit is hardly larger.
     assert found.covariance.shape == (5, 5)
     assert found.attempt.solved.solution.cost - free.attempt.solved.solution.cost < 8.0
+
+
+@lru_cache(maxsize=1)
+def _tied_groups():
+    """Scene, records and result of mu_s per volunteer, mu_k0 a step below it; the truth of B: 0.66 and 0.47."""
+    pairs = {"A": case.PAIR, "B": case.PAIR | {"mu_s": 0.66, "mu_k0": 0.47}}
+    records = []
+    for number, pair in enumerate(pairs.values()):
+        for place, speed in enumerate(SPEEDS):
+            log = case.simulated(pair, *speed)
+            noise = np.random.default_rng((7, number, place)).standard_normal(log.time.size)
+            records.append(Record(log.time, np.full(log.time.size, 1.0), log.force + case.NOISE * noise))
+    scene = _scene({"mu_s": {"per": "volunteer"}, "mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}})
+    return scene, records, fit(scene, records).result
+
+
+def test_a_tied_parameter_is_told_for_every_group():
+    *_, document = _tied_groups()
+    told = document["parameters"]
+    for name, to, group, truth in (("mu_k0", "mu_s", "A", 0.43), ("mu_k0 (B)", "mu_s (B)", "B", 0.47)):
+        entry = told[name]
+        assert (entry["group"], entry["per"], entry["verdict"]) == (group, "volunteer", "identified"), name
+        assert abs(entry["value"] - truth) < 4 * entry["standard_error"]
+        assert entry["value"] == pytest.approx(told[to]["value"] - 0.19, abs=1e-12)
+        assert entry["standard_error"] == pytest.approx(told[to]["standard_error"], rel=1e-9)
+        assert entry["interval"] == pytest.approx([end - 0.19 for end in told[to]["interval"]], abs=1e-12)
+    assert told["mu_k0 (B)"]["parameter"] == "mu_k0" and told["mu_k0 (B)"]["reason"] == "tied to mu_s (B)"
+    assert document["correlation"]["names"][-1] == "mu_s (B)", "what is tied has no error of its own"
+
+
+def test_the_answers_of_the_logs_are_those_that_the_commands_give(tmp_path, capsys):
+    """Both carry the joint covariance of the group and of what is tied; they get there by different ways."""
+    *_, document = _tied_groups()
+    (tmp_path / "result.json").write_text(json.dumps(document))
+    assert main(["amplitude", "--result", str(tmp_path / "result.json"), "--json"]) == 0
+    asked = [point["amplitude"]["drop"] for point in json.loads(capsys.readouterr().out)["points"]]
+    stored = [log["derived"]["amplitude"]["drop"] for log in document["logs"]]
+    assert [drop["value"] for drop in asked] == pytest.approx([drop["value"] for drop in stored], rel=1e-9)
+    for one, other in zip(asked, stored, strict=True):
+        assert one["interval"] == pytest.approx(other["interval"], rel=1e-7)
+
+
+def test_a_log_that_took_no_part_is_answered_by_its_own_group_or_not_at_all():
+    scene, records, _ = _tied_groups()
+    prepared, found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)
+    whole = outlooks_of(prepared, found)
+    left = replace(found, attempt=replace(found.attempt, logs=(0, 1, 2)))
+    answers = outlooks_of(prepared, left)
+    drops = [told[3]["amplitude"]["drop"]["value"] for told in (answers, whole)]
+    assert drops[0] == pytest.approx(drops[1], rel=1e-6)
+    sure = replace(found.sure, shares=[share for share in found.sure.shares if share.group == "A"])
+    answers = outlooks_of(prepared, replace(left, attempt=replace(found.attempt, logs=(0, 1)), sure=sure))
+    assert "amplitude" in answers[1]
+    assert answers[3] == {"text": "No answer: this log took no part, and no other log tells mu_s of B."}
+
+
+def test_the_creep_velocity_of_a_tied_parameter_is_that_of_its_values():
+    document = fit(_scene({"D": {"tie": {"to": "t_cr", "factor": 75e-6}}}, "A"), _records()[:2]).result
+    assert document["status"] == "converged", document["message"]
+    assert document["derived"]["v_cr"]["value"] == pytest.approx(75e-6, rel=1e-9)
+    assert document["derived"]["v_cr"]["interval"] == pytest.approx([75e-6, 75e-6], rel=1e-9)
 
 
 def test_a_prior_pulls_as_bayes_says(free):
