@@ -362,3 +362,27 @@ def test_the_page_of_a_batch_that_cannot_be_compared(tmp_path):
 def test_a_question_without_an_answer_is_refused():
     with pytest.raises(CompareError, match="no fit was found"):
         compare((), Question("material"))
+
+
+def test_what_too_few_fits_tell_is_not_called_untold(tmp_path):
+    one = draw(SMALL, np.random.default_rng(0))
+    for i, material in enumerate(("M1", "M2")):
+        write_fit(tmp_path / material, document(one.y[i], one.noise[i], {"material": material}))
+    found = compare(read_fits([tmp_path]), Question("material"))
+    for answer in group_answers(found, common(found)):
+        assert answer.reason == (
+            "D, a, delta_mu_k, mu_k0, mu_s, t_cr are not pooled: 2 fits were found for 2 means and covariates; "
+            "expected more fits: add runs"
+        )
+
+
+def test_what_no_fit_of_a_group_tells_is_called_untold(tmp_path):
+    one = draw(SMALL, np.random.default_rng(0))
+    for i in range(6):
+        told = document(one.y[i], one.noise[i], {"material": "M1" if i < 3 else "M2"})
+        if i < 3:
+            told["parameters"]["D"] |= {"verdict": "not identifiable", "standard_error": None, "interval": [None, None]}
+        write_fit(tmp_path / str(i), told)
+    found = compare(read_fits([tmp_path]), Question("material"))
+    reasons = {answer.group: answer.reason for answer in group_answers(found, common(found))}
+    assert reasons == {"M1": "its fits do not tell D", "M2": ""}

@@ -103,13 +103,31 @@ def group_answers(comparison: Comparison, ground: Common) -> tuple[GroupAnswer, 
 
 
 def _lacking(comparison: Comparison, ground: Common, group: str, names: Sequence[str]) -> str:
-    """Why a group has no answer: a parameter of the model that its fits neither tell nor fix."""
+    """Why a group has no answer: parameters of the model that its fits neither tell nor fix, or that its fits tell and
+    nobody could pool."""
     missing = [name for name in names if group not in comparison.answered[name].design.groups]
-    fixed = set(ground.values)
     tried = {name for entry in comparison.taken.entries for name in entry.document["parameters"]}
-    untold = [n for n in tried if n in ground.model.parameter_names and n not in names and not _is_fixed(comparison, n)]
-    lost = missing + [n for n in untold if n in fixed]
-    return f"its fits do not tell {', '.join(sorted(set(lost)))}" if lost else ""
+    lost = [n for n in tried if n in ground.values and n not in names and not _is_fixed(comparison, n)]
+    lost = [n for n in lost if n in ground.model.parameter_names]
+    reasons = {q.quantity.name: q.reason for q in comparison.quantities if q.pooled is None}
+    apart: dict[str, list[str]] = {}
+    for name in sorted(set(missing + lost)):
+        why = reasons.get(name) if _told_in(comparison, group, name) else None
+        apart.setdefault(why or "", []).append(name)
+    sentences = [
+        f"{', '.join(found)} {'is' if len(found) == 1 else 'are'} not pooled: {why}"
+        if why
+        else f"its fits do not tell {', '.join(found)}"
+        for why, found in apart.items()
+    ]
+    return "; ".join(sentences)
+
+
+def _told_in(comparison: Comparison, group: str, name: str) -> bool:
+    """Whether a fit of the group tells the parameter."""
+    index = next((k for k, q in enumerate(comparison.values.quantities) if q.name == name), None)
+    mine = [i for i, g in enumerate(comparison.taken.setting.group) if g == group]
+    return index is not None and bool(np.any(np.isfinite(comparison.values.y[mine, index])))
 
 
 def _is_fixed(comparison: Comparison, name: str) -> bool:
