@@ -1,6 +1,7 @@
 """What users read: intervals whose ends differ, one unit per kind of quantity, an operating point, no contradiction."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -12,7 +13,7 @@ from identify.outlook_words import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
 from identify.report.page import render_page
 from identify.report.quantity_text import quantity
-from identify.report.tables import Cell
+from identify.report.tables import Cell, classical_tables
 from tests.fake_fit import failed, fake_fit
 
 
@@ -88,6 +89,20 @@ def test_rows_without_a_number_become_one():
     assert cells["kind of linear slip"][0].text == "runs away"
     some = answer_table([(Cell("a"), {"x": entry(None, ""), "y": entry(1.0, ""), "z": entry(None, "")})], "")
     assert [row.head for row in some.rows] == ["x", "y", "z"], "only neighbours are joined"
+
+
+def test_the_fall_of_a_record_is_not_called_the_drop_of_the_model():
+    fit = fake_fit(logs=1)
+    log = fit.result["logs"][0]
+    told = {"drop": {"value": 0.9241, "unit": "N"}, "drop_scatter": {"value": 0.01, "unit": "N"}}
+    derived = {"amplitude": {"drop": entry(0.836, "N")}}
+    logs = [{**log, "derived": derived, "quality": {"verdict": "accept", "findings": [], "figures": told}}]
+    page = render_page(replace(fit, result={**fit.result, "logs": logs}), [])
+    quality = page[page.index('<section id="quality">') :]
+    assert "fall of the force (peak to valley)" in quality and "drop of the force (onset to rest)" not in quality
+    assert "drop of the force (onset to rest)" in page[: page.index('<section id="quality">')]
+    (table,) = classical_tables([{"classical": {"rows": [{"drop_N": 0.9241}]}}])
+    assert [row.head for row in table.rows] == ["fall of the force (peak to valley)"]
 
 
 def test_a_group_that_stands_elsewhere_is_not_said_again():

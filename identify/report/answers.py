@@ -8,7 +8,7 @@ from typing import Any
 
 from identify.report.quantity_text import DASH, decimals, finite, number, places_for, quantity, scale_for, split_key
 from identify.report.tables import Cell, Row, Table, plain_text
-from identify.report.words import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, SLIPS
+from identify.report.words import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 
 Path = tuple[str, ...]
 Entry = Mapping[str, Any]
@@ -41,6 +41,14 @@ def said_once(entries: Mapping[str, Any], elsewhere: Mapping[str, Any]) -> Mappi
         return entries
     twice = {*(forms if isinstance(forms, Mapping) else ()), *elsewhere}
     return {**entries, "groups": {key: entry for key, entry in groups.items() if key not in twice}}
+
+
+def of_record(figures: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Figures of the data quality of one log, named as what the record alone tells."""
+    return {
+        key: {"label": RECORD_WORDS[key], **entry} if key in RECORD_WORDS and isinstance(entry, Mapping) else entry
+        for key, entry in figures.items()
+    }
 
 
 def sentences(entries: Mapping[str, Any]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from identify.outcome import Fit
 from identify.report.advice_table import advice_table
-from identify.report.answers import answer_table, said_once, sentences
+from identify.report.answers import answer_table, of_record, said_once, sentences
 from identify.report.depth import (
     accuracy_rows,
     combination_table,
@@ -98,7 +98,9 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         ],
         effects=effects_table(result.get("effects") or {}),
         chosen=EFFECTS_CHOSEN.get(str((result.get("effects") or {}).get("chosen")), ""),
-        quality=answer_table([(head, (log.get("quality") or {}).get("figures") or {}) for head, log in heads], ""),
+        quality=answer_table(
+            [(head, of_record((log.get("quality") or {}).get("figures") or {})) for head, log in heads], ""
+        ),
         held=held_table(result["rig_against_data"]) if result.get("rig_against_data") else None,
         sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
         timings=_timings(result.get("timing_s") or {}),

@@ -9,7 +9,7 @@ from typing import Any
 
 from identify.report.quantity_text import DASH, finite, number, quantity, scale_for, split_key
 from identify.report.table_csv import classical_rows, column_names
-from identify.report.words import plain_symbol
+from identify.report.words import RECORD_WORDS, plain_symbol
 
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
@@ -138,7 +138,7 @@ def _classical_row(key: str, values: Sequence[Any]) -> Row:
         Cell(number(shown / scale.factor)) if (shown := finite(value)) is not None else Cell(plain_text(value))
         for value in values
     )
-    return Row(name, cells, note=scale.unit)
+    return Row(RECORD_WORDS.get(name, name), cells, note=scale.unit)
 
 
 def plain_text(value: Any) -> str:

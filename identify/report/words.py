@@ -143,6 +143,12 @@ ANSWER_WORDS: Mapping[str, str] = {
     "v_acr": "v_acr",
     "v_a": "v_a",
 }
+# What a record alone tells has another measure than the model's answer of the same name: peak and valley of the force
+# lie beyond the forces at which the mass begins to slip and rests again.
+RECORD_WORDS: Mapping[str, str] = {
+    "drop": "fall of the force (peak to valley)",
+    "drop_scatter": "scatter of that fall from slip to slip",
+}
 OUTCOMES: Mapping[str, str] = {
     "always sticks": "stick-slip, from any start",
     "never sticks": "steady sliding, from any start",
