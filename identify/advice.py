@@ -194,11 +194,11 @@ def _sentence(row: Mapping[str, Any], steady: bool) -> str:
     if limit["value"] is None:
         return f"- {row['label']}: {'any' if steady else 'cannot be reached'}; {row['reason']}."
     if advised["value"] is None:
-        return f"- {row['label']}: {row['reason']} ({with_interval(limit)})."
+        return f"- {row['label']}: {row['reason']} ({_limit(limit)})."
     word = "at least" if row["at"] == "least" else "at most"
     ratio = f" (ζ = {row['zeta']:.3g})" if row["zeta"] is not None else ""
     kept = " as it is" if advised["value"] == row["now"]["value"] else f" now {said(row['now']['value'], unit)}"
-    notes = [f"limit {with_interval(limit)}, {row['kind']}"]
+    notes = [f"limit {_limit(limit)}, {row['kind']}"]
     if row["extrapolated"]:
         notes.append("extrapolated: outside the tested range")
     ends = limit["interval"] or (None, None)
@@ -208,3 +208,10 @@ def _sentence(row: Mapping[str, Any], steady: bool) -> str:
     if advised["value"] == row["now"]["value"]:
         return f"- {row['label']}:{kept} ({said(advised['value'], unit)}); {'; '.join(notes)}."
     return f"- {row['label']} {word} {said(advised['value'], unit)}{ratio},{kept} ({'; '.join(notes)})."
+
+
+def _limit(limit: Mapping[str, Any]) -> str:
+    """A limit with its interval, or why that is open: each limit stands alone, so each says its own reason."""
+    if limit.get("reason"):
+        return f"{said(limit['value'], limit['unit'])} ({limit['reason']})"
+    return with_interval(limit)

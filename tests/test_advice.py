@@ -273,3 +273,14 @@ def test_advice_in_the_report(told):
     cells = {row.head: row.cells for row in table.rows}
     assert cells["drive speed"][2].text.startswith("at least") and "extrapolated" in cells["drive speed"][2].note
     assert cells["damping h"][2].note.startswith("ζ = ") and advice_table(Cell("log 1"), {}) is None
+
+
+def test_an_open_interval_of_a_limit_says_why():
+    names = ("mu_s", "t_cr")
+    told = advise(MODEL, ALL, SPEED, LOAD, np.diag([1e-6, np.inf]), names)
+    limit = told["changes"][0]["limit"]
+    assert limit["interval"] == [None, None] and "these data do not tell t_cr" in limit["reason"]
+    (line,) = (line for line in told["text"].splitlines() if line.startswith("- drive speed"))
+    assert f"mm/s ({limit['reason']})" in line and "(interval open)" not in told["text"]
+    table = advice_table(Cell("log 1"), {"advice": told})
+    assert limit["reason"] in table.rows[0].cells[1].note

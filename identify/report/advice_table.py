@@ -49,6 +49,6 @@ def _said(entry: Mapping[str, Any]) -> str:
 
 def _interval(entry: Mapping[str, Any]) -> str:
     if entry.get("reason"):
-        return "interval open"
+        return str(entry["reason"])
     value = finite(entry.get("value"))
     return interval_text(entry.get("interval"), value, str(entry["unit"])) if value is not None else ""
