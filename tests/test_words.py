@@ -14,6 +14,7 @@ from identify.report.answers import answer_table, said_once
 from identify.report.page import render_page
 from identify.report.quantity_text import quantity
 from identify.report.tables import Cell, classical_tables
+from identify.report.words import plain_symbol
 from tests.fake_fit import failed, fake_fit
 
 
@@ -103,6 +104,19 @@ def test_the_fall_of_a_record_is_not_called_the_drop_of_the_model():
     assert "drop of the force (onset to rest)" in page[: page.index('<section id="quality">')]
     (table,) = classical_tables([{"classical": {"rows": [{"drop_N": 0.9241}]}}])
     assert [row.head for row in table.rows] == ["fall of the force (peak to valley)"]
+
+
+def test_the_report_names_the_group_of_every_parameter():
+    fit = fake_fit(logs=1)
+    told = fit.result["parameters"]
+    second = {**told["mu_s"], "group": "B", "per": "volunteer", "parameter": "mu_s"}
+    parameters = {**told, "mu_s": {**told["mu_s"], "group": "A", "per": "volunteer"}, "mu_s (B)": second}
+    derived = {"v_cr": entry(1e-4, "m/s", group="A"), "v_cr (B)": entry(2e-4, "m/s", group="B")}
+    page = render_page(replace(fit, result={**fit.result, "parameters": parameters, "derived": derived}), [])
+    assert "<i>μ</i><sub>s</sub> (A)</span>" in page and "<i>μ</i><sub>s</sub> (B)</span>" in page
+    assert "<i>D</i></span>" in page, "what all groups share has none"
+    assert "v_cr (A)" in page and "v_cr (B)" in page
+    assert plain_symbol("mu_s (B)") == "μₛ (B)" and plain_symbol("v (B)") == "v (B)"
 
 
 def test_a_group_that_stands_elsewhere_is_not_said_again():

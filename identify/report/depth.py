@@ -8,7 +8,7 @@ from typing import Any
 from identify.report.answers import interval_text
 from identify.report.quantity_text import DASH, finite, number, quantity
 from identify.report.tables import Cell, Row, Table
-from identify.report.words import plain_symbol
+from identify.report.words import plain_symbol, with_group
 
 Entries = Mapping[str, Any]
 
@@ -34,7 +34,7 @@ def interval_table(result: Entries) -> Table | None:
         value, unit = finite(entry.get("value")), str(entry.get("unit") or "")
         cells = [Cell(interval_text(entry.get("interval"), value, unit) or "open")]
         cells += [_interval_cell(part, value, unit) for part in mine]
-        rows.append(Row(plain_symbol(name), tuple(cells), note=quantity(value, unit, 5)))
+        rows.append(Row(plain_symbol(with_group(name, entry)), tuple(cells), note=quantity(value, unit, 5)))
     return Table("parameter", tuple(heads), tuple(rows)) if rows else None
 
 

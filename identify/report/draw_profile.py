@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from identify.report.quantity_text import finite, scale_for
 from identify.report.style import FITTED, MEASURED, QUIET, SHADE, WIDE, Drawing
 from identify.report.table_csv import Columns
-from identify.report.words import plain_symbol
+from identify.report.words import plain_symbol, with_group
 
 PANELS = 3  # in a row
 TICKS = 4
@@ -55,7 +55,8 @@ def draw_profile(document: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
         axes.axhline(limit, color=MEASURED, linewidth=0.7)
         axes.set_ylim(0.0, TOP * limit)
         axes.xaxis.set_major_locator(MaxNLocator(TICKS))
-        axes.set_title(f"{plain_symbol(name)} [{scale.unit}]" if scale.unit else plain_symbol(name))
+        title = plain_symbol(with_group(name, entry))
+        axes.set_title(f"{title} [{scale.unit}]" if scale.unit else title)
         if number % PANELS == 0:
             axes.set_ylabel("what the data lose")
         if number == 0:

@@ -18,7 +18,7 @@ from identify.report.draw_profile import draw_profile
 from identify.report.draw_slip import draw_phase_plane, draw_slip
 from identify.report.style import Drawing, drawing_style, printable
 from identify.report.table_csv import Columns
-from identify.report.words import plain_symbol
+from identify.report.words import plain_symbol, with_group
 
 PNG_DPI = 130
 
@@ -70,12 +70,15 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
         yield None, drawn
     correlation = fit.result.get("correlation")
     if isinstance(correlation, Mapping) and len(correlation.get("names", ())) > 1:
-        yield None, draw_correlation(*_named_matrix(correlation))
+        yield None, draw_correlation(*_named_matrix(correlation, fit.result.get("parameters") or {}))
 
 
-def _named_matrix(correlation: Mapping[str, Any]) -> tuple[list[str], np.ndarray[Any, np.dtype[np.float64]]]:
+def _named_matrix(
+    correlation: Mapping[str, Any], parameters: Mapping[str, Any]
+) -> tuple[list[str], np.ndarray[Any, np.dtype[np.float64]]]:
     rows = [[np.nan if value is None else value for value in row] for row in correlation["matrix"]]
-    return [plain_symbol(name) for name in correlation["names"]], np.asarray(rows, dtype=np.float64)
+    names = [with_group(name, parameters.get(name) or {}) for name in correlation["names"]]
+    return [plain_symbol(name) for name in names], np.asarray(rows, dtype=np.float64)
 
 
 def _render(log: int | None, drawing: Drawing) -> Picture:

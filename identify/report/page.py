@@ -27,7 +27,7 @@ from identify.report.quantity_text import finite, quantity
 from identify.report.svg import inline_svg
 from identify.report.tables import Cell, classical_tables, effects_table, held_table, sensitivity_table
 from identify.report.views import banner, last_iterate_rows, log_views, parameter_views
-from identify.report.words import EFFECTS_CHOSEN, TIMING_WORDS
+from identify.report.words import EFFECTS_CHOSEN, TIMING_WORDS, with_group
 
 LARGEST = 3_000_000  # bytes of report.html
 FOR_FIGURES = 2_300_000  # of which figures may take
@@ -60,7 +60,10 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         for view, log in zip(logs, result.get("logs", ()), strict=True)
     ]
     figures = inlined(drawn)
-    told_of_pair = result.get("derived") or {}
+    told_of_pair = {
+        key: {"label": with_group(key, entry), **entry} if isinstance(entry, Mapping) and entry.get("group") else entry
+        for key, entry in (result.get("derived") or {}).items()
+    }
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
         title=_title(result, logs),

@@ -27,6 +27,7 @@ from identify.report.words import (
     VERDICT_MARK,
     plain_symbol,
     solver_words,
+    with_group,
 )
 
 
@@ -57,6 +58,7 @@ class ParameterView:
     symbol: str
     subscript: str
     name: str
+    group: str
     meaning: str
     value: str
     error: str
@@ -128,12 +130,13 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
     shown = None if value is None else value / scale.factor
     shown_error = None if error is None else error / scale.factor
     places = places_for(shown_error, shown) if shown_error else places_for(None, shown) - 1
-    symbol, subscript = entry.get("symbol") or SYMBOLS.get(name, (name, ""))
+    symbol, subscript = entry.get("symbol") or SYMBOLS.get(str(entry.get("parameter") or name), (name, ""))
     verdict = str(entry.get("verdict") or "")
     return ParameterView(
         symbol=symbol,
         subscript=subscript,
-        name=_named(name, entry),
+        name=with_group(name, entry),
+        group=str(entry.get("group") or ""),
         meaning=str(entry.get("meaning") or MEANINGS.get(str(entry.get("parameter") or name), "")),
         value=DASH if shown is None else decimals(shown, places),
         error="" if shown_error is None else decimals(shown_error, places),
@@ -145,12 +148,6 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
         verdict_mark=VERDICT_MARK.get(verdict, ""),
         reason=str(entry.get("reason") or ""),
     )
-
-
-def _named(name: str, entry: Mapping[str, Any]) -> str:
-    """The name of a parameter, with its group where it differs from group to group."""
-    group = entry.get("group")
-    return name if not group or name.endswith(f"({group})") else f"{name} ({group})"
 
 
 def _interval(interval: Any, factor: float, places: int) -> str:

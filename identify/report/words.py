@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from identify.effects import ALL
 from identify.outcome import Status
@@ -192,10 +193,19 @@ PLAIN_SYMBOLS: Mapping[str, str] = {
 
 
 def plain_symbol(name: str) -> str:
-    """The symbol of a parameter without markup, for figures and sentences: "mu_s" -> "μₛ"."""
+    """The symbol of a parameter without markup, for figures and sentences: "mu_s" -> "μₛ", "D (V08)" as it is."""
+    base, bracket, group = name.partition(" (")
+    if bracket and (base in DECLARED or base in PLAIN_SYMBOLS):
+        return f"{plain_symbol(base)} ({group}"
     if name in PLAIN_SYMBOLS or name not in DECLARED:
         return PLAIN_SYMBOLS.get(name, name)
     return DECLARED[name].symbol
+
+
+def with_group(name: str, entry: Mapping[str, Any]) -> str:
+    """The name of a parameter, with its group where it differs from group to group."""
+    group = entry.get("group")
+    return name if not group or name.endswith(f"({group})") else f"{name} ({group})"
 
 
 def solver_words(status: str) -> str:
