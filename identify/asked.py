@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from identify.accuracy import DEFAULT, Accuracy, accuracy_of
@@ -22,8 +22,8 @@ class Asked:
     effects_table: bool = False
 
     def document(self) -> dict[str, Any]:
-        """What of it decides the numbers of the result, for provenance."""
-        return {"accuracy": self.accuracy.name, "profile": self.profile}
+        """All of it, for provenance; only accuracy and profile decide the numbers, and `again` reads no more."""
+        return asdict(self) | {"accuracy": self.accuracy.name}
 
     @staticmethod
     def again(document: Any) -> Asked:

@@ -40,6 +40,15 @@ def document(deep):
     return check_document(json.loads((deep / "result.json").read_text()))
 
 
+def test_all_that_was_asked_for_is_said(document, deep):
+    asked = document["provenance"]["asked"]
+    everything = {"profile": True, "bootstrap": 40, "accuracy_table": True, "effects_table": True}
+    assert asked == {"accuracy": "default"} | everything
+    page = (deep / "report.html").read_text(encoding="utf-8")
+    assert "accuracy default, profile, bootstrap 40, accuracy table, effects table" in page
+    assert Asked.again(asked) == Asked(profile=True), "what is run again to verify is what decides the numbers"
+
+
 def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(document):
     profile = document["profile"]
     assert profile["limit"] == pytest.approx(3.8415, abs=1e-4)

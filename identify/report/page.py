@@ -158,12 +158,25 @@ def _provenance(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
     for key, value in provenance.items():
         if key == "scene" or value is None or value == {}:
             continue
-        if isinstance(value, Mapping):
+        if key == "asked" and isinstance(value, Mapping):
+            value = _asked(value)
+        elif isinstance(value, Mapping):
             value = ", ".join(f"{name} {item}" for name, item in value.items())
         elif isinstance(value, list):
             value = " ".join(str(item) for item in value)
         rows.append((key.replace("_", " "), str(value)))
     return rows
+
+
+def _asked(asked: Mapping[str, Any]) -> str:
+    """What was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"."""
+    said = []
+    for name, value in asked.items():
+        if value is True:
+            said.append(name.replace("_", " "))
+        elif value:
+            said.append(f"{name.replace('_', ' ')} {value}")
+    return ", ".join(said)
 
 
 def _scene(provenance: Mapping[str, Any]) -> str:
