@@ -124,8 +124,9 @@ def comparison_table(result: Entries) -> Table | None:
                 ),
             )
         )
-    heads = ("parameters", "χ² per sample", "ΔAIC", "ΔBIC", "error on cycles left out", "error on logs left out", "")
-    return Table("model", tuple(Cell(head) for head in heads), tuple(rows)) if rows else None
+    heads = ("parameters", "χ² per sample", "ΔAIC", "ΔBIC", "error on cycles left out", "error on logs left out")
+    verdict = Cell("verdict", kind="words")
+    return Table("model", (*(Cell(head) for head in heads), verdict), tuple(rows)) if rows else None
 
 
 def _count(value: Any) -> str:

@@ -112,7 +112,7 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
         height_ratios=heights,
         width_ratios=[2.1, 1] if near else [1],
         left=0.062,
-        right=0.992,
+        right=0.98,
         top=1 - 0.32 / height,
         bottom=0.46 / height,
         hspace=0.14,

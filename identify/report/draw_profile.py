@@ -33,7 +33,7 @@ def draw_profile(document: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
     height = 0.5 + 1.75 * rows
     figure = Figure(figsize=(WIDE, height))
     grid = figure.add_gridspec(
-        rows, PANELS, left=0.055, right=0.99, top=1 - 0.3 / height, bottom=0.45 / height, hspace=0.62, wspace=0.2
+        rows, PANELS, left=0.055, right=0.97, top=1 - 0.3 / height, bottom=0.45 / height, hspace=0.62, wspace=0.2
     )
     tables: dict[str, Columns] = {}
     for number, (name, curve) in enumerate(curves.items()):
