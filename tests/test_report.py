@@ -22,7 +22,7 @@ from identify.report.document import as_json
 from identify.report.envelope import envelope, extremes
 from identify.report.figures import Picture, pictures
 from identify.report.page import LARGEST, render_page
-from identify.report.quantity_text import DASH, number, quantity, speed
+from identify.report.quantity_text import DASH, decimals, number, quantity, speed
 from identify.report.views import parameter_views
 from identify.report.words import PLAIN_SYMBOLS, plain_symbol, solver_words
 from tests.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
@@ -321,6 +321,9 @@ def test_envelope_holds_the_extremes_of_every_stretch() -> None:
         (solver_words("Maximum_Iterations_Exceeded"), "maximum iterations exceeded"),
         (number(3.742e-5), "3.742·10⁻⁵"),
         (number(0.0), "0"),
+        (number(-0.0, 2), "0"),
+        (decimals(-0.001, 2), "0.00"),
+        (decimals(-0.01, 2), "−0.01"),
     ],
 )
 def test_numbers_read_as_in_the_laboratory(shown: str, expected: str) -> None:

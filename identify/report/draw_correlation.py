@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from identify.report.quantity_text import DASH, decimals
 from identify.report.style import HALF, MEASURED, Drawing
 from identify.report.table_csv import Columns
 
@@ -33,7 +34,7 @@ def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawi
     for spine in axes.spines.values():
         spine.set_visible(False)
     for (row, column), value in np.ndenumerate(matrix):
-        text = f"{value:.2f}".replace("-", "−") if np.isfinite(value) else "–"
+        text = decimals(float(value), 2) if np.isfinite(value) else DASH
         colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
         axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
     bar = figure.colorbar(image, cax=figure.add_axes((0.89, 0.08, 0.022, 0.85)), ticks=[-1, -0.5, 0, 0.5, 1])

@@ -125,6 +125,9 @@ def _trimmed(text: str) -> str:
 
 
 def _signed(text: str) -> str:
+    """With a minus of its own width; what is rounded to zero has none."""
+    if not any(digit in text for digit in "123456789"):
+        text = text.removeprefix("-")
     return text.replace("-", "−")
 
 
