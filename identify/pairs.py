@@ -42,7 +42,7 @@ def pair_of(document: Mapping[str, Any], scene: Scene, log: int) -> Pair:
     if missing:
         return Pair(groups, untold=_sentence(document, log, missing[0]))
     values = {name: float(entries[k]["value"]) for name, k in keys.items() if entries[k]["value"] is not None}
-    ties = {name: spec.tie for name, spec in scene.parameters.items() if spec.tie is not None}
+    ties = ties_of(scene)
     values |= {name: tie.factor * values[tie.to] + tie.offset for name, tie in ties.items() if tie.to in values}
     names, covariance = _covariance(document, keys)
     if covariance is not None:
@@ -55,6 +55,11 @@ def groups_of(document: Mapping[str, Any], log: int) -> Groups:
     labels = document["logs"][log].get("labels") or {}
     every = dict.fromkeys(str(entry["per"]) for entry in document["parameters"].values() if entry.get("per"))
     return tuple((per, f"log {log + 1}" if per == EACH_LOG else str(labels.get(per, ""))) for per in every)
+
+
+def ties_of(scene: Scene) -> dict[str, Tie]:
+    """What the scene ties to another parameter, by name."""
+    return {name: spec.tie for name, spec in scene.parameters.items() if spec.tie is not None}
 
 
 def named(groups: Groups) -> str:

@@ -184,3 +184,18 @@ def test_results_are_pooled_group_by_group(path, capsys, tmp_path):
     (tmp_path / "other.json").write_text(json.dumps(other))
     assert main(["amplitude", "--result", path, str(tmp_path / "other.json")]) == 2
     assert "other groups of logs" in capsys.readouterr().err
+
+
+def test_a_prior_of_a_scene_moves_what_is_tied_as_well(tmp_path, capsys):
+    """All of friction moves by the same: the level of the force with it, its drop not at all."""
+    text = examples.SCENE.read_text(encoding="utf-8").split("[[logs]]")[0]
+    rig = text.replace("[rig]", '[rig]\ndrive_speed = "1 mm/s"\nnormal_force = "1 N"')
+    shared = "\n".join(f"{name} = {{ fixed = {value} }}" for name, value in (SHARED | {"D": 37.4e-6}).items())
+    own = "mu_s = { prior = { mean = 0.62, sd = 0.002 } }"
+    tied = f'mu_k0 = {{ tie = {{ to = "mu_s", offset = {OFFSET} }} }}'
+    path = tmp_path / "scene.toml"
+    path.write_text(f"{rig}\n[parameters]\n{shared}\n{own}\n{tied}\n", encoding="utf-8")
+    (point,) = points(capsys, "amplitude", "--scene", str(path))
+    onset, drop = point["amplitude"]["onset_force"], point["amplitude"]["drop"]
+    assert np.diff(onset["interval"])[0] / (2 * 1.959964) == pytest.approx(0.002, rel=1e-3)
+    assert np.diff(drop["interval"])[0] < 1e-6

@@ -16,7 +16,7 @@ from identify.calculable import check_calculable
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
 from identify.cli.results import place_of, read_result, scene_of
-from identify.pairs import Groups, Pair, named, pair_of
+from identify.pairs import Groups, Pair, named, pair_of, ties_of, with_tied
 from identify.scatter import pooled_result
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
@@ -202,7 +202,8 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
         for speed in _speeds(scene, entry, changes):
             check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
             if document is None:
-                names, covariance = stated(scene, values, speed) or ((), None)
+                known = stated(scene, values, speed)
+                names, covariance = with_tied(*known, ties_of(scene)) if known else ((), None)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT_UNITS)]
             points.append(
                 Point(
