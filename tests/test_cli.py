@@ -9,10 +9,12 @@ import subprocess
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from data_io import write_csv, write_hdf5
 from identify import examples
 from identify.cli import fit as fit_command
 from identify.cli import main as cli
@@ -81,6 +83,22 @@ def test_no_command_writes_over_a_log_that_is_there(folder, capsys, name):
         told = refused(capsys, *command, "--out", name)
         assert told == f"--out {name} exists and may hold a measured log; choose another name"
         assert Path(name).read_text() == "measured"
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.h5"])
+def test_a_simulated_log_is_written_over(folder, capsys, name):
+    from data_io import read_log
+
+    simulated(capsys, name)
+    simulated(capsys, name, "--noise", "5 mN", "--seed", "3")
+    assert read_log(name).metadata["seed"] == 3
+    record = read_log(name)
+    measured = replace(record, metadata={**record.metadata, "simulated": False})
+    Path(name).unlink()
+    (write_csv if name.endswith("csv") else write_hdf5)(measured, Path(name))
+    assert "may hold a measured log" in refused(
+        capsys, "simulate", "--scene", examples.SCENE, *RIG, "--duration", "1", "--rate", "9", "--out", name
+    )
 
 
 def test_json_is_one_document_and_words_go_to_standard_error(folder, capsys):

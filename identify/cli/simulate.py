@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from argparse import ArgumentParser, Namespace
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.cli.common import MEASURED, Answer, CommandLineError, Terminal, new_file, quantity
+from identify.cli.common import MEASURED, Answer, CommandLineError, Terminal, file_to_write, new_file, quantity
 
 if TYPE_CHECKING:
     from identify.scene import Scene
@@ -30,7 +31,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="X",
         help="relative error of switch times and forces that is tolerated (default: an order below the noise)",
     )
-    parser.add_argument("--out", required=True, metavar="LOG.csv|LOG.h5", help="the log to write; never overwritten")
+    parser.add_argument(
+        "--out", required=True, metavar="LOG.csv|LOG.h5", help="the log to write, over a simulated one at most"
+    )
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -39,7 +42,9 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, SceneError, SimulationError, OSError: one sentence each.
     """
-    out = new_file(arguments.out, "--out", MEASURED)
+    out = file_to_write(arguments.out, "--out")
+    if out.exists() and not _simulated(out):
+        new_file(arguments.out, "--out", MEASURED)
     if out.suffix.lower() not in (".csv", ".h5", ".hdf5"):
         raise CommandLineError(f"--out {out} ends in {out.suffix!r}; expected .csv or .h5: rename it")
     duration, rate, noise, seed = _asked(arguments)
@@ -81,6 +86,16 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     if choice is not None:
         document["effects"] = document_of(choice, auto=True)
     return Answer(document=document)
+
+
+def _simulated(path: Path) -> bool:
+    """Whether a file that is there is a log that was simulated: it can be made again, and is written over."""
+    from data_io import LogError, read_log
+
+    try:
+        return read_log(path).metadata.get("simulated") is True
+    except (LogError, OSError):
+        return False
 
 
 def _provenance(scene: Scene, duration: float, rate: float) -> dict[str, str | float | bool]:
