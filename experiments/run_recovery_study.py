@@ -29,7 +29,7 @@ from experiments.study_problem import NOISE, USUAL, WIDE, Case, random_case, sce
 from identify.attempt import Clock
 from identify.identification import find
 from identify.outcome import Status
-from identify.search import Sources
+from identify.starts import Sources
 
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 CLOSE, FAR = 22.5, 40.0

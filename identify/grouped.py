@@ -18,7 +18,8 @@ from identify.guess import Guess
 from identify.outcome import Status
 from identify.passes import solve_in_passes
 from identify.prepare import Prepared
-from identify.search import Sources, search
+from identify.search import search
+from identify.starts import Sources
 from identify.telling import Progress
 from identify.uncertainty import information
 from identify.unknowns import Unknowns

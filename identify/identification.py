@@ -31,10 +31,10 @@ from identify.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.result import document
 from identify.scene import Scene
 from identify.scene_records import with_records
-from identify.search import Sources
 from identify.second_look import looked_into
 from identify.selection import choose_from_data
 from identify.shaken import shaken
+from identify.starts import Sources
 from identify.status_words import at_bounds, ended, untried
 from identify.telling import Progress, to_nobody
 from identify.unknowns import Unknowns, from_scene, stated_rig, user_start

@@ -19,10 +19,11 @@ from identify.parting import parted
 from identify.passes import solve_in_passes
 from identify.prepare import Prepared, prepare
 from identify.scene import Scene
-from identify.search import Sources, alike, search
+from identify.search import alike, search
 from identify.shaken import shaken
 from identify.shooting import transcribe
 from identify.solve import solve
+from identify.starts import Sources
 from identify.taken_over import taken_over, values_of
 from identify.unknowns import Unknowns, from_scene
 from identify.vibration import tuned

@@ -7,40 +7,32 @@ given is one more start, never the only one.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
-from typing import Literal
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held
 from identify.events import with_events_mended
-from identify.features import Features, extract
 from identify.gate import PER_CYCLE
 from identify.joining import from_some, join
 from identify.levels import level_starts
 from identify.outcome import Status
 from identify.prepare import Prepared, settled_part
-from identify.ranking import ranked
-from identify.start import GOOD, Start, candidates, fit_features, random_starts
+from identify.starts import Sources, drawn_starts, starts_of
 from identify.telling import Progress, to_nobody
 from identify.trust import Trust
 from identify.unknowns import Unknowns
-from identify.vibration import quieted
 
 Array = NDArray[np.float64]
-Sources = Literal["data", "user", "both"]
 
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 ATTEMPTS = 4  # starts that are solved before giving up
+DRAWN = 2  # starts by lot that are solved where all others were lost
 SHORT = 2  # of these that were lost, and are solved again in short passes
-RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
-WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
-SAME = 0.02  # of the spread: starts closer than that are one
 
 
 def search(
@@ -126,7 +118,7 @@ def _from_logs(
     unequal = not way.thorough or uneven
     solved, wandered = 0, list[Array]()
     worst = np.inf if way.thorough else HOPELESS
-    starts = _starts([prepared[i] for i in first], unknowns, way.sources, way.seed, uneven, worst, clock)
+    starts = starts_of([prepared[i] for i in first], unknowns, way.sources, way.seed, uneven, worst, clock)
     for theta in chain(ahead, starts):
         if solved == (1 if unequal else ATTEMPTS):
             break
@@ -140,6 +132,14 @@ def _from_logs(
         white = best is not None and best.gate.status is Status.CONVERGED and best.gate.level == 1.0
         if best is not None and white and set(first) <= set(best.logs):
             break
+    if way.thorough and not unequal and way.sources != "user" and len(wandered) == solved > 0:
+        # All were lost: features can be described where no motion is, and all the starts lie there.
+        lots = drawn_starts([prepared[i] for i in first], unknowns, way.seed, wandered, clock)
+        for theta in islice(lots, DRAWN):
+            told("solving from a start by lot", 0.65)
+            best = _better(best, _attempted(prepared, first, able, replace(unknowns, start=theta), unequal, way))
+            if best is not None and best.gate.status is Status.CONVERGED:
+                break
     others = (
         (_in_short_passes, "going in short passes", SHORT),
         (solve_held, "holding what the logs do not tell", ATTEMPTS),
@@ -230,78 +230,6 @@ def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) ->
     if best is None:
         why = "is not reproduced by any start: the model slides steadily where it sticks"
     return {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}
-
-
-def own_starts(prepared: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
-    """Starts (n_p,) from the data alone, in the order in which they deserve a try; none drawn by lot."""
-    return _starts(prepared, unknowns, "data", 0, True, np.inf, Clock())
-
-
-def _starts(
-    prepared: list[Prepared],
-    unknowns: Unknowns,
-    sources: Sources,
-    seed: int,
-    uneven: bool,
-    worst: float,
-    clock: Clock,
-) -> Iterator[Array]:
-    """Starts (n_p,) in the order in which they deserve a try, up to a `worst` cost per residual; random ones where the
-    data's own are not good, or, with such a limit, all beyond it."""
-    since = time.perf_counter()
-    features, bases = features_of(prepared)
-    if not features:
-        made = [level_starts(prepared, unknowns)] if sources != "user" else []
-        tried = np.concatenate([unknowns.start[None, :], *made]) if sources != "data" else made[0]
-        in_order = ranked(prepared, unknowns, tried)
-        clock.add("start", since)
-        yield from _distinct(in_order, unknowns)
-        return
-    own = [unknowns.start[None, :]] if sources != "data" else []
-    made = [candidates(unknowns, features, bases)] if sources != "user" else []
-    tried = np.concatenate(own + made)
-    settled = quieted(unknowns)
-    starts = fit_features(settled, features, bases, tried)
-    before, enough = np.inf, GOOD if np.isinf(worst) else worst
-    for count in RANDOM:
-        if starts[0].cost < enough or uneven or starts[0].cost > WORTH * before:
-            break
-        before = starts[0].cost
-        more = random_starts(unknowns, starts[0].theta, count, seed)
-        if sources != "user":
-            more = np.concatenate([more[: count // 2], random_starts(unknowns, tried[0], count // 2, seed + 1)])
-        starts = sorted(starts + fit_features(settled, features, bases, more), key=lambda s: s.cost)
-    clock.add("start", since)
-    # What is explicit in time was held still: it starts where the sticks say, and keeps the value that the scene fixes.
-    starts = [replace(s, theta=np.where(settled.free, s.theta, unknowns.start)) for s in starts if s.cost <= worst]
-    yield from _distinct(starts, unknowns)
-
-
-def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
-    """What the logs with repeating cycles show of them, and the base values (n_p,) of each such log."""
-    features: list[Features] = []
-    bases: list[Array] = []
-    for i, log in enumerate(prepared):
-        found = extract(i, log.data, log.falls, log.rig.half_period) if log.manner.name == "cycles" else None
-        if found is not None:
-            features.append(found)
-            bases.append(log.data.base)
-    return features, bases
-
-
-def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
-    return apart((start.theta for start in starts), np.where(unknowns.free, SAME * unknowns.spread, np.inf))
-
-
-def apart(thetas: Iterable[Array], reach: Array) -> Iterator[Array]:
-    """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before, in one parameter at least;
-    infinite: not compared."""
-    seen: list[Array] = []
-    compared = np.isfinite(reach)  # a parameter that is held at nought has no logarithm
-    for theta in thetas:
-        if all(np.any(np.abs(theta[compared] - other[compared]) > reach[compared]) for other in seen):
-            seen.append(theta)
-            yield theta
 
 
 def _mended(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[Prepared] | None:

@@ -25,7 +25,7 @@ def looked_into(
     """What a fit found, with the cause of a misfit where one is known, and refused where it only looks right; and a
     better answer of the same model that was met."""
     if findings.status in MISFITS:
-        unit = wrong_unit(prepared)
+        unit = wrong_unit(prepared, placed=findings.attempt is not None)
         if unit:
             return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
         if any(log.unlike for log in prepared):

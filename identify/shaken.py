@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from identify.attempt import Attempt, Clock, solve_from
 from identify.outcome import Status
 from identify.prepare import Prepared
-from identify.search import apart, features_of
 from identify.start import fit_features
+from identify.starts import apart, features_of
 from identify.unknowns import Unknowns
 from identify.vibration import quieted, rhythmic
 

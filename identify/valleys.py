@@ -20,7 +20,7 @@ from identify.level import LEVEL
 from identify.outcome import Status
 from identify.quantiles import chi_square
 from identify.ranking import ranked
-from identify.search import own_starts
+from identify.starts import own_starts
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
 

@@ -19,9 +19,10 @@ from identify.model import assemble
 from identify.nested import fit_beside, fit_model
 from identify.outcome import Status
 from identify.prepare import prepare
-from identify.search import HOPELESS, _starts, features_of, search
+from identify.search import HOPELESS, search
 from identify.simulate import run
 from identify.start import candidates, fit_features
+from identify.starts import features_of, starts_of
 from identify.suspects import GROSS
 from identify.unknowns import from_scene
 
@@ -135,10 +136,10 @@ def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
     features, bases = features_of(logs)
     own = fit_features(unknowns, features, bases, candidates(unknowns, features, bases))
     assert own[0].cost > HOPELESS
-    found = list(_starts(logs, unknowns, "data", 0, False, HOPELESS, Clock()))
+    found = list(starts_of(logs, unknowns, "data", 0, False, HOPELESS, Clock()))
     truth = case.rig["stiffness"] / freed.rig.stiffness
     assert np.exp(found[0][unknowns.names.index("stiffness")]) == pytest.approx(truth, rel=0.05)
-    assert not list(_starts(logs, unknowns, "data", 0, True, HOPELESS, Clock()))  # cycles that differ have no start
+    assert not list(starts_of(logs, unknowns, "data", 0, True, HOPELESS, Clock()))  # cycles that differ have no start
 
 
 def test_a_better_answer_that_was_met_on_the_way_is_handed_back(case):

@@ -10,7 +10,7 @@ from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.effects import ALL, MAIN
 from identify.prepare import prepare
 from identify.scene import Scene
-from identify.search import own_starts
+from identify.starts import own_starts
 from identify.unknowns import from_scene
 from identify.vibration import tuned
 

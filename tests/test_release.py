@@ -10,7 +10,7 @@ from experiments.run_design_study import design, scene_of
 from identify.attempt import FIRST, SLOWLY, Clock, released, solve_from, solve_held, usable
 from identify.outcome import Status
 from identify.prepare import prepare
-from identify.search import own_starts
+from identify.starts import own_starts
 from identify.trust import Trust, held_back
 from identify.unknowns import from_scene
 

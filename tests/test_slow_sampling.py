@@ -13,8 +13,8 @@ from identify import Scene, attempt, features, passes
 from identify.effects import MAIN
 from identify.outcome import Status
 from identify.prepare import prepare
-from identify.search import features_of, own_starts
 from identify.start import GOOD, fit_features
+from identify.starts import features_of, own_starts
 from identify.unknowns import from_scene
 
 
