@@ -53,7 +53,7 @@ def test_starts_by_lot_come_near_where_the_own_ones_do_not(pair: tuple[list[Prep
 def test_the_search_goes_on_with_them_where_all_others_wander_off(
     pair: tuple[list[Prepared], Unknowns], monkeypatch: pytest.MonkeyPatch, drawn: int
 ) -> None:
-    """A solver that finds its way from near the truth alone stands for the true one, which takes its time to get lost."""
+    """A solver that finds its way from near the truth alone stands for the true one, which gets lost more slowly."""
     logs, unknowns = pair
     really, asked = room.solve_from, list[float]()
 
