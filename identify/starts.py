@@ -35,6 +35,12 @@ def own_starts(prepared: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
     return starts_of(prepared, unknowns, "data", 0, True, np.inf, Clock())
 
 
+def suggested_starts(prepared: Sequence[Prepared], unknowns: Unknowns) -> Array:
+    """What the levels of the data suggest (S, n_p), before any fit of a settled cycle rolls it into some valley."""
+    features, bases = features_of(prepared)
+    return candidates(unknowns, features, bases) if features else np.empty((0, unknowns.start.size))
+
+
 def starts_of(
     prepared: list[Prepared],
     unknowns: Unknowns,

@@ -3,7 +3,8 @@
 Few slips, hardly sampled, are described as well, or nearly, from several valleys: of a contact that has aged after a
 few seconds, and of one that ages on and on; of slips that begin early and slowly, and of others that begin late. The
 starts of the features are fits of one settled cycle, and all roll into the same valley. Starts thrown about the answer,
-and about the first start of the data's own, do not: the motions that follow from each of them say which to solve.
+and about the first start of the data's own, do not, nor does what the levels of the data suggest before any fit: the
+motions that follow from each of them say which to solve.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.attempt import Attempt, Clock, resolve_firmly, solve_from, usable
+from identify.attempt import Attempt, Clock, crept, resolve_firmly, solve_from, solve_held, usable
 from identify.level import LEVEL
 from identify.outcome import Status
 from identify.quantiles import chi_square
 from identify.ranking import ranked
-from identify.starts import own_starts
+from identify.starts import own_starts, suggested_starts
 from identify.unknowns import Unknowns
 from identify.vibration import rhythmic
 
@@ -55,7 +56,7 @@ def other_valleys(attempt: Attempt, unknowns: Unknowns, seed: int, *, own: bool 
     They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere.
 
     Args:
-        own: starts are thrown about the data's own start too.
+        own: starts are thrown about the data's own start too, and those that its levels suggest are tried.
     """
     limit = _limit(attempt, unknowns)
     settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed, own))
@@ -80,6 +81,8 @@ def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Itera
         about = place + far * rng.standard_normal((THROWN, place.size))
         about = np.where(unknowns.free, np.clip(about, unknowns.lower, unknowns.upper), place)
         yield from (start.theta for start in ranked(logs, unknowns, about)[:SOLVED])
+    if own:
+        yield from (start.theta for start in ranked(logs, unknowns, suggested_starts(logs, unknowns))[:SOLVED])
 
 
 def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
@@ -87,6 +90,8 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     it does not."""
     logs = list(attempt.prepared)
     found = solve_from(logs, usable(logs), unknowns, Clock())
+    if found is not None and crept(found):  # its own ridge has no end: what the data do not tell is held
+        found = solve_held(logs, usable(logs), unknowns, Clock()) or found
     if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
         return None
     if found.solved.problem.samples != attempt.solved.problem.samples:
