@@ -16,7 +16,7 @@ from data_io import Record
 from experiments.run_paper_test import DESIGNS, identify
 from experiments.run_recovery_study import Study
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
-from identify import Scene, fit, search
+from identify import Scene, fit, search, starts
 from identify.effects import MAIN
 from identify.errors import FitError
 from identify.examples import FOLDER
@@ -50,7 +50,8 @@ def _records(case, logs):
 @pytest.fixture
 def one_try(monkeypatch):
     """A search that gives up after its first start: for what has no answer, the others only take time."""
-    monkeypatch.setattr(search, "RANDOM", ())
+    monkeypatch.setattr(starts, "RANDOM", ())
+    monkeypatch.setattr(search, "DRAWN", 0)
     monkeypatch.setattr(search, "ATTEMPTS", 1)
 
 
