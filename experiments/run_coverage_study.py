@@ -36,7 +36,8 @@ from identify.influence import Influence, influence, sample_moves
 from identify.model import assemble
 from identify.passes import Solved, solve_in_passes
 from identify.prepare import Prepared
-from identify.profile import CRITICAL, profile
+from identify.profile import profile
+from identify.profile_side import CRITICAL
 from identify.scene import Scene
 from identify.shooting import Problem
 from identify.simulate import run

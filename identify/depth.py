@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identify.certainty import Certainty
 from identify.level import LEVEL
-from identify.profile import CRITICAL
+from identify.profile_side import CRITICAL
 from identify.uncertainty import parameter_value
 from identify.unknowns import Unknowns
 

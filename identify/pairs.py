@@ -70,15 +70,10 @@ def named(groups: Groups) -> str:
 def with_tied(names: Sequence[str], covariance: Array, ties: Mapping[str, Tie]) -> tuple[tuple[str, ...], Array]:
     """Names and covariance (f, f) [SI] with the tied parameters, which move as those do that they follow."""
     follow = {name: tie for name, tie in ties.items() if tie.to in names and name not in names}
-    rows = np.zeros((len(follow), len(names)))
-    for row, tie in zip(rows, follow.values(), strict=True):
-        row[list(names).index(tie.to)] = tie.factor
-    moves = np.vstack([np.eye(len(names)), rows])
-    # A product would spread what is not known (infinite) over everything: 0 times it is not a number.
-    with np.errstate(invalid="ignore"):
-        source = [int(np.flatnonzero(row)[0]) for row in moves]
-        scale = moves[np.arange(len(source)), source]
-        return (*names, *follow), np.outer(scale, scale) * covariance[np.ix_(source, source)]
+    source = [*range(len(names)), *(list(names).index(tie.to) for tie in follow.values())]
+    scale = np.array([1.0] * len(names) + [tie.factor for tie in follow.values()])
+    # Picked, not multiplied out: a product would spread what is not known (infinite) over everything.
+    return (*names, *follow), np.outer(scale, scale) * covariance[np.ix_(source, source)]
 
 
 def _holds(entry: Mapping[str, Any], groups: Mapping[str, str]) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -96,7 +95,7 @@ def drawn_starts(
     clock.add("start", since)
     good = [np.where(unknowns.free, start.theta, unknowns.start) for start in found if start.cost < GOOD]
     reach = np.where(unknowns.free, LIKE * unknowns.spread, np.inf)
-    yield from islice(apart([*but, *good], reach), len(list(apart(but, reach))), None)
+    yield from apart(good, reach, but)
 
 
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
@@ -115,10 +114,10 @@ def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
     return apart((start.theta for start in starts), np.where(unknowns.free, SAME * unknowns.spread, np.inf))
 
 
-def apart(thetas: Iterable[Array], reach: Array) -> Iterator[Array]:
-    """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before, in one parameter at least;
-    infinite: not compared."""
-    seen: list[Array] = []
+def apart(thetas: Iterable[Array], reach: Array, but: Iterable[Array] = ()) -> Iterator[Array]:
+    """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before, and from some others
+    (but), in one parameter at least; infinite: not compared."""
+    seen = list(but)
     compared = np.isfinite(reach)  # a parameter that is held at nought has no logarithm
     for theta in thetas:
         if all(np.any(np.abs(theta[compared] - other[compared]) > reach[compared]) for other in seen):

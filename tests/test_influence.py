@@ -148,6 +148,6 @@ def test_replicates_solved_again_are_near_the_linear_ones(fitted):
 
 
 def test_the_limit_of_a_profile_is_that_of_one_parameter():
-    from identify.profile import CRITICAL
+    from identify.profile_side import CRITICAL
 
     assert pytest.approx(chi2.ppf(0.95, 1)) == CRITICAL

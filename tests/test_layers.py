@@ -32,6 +32,7 @@ unknowns cutting manner window prepare rhythms vibration placing first_onsets
 layout start collector rest_parts footing lay_out relaid compression pattern shooting trust
 equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
 discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
+profile_side
 attempt inward status_words events joining ranking starts search valleys profile widened shaken ridge_ends grouped
 shares
 allowed hanging letting_go agreeing fine_enough worth_a_walk examined certainty

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identify import profile
-from identify.profile import CRITICAL, _walks
+from identify import profile_side
+from identify.profile import _walks
 from identify.profile_line import FREE
+from identify.profile_side import CRITICAL
 
 NEAR, FAR = 0.19, 0.75  # of a logarithm: the data begin to object, and no longer do
 SIDE = 0.1  # standard error near the answer
@@ -56,7 +57,7 @@ def test_behind_a_rise_the_walk_goes_on(monkeypatch: pytest.MonkeyPatch) -> None
     low, high = ends(Line(rise))
     assert low == pytest.approx(-SIDE * np.sqrt(CRITICAL), rel=0.02)
     assert high is None  # as far as a profile asks
-    monkeypatch.setattr(profile, "LONG", np.inf)  # nobody looks
+    monkeypatch.setattr(profile_side, "LONG", np.inf)  # nobody looks
     assert ends(Line(rise))[1] == pytest.approx(NEAR, abs=0.02)
 
 

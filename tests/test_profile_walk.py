@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identify import profile
-from identify.profile import CRITICAL, _walk
+from identify import profile_side
+from identify.profile_side import CRITICAL, walk_one_way
 
 STEP = 0.2  # mu_s - mu_k0 of the answer
 
@@ -35,7 +35,7 @@ class Line:
 
 
 def side(line: Line):
-    return _walk(line, 0, 1.0, line._sd, line.best, 1.0).side
+    return walk_one_way(line, 0, 1.0, line._sd, line.best, 1.0).side
 
 
 @pytest.mark.parametrize("sd", [1e-4, 3e-3, 0.02])
@@ -61,8 +61,8 @@ def test_past_a_stretch_on_which_the_solver_fails_the_walk_looks_a_little_farthe
     line = Line(0.01, cliff=0.0125, first=0.0121, last=0.015)
     found = side(line)
     assert not found.failed and 0.5 + 0.015 < found.end < 0.5 + 0.02
-    monkeypatch.setattr(profile, "LEAPS", ())
+    monkeypatch.setattr(profile_side, "LEAPS", ())
     hemmed = side(line)  # by a point that was met before, farther out: the cautious end
     assert not hemmed.failed and 0.5 + 0.02 < hemmed.end < 0.5 + 0.021
-    monkeypatch.setattr(profile, "FARTHER_APART", 1.0)
+    monkeypatch.setattr(profile_side, "FARTHER_APART", 1.0)
     assert side(line).failed

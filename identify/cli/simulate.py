@@ -43,7 +43,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         CommandLineError, SceneError, SimulationError, OSError: one sentence each.
     """
     out = file_to_write(arguments.out, "--out")
-    if out.exists() and not _simulated(out):
+    if not _simulated(out):
         new_file(arguments.out, "--out", MEASURED)
     if out.suffix.lower() not in (".csv", ".h5", ".hdf5"):
         raise CommandLineError(f"--out {out} ends in {out.suffix!r}; expected .csv or .h5: rename it")
