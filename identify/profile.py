@@ -147,7 +147,7 @@ def _walks(
         for sign in (-1.0, 1.0):
             walks[index, sign] = walk_one_way(line, index, sign, size, line.best, wait[index], steps)
     for (index, sign), walk in walks.items():
-        follow_open_end(line, index, sign, walk)
+        follow_open_end(line, index, sign, walk, wait[index])
         look_behind(line, index, sign, walk, wait[index])
     progress("profiles from other points", None)
     for (index, sign), walk in walks.items():

@@ -25,7 +25,9 @@ OTHERS = 2  # how many are asked, and from how many a walk goes on
 STRIDES, LONG = 3, 0.1  # from an end to as far as a profile asks, to look for what lies behind a rise; for long sides
 RISEN = 3.0  # times the root of the loss that ends a side: so high a rise has nothing behind it
 FURTHER = 0.05  # of a side: how far beyond its end a point lies from which the walk goes on
-FARTHER = (1.0,) * 6  # of a logarithm: past an open end, to show the other parameters ways on
+FARTHER = 6.0  # of a logarithm: past an open end, to show the other parameters ways on,
+STRIDE, NEAR = 1.0, 0.05  # in steps that long, up to that near
+FAILURES = 4  # of the solver in a row, each with half the step, before a walk is given up
 LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
 HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
 LEAPS = (0.1, 0.4, 0.9)  # of HEMMED: where it is looked for past a stretch on which the solver fails
@@ -75,7 +77,7 @@ def walk_one_way(
         if point is None:
             failures += 1
             length *= 0.4
-            if failures > 4:
+            if failures > FAILURES:
                 break
             continue
         root = line.loss_root(point)
@@ -127,21 +129,24 @@ def mark_past(line: ProfileLine, index: int, sign: float, walk: Walk) -> None:
         line.point(walk.last, index, centre + sign * far)
 
 
-def follow_open_end(line: ProfileLine, index: int, sign: float, walk: Walk) -> None:
-    """Go on past an open end of a logarithm as long as the data do not object. Nothing more is said of this parameter,
-    but another one may only be free where this one is far away: a D of which no stick tells needs a t_cr near zero."""
+def follow_open_end(line: ProfileLine, index: int, sign: float, walk: Walk, wait: float) -> None:
+    """Go on past an open end of a logarithm. Nothing more is said of this parameter, but another one may only be free
+    where this one is far away: a D of which no stick tells needs a t_cr near zero. Where the data object in the end,
+    there may be another place behind the rise: of contacts that do not age at all any more."""
     unknowns = line.unknowns
     if not unknowns.logarithmic[index] or walk.side.end is not None or walk.side.failed:
         return
-    here = walk.last
-    for step in FARTHER:
-        target = float(here.theta[index]) + sign * step
-        if not unknowns.lower[index] < target < unknowns.upper[index]:
+    here, limit, step, failures = walk.last, np.sqrt(CRITICAL * wait), STRIDE, 0
+    within = unknowns.lower[index] + NEAR, unknowns.upper[index] - NEAR
+    last = float(np.clip(here.theta[index] + sign * FARTHER, *within))
+    while failures < FAILURES and sign * (last - here.theta[index]) > NEAR:
+        point = line.point(here, index, here.theta[index] + sign * min(step, sign * (last - here.theta[index])))
+        if point is None:
+            failures, step = failures + 1, 0.5 * step
+        elif line.loss_root(point) >= RISEN * limit:
             return
-        point = line.point(here, index, target)
-        if point is None or line.loss_root(point) ** 2 >= CRITICAL:
-            return
-        here = point
+        else:
+            here, failures, step = point, 0, min(1.5 * step, STRIDE)
 
 
 def look_behind(line: ProfileLine, index: int, sign: float, walk: Walk, wait: float) -> None:

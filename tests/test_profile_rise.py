@@ -74,3 +74,33 @@ def test_behind_a_high_rise_nothing_counts() -> None:
         return 0.0 if off > 0.9 else 100.0 if off > 2.5 * SIDE else (off / SIDE) ** 2
 
     assert ends(Line(cliff))[1] == pytest.approx(SIDE * np.sqrt(CRITICAL), rel=0.02)
+
+
+def ridge_without_end(off: float) -> float:
+    """Nothing is objected to as far as a profile asks and farther; then a rise, and a lower place behind it."""
+    return float(np.interp(off, [0.0, 1.5, 2.0, 3.0], [0.0, 0.5, 20.0, 0.0]))
+
+
+def farthest(line: Line) -> float:
+    _walks(line, {0: SIDE}, {0: 1.0}, 1, lambda _stage, _share: None)  # type: ignore[arg-type]
+    return max(float(point.theta[0]) for point in line.seen if line.loss_root(point) ** 2 < 0.1)
+
+
+class Stubborn(Line):
+    """A line on which the solver fails from one point to another that is far away."""
+
+    def point(self, near: Any, index: int, value: float) -> Any:
+        return super().point(near, index, value) if abs(value - float(near.theta[index])) < 0.6 else None
+
+
+@pytest.mark.parametrize("kind", [Line, Stubborn])
+def test_past_an_open_end_the_walk_looks_behind_a_rise(kind: type[Line], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert farthest(kind(ridge_without_end)) > 3.0
+    monkeypatch.setattr(profile_side, "RISEN", 1.0)  # the first objection ends it
+    assert farthest(kind(ridge_without_end)) < 1.5
+
+
+def test_where_the_solver_fails_past_an_open_end_the_walk_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = Stubborn(ridge_without_end)
+    monkeypatch.setattr(profile_side, "FAILURES", 1)
+    assert farthest(line) < 1.5
