@@ -37,6 +37,8 @@ FIRST_SWINGS = 8.0  # half periods
 TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
+SHOWN = 1.0  # squared deviations from a level course, in noise variances: a slip with less does not show
+HIDDEN = 3  # slips in a row that do not show: their number is none that the data tell
 
 
 @dataclass(frozen=True)
@@ -106,14 +108,37 @@ class _Course:
         else:
             self.start = x = self.first_state()
             sliding = False
+        shown, hidden = 0, 0
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
             if sliding:
                 t, x, sliding = self.slide(t, x)
                 if np.isnan(t):
                     return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
+                shown, hidden = (shown, hidden + 1) if self.hidden() else (len(self.stretches), 0)
+                if hidden == HIDDEN:  # to go on would make up how often it slips until the window ends
+                    del self.stretches[shown:]
+                    return self.so_far()
             else:
                 t, x, sliding = self.rest(t, x)
         return Followed(self.guess(self.start), t) if t >= self.log.end else self.so_far()
+
+    def hidden(self) -> bool:
+        """Whether the noise hides the last slip: a slide without a change of the drive from a rest to an arrest."""
+        made, n = self.stretches, len(self.stretches)
+        rest = next((i for i in range(n - 1, -1, -1) if made[i].kind == "rest"), None)
+        if rest is None or made[-1].ended_by != "arrest" or made[rest].ended_by != "onset":
+            return False
+        begun = made[rest].until
+        sliding = made[-1].until - begun
+        again = rest > 0 and made[rest - 1].ended_by == "arrest"
+        length = made[-1].until - made[rest - 1].until if again else 2.0 * sliding  # a first slip has no cycle
+        ends = np.stack([made[rest].nodes[-1], made[-1].nodes[-1]])
+        before, after = (self.force(t, x) for t, x in zip((begun, made[-1].until), ends, strict=True))
+        return length / self.log.interval * (before - after) ** 2 / 12.0 < SHOWN * self.noise**2  # of a sawtooth
+
+    def force(self, t: float, x: Array) -> float:
+        """The friction force that the load cell shows in a state [N]."""
+        return float(np.array(self.model.load_cell(x, self.p, self.inputs(t))).item())
 
     def so_far(self) -> Followed | None:
         """The motion up to where the simulation could not go on: the end of a slide that was steady, or the rest after

@@ -43,6 +43,7 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     at_answer = replace(unknowns, start=best.solved.theta)
     seen = {i: prepared[i] for i in late if prepared[i].manner.faint}
     prepared = [_mended(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
+    prepared = [_placeable(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
     late = [i for i in late if place_on(prepared, [i], at_answer)]
     if not late:
         return best
@@ -91,6 +92,12 @@ def _forms(log: Prepared, seen: Prepared | None, unknowns: Unknowns, *, tried: b
     settled = settled_part(log)
     if settled is not None:
         yield settled
+
+
+def _placeable(log: Prepared, unknowns: Unknowns) -> Prepared:
+    """A log as it is where the start follows it so, else its steady end, where it has one: of slips that the noise
+    hides their level is what the data tell."""
+    return log if place_on([log], [0], unknowns) else settled_part(log) or log
 
 
 def _mended(log: Prepared, unknowns: Unknowns) -> Prepared:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify import onset_places
+from identify import following, onset_places
 from identify.drive import NormalForce
 from identify.effects import MAIN
 from identify.following import follow
@@ -98,3 +98,25 @@ def test_an_onset_that_the_noise_hides_stays_where_it_is_expected(monkeypatch: p
     limited = scatter()
     monkeypatch.setattr(onset_places, "BY_CHANCE", 0.0)
     assert limited < 0.7 * scatter()
+
+
+# Slips of 0.2 mN, two samples each, that come five thousand times after four minutes of loading.
+UNSEEN = {"mu_s": 0.4018, "mu_k0": 0.3429, "delta_mu_k": -0.1123, "a": 61.69, "D": 9.827e-5, "t_cr": 0.03144}
+UNSEEN_RIG = {"mass": 0.1238, "stiffness": 1019.8, "damping": 109.58}
+
+
+def test_slips_that_the_noise_hides_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To follow some of them would end the log after a number of slips that is made up, and tell the fit its period."""
+    p = np.array([(UNSEEN | UNSEEN_RIG)[n] for n in MODEL.parameter_names])
+    time = np.arange(int(DURATION * RATE) + 1) / RATE
+    load = np.minimum(UNSEEN_RIG["stiffness"] * SPEED * time, UNSEEN["mu_s"])
+    force = load + NOISE * np.random.default_rng(3).standard_normal(time.size)
+    log = LogData(time, force, np.full(time.size, NOISE**-2), p, SPEED, NormalForce.of(1.0), 0.0, 0.0, DURATION)
+    assert follow(MODEL, log, p, begins_sliding=False) is None
+    quiet = replace(log, weight=1e10 * log.weight)
+    assert quiet.noise == pytest.approx(1e-5 * NOISE)
+    seen = follow(MODEL, quiet, p, begins_sliding=False)
+    assert seen is not None and sum(s.ended_by == "arrest" for s in seen.guess.tail) > 100
+    monkeypatch.setattr(following, "SHOWN", 0.0)
+    counted = follow(MODEL, log, p, begins_sliding=False)
+    assert counted is not None and counted.end < 0.5 * DURATION  # as many as are followed at most
