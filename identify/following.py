@@ -132,9 +132,9 @@ class _Course:
         sliding = made[-1].until - begun
         again = rest > 0 and made[rest - 1].ended_by == "arrest"
         length = made[-1].until - made[rest - 1].until if again else 2.0 * sliding  # a first slip has no cycle
-        ends = np.stack([made[rest].nodes[-1], made[-1].nodes[-1]])
-        before, after = (self.force(t, x) for t, x in zip((begun, made[-1].until), ends, strict=True))
-        return length / self.log.interval * (before - after) ** 2 / 12.0 < SHOWN * self.noise**2  # of a sawtooth
+        nodes = np.concatenate([made[rest].nodes[-1:], *(s.nodes for s in made[rest + 1 :])])
+        shown = np.ptp([self.force(0.5 * (begun + made[-1].until), x) for x in nodes])
+        return length / self.log.interval * shown**2 / 12.0 < SHOWN * self.noise**2  # of a sawtooth
 
     def force(self, t: float, x: Array) -> float:
         """The friction force that the load cell shows in a state [N]."""
