@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from identify.advice import advise
-from identify.cli.points import Point, points_of
+from identify.cli.point import Point
+from identify.cli.points import points_of
 from identify.errors import SimulationError
 from identify.outcome import Fit
 from identify.pairs import groups_of

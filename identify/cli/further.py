@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from identify.cli.common import CommandLineError, quantity
-from identify.cli.points import Point
+from identify.cli.point import Point
 from identify.tested import Tested
 
 Further = Callable[[Point, Tested | None], dict[str, Any]]

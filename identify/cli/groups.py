@@ -10,7 +10,7 @@ from identify.pairs import named
 from identify.scene.values import EACH_LOG
 
 if TYPE_CHECKING:
-    from identify.cli.points import Point
+    from identify.cli.point import Point
 
 
 def of_groups(asked: Sequence[str], points: list[Point]) -> list[Point]:

@@ -24,7 +24,7 @@ from identify.spread import Interval, Spread
 
 if TYPE_CHECKING:
     from identify.chart import Chart
-    from identify.cli.points import Point
+    from identify.cli.point import Point
     from identify.tested import Tested
 
 GRID, LINE = 60, 120  # nodes along each of two quantities, and along one

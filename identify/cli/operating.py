@@ -9,7 +9,8 @@ from typing import Any
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
 from identify.cli.further import asked_further
 from identify.cli.groups import one_pair
-from identify.cli.points import Point, operating_points, tested_range
+from identify.cli.point import Point
+from identify.cli.points import operating_points, tested_range
 from identify.cli.summary import wrapped
 from identify.outlook import OperatingPoint, outlook, outlooks
 

@@ -21,7 +21,7 @@ from identify.sliding import sliding
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from identify.cli.points import Point
+    from identify.cli.point import Point
 
 MM = 1e3
 GRID = 24  # drive speeds at which the orbit is found, beside those of its branch

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.axes import Site
 from identify.calculable import check_calculable
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
+from identify.cli.point import Point
 from identify.cli.results import place_of, read_result, scene_of
-from identify.pairs import Groups, Pair, named, pair_of, ties_of, with_tied
+from identify.pairs import Pair, pair_of, ties_of, with_tied
 from identify.scatter import pooled_result
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
@@ -25,42 +25,8 @@ from identify.selection_numbers import choose_from_numbers
 from identify.stated import stated
 from identify.tested import Tested
 
-if TYPE_CHECKING:
-    from identify.model import Model
-
 Array = NDArray[np.float64]
 POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
-
-
-@dataclass(frozen=True)
-class Point:
-    """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
-
-    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it; groups: of the log,
-    by what the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has.
-    """
-
-    name: str
-    model: Model
-    values: Mapping[str, float]
-    drive_speed: float
-    normal_force: float
-    covariance: Array | None
-    names: tuple[str, ...]
-    area: float | None = None
-    area_exponent: float = 0.0
-    groups: Groups = ()
-    untold: str = ""
-
-    @property
-    def title(self) -> str:
-        """Its name, with its group where there are several."""
-        return f"{self.name} ({named(self.groups)})" if self.groups else self.name
-
-    @property
-    def site(self) -> Site:
-        """The point as maps take it; `area` [m^2] is the contact's nominal one under its normal force."""
-        return Site(self.model, self.values, self.drive_speed, self.normal_force, self.area, self.area_exponent)
 
 
 def operating_points(arguments: Namespace) -> list[Point]:
