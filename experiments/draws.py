@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.effects import ALL, MAIN
-from identify.model import Model, assemble
+from identify.model.model import Model, assemble
 
 LAWS = ("velocity_weakening", "linear_weakening", "power_law")
 FREE = ("direct_effect", "occlusion", "friction_heterogeneity", "skin_compliance", "excitation", "finger_motion")

@@ -14,7 +14,7 @@ import effects_case as case  # noqa: E402
 
 from identify.effects import ALL, MAIN  # noqa: E402
 from identify.errors import SceneError  # noqa: E402
-from identify.model import assemble  # noqa: E402
+from identify.model.model import assemble  # noqa: E402
 from identify.quantities import Effect  # noqa: E402
 
 

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.study_problem import DEMO, RIG, scene_of, simulated_case
-from identify.attempt import Clock
-from identify.guess import Grid
+from identify.first_guess.placing import place
 from identify.identification import find
-from identify.passes import COARSE
-from identify.placing import place
+from identify.preparation.guess import Grid
 from identify.scene import Scene
-from identify.shooting import transcribe
-from identify.solve import solve
-from identify.uncertainty import information
+from identify.search.attempt import Clock
+from identify.shooting.passes import COARSE
+from identify.shooting.shooting import transcribe
+from identify.shooting.solve import solve
+from identify.uncertainty.uncertainty import information
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from identify.effects import MAIN
-from identify.model import assemble
-from identify.simulate import run
+from identify.model.model import assemble
+from identify.motion.simulate import run
 
 Array = NDArray[np.float64]
 

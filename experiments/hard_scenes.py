@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.effects import MAIN
-from identify.model import assemble
-from identify.simulate import run
-from identify.trajectory import Trajectory
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Programme = float | tuple[tuple[float, float], ...]

@@ -18,10 +18,10 @@ from scipy.signal import lfilter
 from data_io import Record
 from identify.effects import MAIN
 from identify.errors import SimulationError
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.motion.trajectory import Trajectory
 from identify.scene import Scene
-from identify.simulate import run
-from identify.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

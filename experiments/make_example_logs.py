@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from data_io.atomic import atomic_write
 from identify.effects import MAIN
-from identify.model import assemble
-from identify.simulate import run
+from identify.model.model import assemble
+from identify.motion.simulate import run
 
 Array = NDArray[np.float64]
 

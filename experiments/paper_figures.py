@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from paper_test import MASSES, STAND_IN, STATED, Known, arguments, box, region
 
 from identify import amplitude, stability
-from identify.cycle import CycleMap, loads
-from identify.groups import groups
-from identify.model import assemble
-from identify.orbit import settle
+from identify.closed_forms.groups import groups
+from identify.model.model import assemble
+from identify.orbits.cycle import CycleMap, loads
+from identify.orbits.orbit import settle
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from data_io import Record
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG
 from identify import Scene
 from identify.effects import MAIN
-from identify.model import assemble
-from identify.simulate import run
+from identify.model.model import assemble
+from identify.motion.simulate import run
 
 Array = NDArray[np.float64]
 Programme = float | tuple[tuple[float, float], ...]

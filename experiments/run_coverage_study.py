@@ -24,25 +24,25 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments.machine import describe
 from experiments.study_problem import DEMO, NORMAL_FORCE, RIG
-from identify.attempt import Clock
-from identify.bootstrap import bootstrap
-from identify.coloured import colour, coloured_covariance
-from identify.drive import NormalForce
 from identify.effects import MAIN
-from identify.equilibrated import Factors, optimality_matrix
-from identify.guess import Guess, LogData
 from identify.identification import find
-from identify.influence import Influence, influence, sample_moves
-from identify.model import assemble
-from identify.passes import Solved, solve_in_passes
-from identify.prepare import Prepared
-from identify.profile import profile
-from identify.profile_side import CRITICAL
+from identify.model.model import assemble
+from identify.motion.drive import NormalForce
+from identify.motion.simulate import run
+from identify.numerics.equilibrated import Factors, optimality_matrix
+from identify.preparation.guess import Guess, LogData
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import Unknowns
 from identify.scene import Scene
-from identify.shooting import Problem
-from identify.simulate import run
-from identify.unknowns import Unknowns
-from identify.warm import Settled, Warm
+from identify.search.attempt import Clock
+from identify.shooting.passes import Solved, solve_in_passes
+from identify.shooting.shooting import Problem
+from identify.shooting.warm import Settled, Warm
+from identify.uncertainty.bootstrap import bootstrap
+from identify.uncertainty.coloured import colour, coloured_covariance
+from identify.uncertainty.influence import Influence, influence, sample_moves
+from identify.uncertainty.profile import profile
+from identify.uncertainty.profile_side import CRITICAL
 
 Array = NDArray[np.float64]
 

@@ -39,14 +39,14 @@ from data_io import Record
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
 from experiments.true_profile import OBJECTS, Claims, Truth, true_profiles
-from identify.attempt import Clock
+from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
-from identify.findings import Findings
 from identify.identification import find
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.motion.trajectory import Trajectory
 from identify.scene import Scene
-from identify.simulate import run
-from identify.trajectory import Trajectory
+from identify.search.attempt import Clock
 
 Log = tuple[float, float, float]  # drive speed [m/s], duration [s], sampling rate [Hz]
 

@@ -24,15 +24,15 @@ from numpy.typing import NDArray  # noqa: E402
 from paper_test import STAND_IN, Known, assumed, fitted  # noqa: E402
 from scipy.stats import binom  # noqa: E402
 
-from identify.advice import advise  # noqa: E402
-from identify.chance import ask, certainty  # noqa: E402
-from identify.cycle import CycleMap  # noqa: E402
-from identify.drawn import draw  # noqa: E402
-from identify.model import Model, assemble  # noqa: E402
-from identify.orbit import settle  # noqa: E402
-from identify.outlook import OperatingPoint, outlooks  # noqa: E402
-from identify.prospect import prospect  # noqa: E402
-from identify.sensitivity import QUANTITIES  # noqa: E402
+from identify.calculators.advice import advise  # noqa: E402
+from identify.calculators.chance import ask, certainty  # noqa: E402
+from identify.calculators.drawn import draw  # noqa: E402
+from identify.calculators.outlook import OperatingPoint, outlooks  # noqa: E402
+from identify.model.model import Model, assemble  # noqa: E402
+from identify.orbits.cycle import CycleMap  # noqa: E402
+from identify.orbits.orbit import settle  # noqa: E402
+from identify.orbits.prospect import prospect  # noqa: E402
+from identify.orbits.sensitivity import QUANTITIES  # noqa: E402
 
 Array = NDArray[np.float64]
 

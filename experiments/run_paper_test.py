@@ -22,8 +22,8 @@ from experiments.machine import describe
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG
 from identify import Scene, fit
 from identify.effects import MAIN
-from identify.model import assemble
-from identify.simulate import run
+from identify.model.model import assemble
+from identify.motion.simulate import run
 
 SPEED = 1e-4 / 60.0  # 0.1 mm/min
 # Name, (drive speed [m/s], duration [s], sampling rate [Hz]) of each log.

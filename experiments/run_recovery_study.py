@@ -26,10 +26,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.in_parts import append, read
 from experiments.machine import describe
 from experiments.study_problem import NOISE, USUAL, WIDE, Case, random_case, scene_of, wrong_start
-from identify.attempt import Clock
 from identify.identification import find
 from identify.outcome import Status
-from identify.starts import Sources
+from identify.search.attempt import Clock
+from identify.search.starts import Sources
 
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 CLOSE, FAR = 22.5, 40.0

@@ -26,11 +26,11 @@ from experiments.machine import describe
 from experiments.run_recovery_study import FRICTION, Study
 from experiments.study_problem import NORMAL_FORCE, SPEEDS, Case, scene_of
 from experiments.true_profile import Truth, true_profiles
-from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
-from identify.model import assemble
-from identify.simulate import run
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.search.attempt import Clock
 
 MOST = 700  # cycles of a log that takes part
 

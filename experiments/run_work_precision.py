@@ -45,8 +45,8 @@ from identify.effects import MAIN  # noqa: E402
 from identify.errors import SceneError, SimulationError  # noqa: E402
 from identify.methods import HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF  # noqa: E402
 from identify.methods.interface import Method  # noqa: E402
+from identify.motion.trajectory import Trajectory, distance  # noqa: E402
 from identify.quantities import Effect  # noqa: E402
-from identify.trajectory import Trajectory, distance  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -30,13 +30,13 @@ from experiments.in_parts import append, read
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, SPEEDS, USUAL, Case, random_case, scene_of
 from identify import Scene
-from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.motion.simulate import run
 from identify.outcome import Status
 from identify.scene.parameters import ParameterSpec
-from identify.simulate import run
+from identify.search.attempt import Clock
 
 CASES, SEED = 100, 7
 KINDS = {"mass": 1.5, "stiffness": 1.2, "lag": 5e-3}

@@ -16,16 +16,16 @@ from scipy.stats import chi2
 
 from data_io import Record
 from experiments.study_problem import NOISE
-from identify.drive import NormalForce
-from identify.guess import Guess, LogData
-from identify.passes import COARSE, solve_in_passes
-from identify.placing import place
-from identify.prepare import LAST_STICK, REPEATABLE
+from identify.first_guess.placing import place
+from identify.motion.drive import NormalForce
+from identify.motion.trajectory import Trajectory
+from identify.preparation.guess import Guess, LogData
+from identify.preparation.prepare import LAST_STICK, REPEATABLE
+from identify.preparation.unknowns import Unknowns, from_scene
 from identify.scene import Scene
-from identify.shooting import transcribe
-from identify.solve import solve
-from identify.trajectory import Trajectory
-from identify.unknowns import Unknowns, from_scene
+from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.shooting import transcribe
+from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
 Claims = Mapping[str, tuple[Sequence[Array], Sequence[Array]]]

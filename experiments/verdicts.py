@@ -18,17 +18,17 @@ import oracle
 
 from experiments.draws import Draw
 from experiments.energy import balance
-from identify.admission import admit
-from identify.drive import Drive, NormalForce
 from identify.effects import MAIN
 from identify.errors import SceneError, SimulationError
-from identify.machine import Machine
 from identify.methods import STIFF
-from identify.plan import plan
-from identify.samples import inside
-from identify.scales import scales
-from identify.simulate import phases
-from identify.trajectory import Trajectory
+from identify.motion.admission import admit
+from identify.motion.drive import Drive, NormalForce
+from identify.motion.machine import Machine
+from identify.motion.plan import plan
+from identify.motion.samples import inside
+from identify.motion.scales import scales
+from identify.motion.simulate import phases
+from identify.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

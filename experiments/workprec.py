@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.drive import Drive, NormalForce
 from identify.errors import SimulationError
-from identify.machine import Machine
 from identify.methods import Method
-from identify.model import Model, assemble
-from identify.phases import Phase
-from identify.plan import only
-from identify.scales import scales
-from identify.simulate import phases, run
-from identify.trajectory import Trajectory
+from identify.model.model import Model, assemble
+from identify.motion.drive import Drive, NormalForce
+from identify.motion.machine import Machine
+from identify.motion.phases import Phase
+from identify.motion.plan import only
+from identify.motion.scales import scales
+from identify.motion.simulate import phases, run
+from identify.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Scene:
         return assemble(self.effects)
 
     def run(self, **how: Any) -> Trajectory:
-        """Simulate it; arguments as `identify.simulate.run`."""
+        """Simulate it; arguments as `identify.motion.simulate.run`."""
         return run(self.model, self.values, self.drive_speed, 1.0, self.duration, **how)
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from identify.accuracy import DEFAULT, Accuracy, accuracy_of
 from identify.errors import FitError
+from identify.shooting.accuracy import DEFAULT, Accuracy, accuracy_of
 
 
 @dataclass(frozen=True)

@@ -10,36 +10,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.allowed import slowness
 from identify.asked import NOTHING_MORE, Asked
-from identify.attempt import Attempt, Clock, solve_from
-from identify.certainty import Certainty, certainty
-from identify.choice import Choice
+from identify.diagnosis.findings import Findings
+from identify.diagnosis.held import Held, against_data
+from identify.diagnosis.second_look import looked_into
+from identify.effect_choice.choice import Choice
+from identify.effect_choice.fitted import as_it_ended, described
+from identify.effect_choice.selection import choose_from_data
+from identify.effect_choice.worth import worth, worth_document
 from identify.effects import ALL
 from identify.errors import FitError
-from identify.findings import Findings
-from identify.fitted import as_it_ended, described
-from identify.grouped import search_grouped
-from identify.heap import keep_freed_memory
-from identify.held import Held, against_data
-from identify.hints import what_is_held
-from identify.loads import calmed
+from identify.examination.allowed import slowness
+from identify.examination.certainty import Certainty, certainty
+from identify.first_guess.vibration import tuned
+from identify.numerics.heap import keep_freed_memory
 from identify.outcome import Fit, LogCurves, Status
-from identify.parting import parted
-from identify.prepare import Prepared, prepare
-from identify.reconstruct import detected_curves, fitted_curves, refused_curves
-from identify.result import document
+from identify.preparation.loads import calmed
+from identify.preparation.parting import parted
+from identify.preparation.prepare import Prepared, prepare
+from identify.preparation.scene_records import with_records
+from identify.preparation.unknowns import Unknowns, from_scene, stated_rig, user_start
+from identify.result.reconstruct import detected_curves, fitted_curves, refused_curves
+from identify.result.result import document
 from identify.scene import Scene
-from identify.scene_records import with_records
-from identify.second_look import looked_into
-from identify.selection import choose_from_data
-from identify.shaken import shaken
-from identify.starts import Sources
-from identify.status_words import at_bounds, ended, untried
+from identify.search.attempt import Attempt, Clock, solve_from
+from identify.search.grouped import search_grouped
+from identify.search.shaken import shaken
+from identify.search.starts import Sources
+from identify.search.status_words import at_bounds, ended, untried
 from identify.telling import Progress, to_nobody
-from identify.unknowns import Unknowns, from_scene, stated_rig, user_start
-from identify.vibration import tuned
-from identify.worth import worth, worth_document
+from identify.uncertainty.hints import what_is_held
 
 Array = NDArray[np.float64]
 _Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from identify import native
+from identify.numerics import native
 
 
 @pytest.fixture

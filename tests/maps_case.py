@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from identify.axes import Site
-from identify.model import assemble
+from identify.maps.axes import Site
+from identify.model.model import assemble
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {

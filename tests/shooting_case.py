@@ -9,12 +9,12 @@ import numpy as np
 import oracle
 from numpy.typing import NDArray
 
-from identify.drive import NormalForce
 from identify.effects import MAIN
-from identify.guess import Grid, Guess, LogData
-from identify.model import RIG_PARAMETERS, Model, assemble
-from identify.placing import place
-from identify.unknowns import Unknowns
+from identify.first_guess.placing import place
+from identify.model.model import RIG_PARAMETERS, Model, assemble
+from identify.motion.drive import NormalForce
+from identify.preparation.guess import Grid, Guess, LogData
+from identify.preparation.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from data_io import Record
 from identify import Scene
-from identify.attempt import Attempt
 from identify.effects import MAIN
-from identify.prepare import Prepared, prepare
-from identify.unknowns import Unknowns, from_scene
+from identify.preparation.prepare import Prepared, prepare
+from identify.preparation.unknowns import Unknowns, from_scene
+from identify.search.attempt import Attempt
 
 
 def taken(

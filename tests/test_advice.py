@@ -8,20 +8,21 @@ import numpy as np
 import oracle
 import pytest
 
-from identify import Scene, tested
-from identify.advice import advise
-from identify.chance import alike, certainty, document
-from identify.cycle import CycleMap
-from identify.drawn import draw, unknown
+from identify import Scene
+from identify.calculators import tested
+from identify.calculators.advice import advise
+from identify.calculators.chance import alike, certainty, document
+from identify.calculators.drawn import draw, unknown
+from identify.calculators.outlook import outlook
+from identify.calculators.remedy import Search
+from identify.calculators.spread import Interval
+from identify.calculators.stated import stated
 from identify.errors import SimulationError
-from identify.model import assemble
-from identify.outlook import outlook
-from identify.prospect import prospect
-from identify.remedy import Search
+from identify.model.model import assemble
+from identify.orbits.cycle import CycleMap
+from identify.orbits.prospect import prospect
 from identify.report.advice_table import advice_table
 from identify.report.tables import Cell
-from identify.spread import Interval
-from identify.stated import stated
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}

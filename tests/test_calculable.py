@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from identify.comparison import beyond, contact
-from identify.cycle import CycleMap
+from identify.calculators.comparison import beyond, contact
+from identify.calculators.outlook import OperatingPoint, outlook, outlooks
 from identify.effects import ALL, MAIN
 from identify.errors import SimulationError
-from identify.model import assemble
-from identify.orbit import close
-from identify.outlook import OperatingPoint, outlook, outlooks
-from identify.prospect import prospect
-from identify.sensitivity import orbit_slopes, quantities
-from identify.simulate import run
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.orbits.cycle import CycleMap
+from identify.orbits.orbit import close
+from identify.orbits.prospect import prospect
+from identify.orbits.sensitivity import orbit_slopes, quantities
 
 PAIR = {
     "mu_s": 0.62,

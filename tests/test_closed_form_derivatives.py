@@ -14,12 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from identify import amplitude, critical, stability
-from identify.dual import Dual, exp, expm1, log, sqrt, variables, where
-from identify.groups import NAMES, groups
-from identify.jump import UNITS, jump
-from identify.limits import limits
-from identify.steady import QUANTITIES
+from identify import amplitude, stability
+from identify.closed_forms import critical
+from identify.closed_forms.groups import NAMES, groups
+from identify.closed_forms.jump import UNITS, jump
+from identify.closed_forms.limits import limits
+from identify.closed_forms.steady import QUANTITIES
+from identify.numerics.dual import Dual, exp, expm1, log, sqrt, variables, where
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)
 PAIR = {

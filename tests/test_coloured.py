@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.coloured import Colour, _correlation, colour, coloured_covariance
+from identify.uncertainty.coloured import Colour, _correlation, colour, coloured_covariance
 
 
 def _process(random, n, regression):
@@ -55,7 +55,7 @@ def test_covariance_is_that_of_repeated_draws():
 
 @pytest.mark.parametrize("portion", [1, 7, 300, 1000, 5000])
 def test_correlation_in_portions_is_that_of_the_whole(portion, monkeypatch):
-    monkeypatch.setattr("identify.coloured.PORTION", portion)
+    monkeypatch.setattr("identify.uncertainty.coloured.PORTION", portion)
     residual = _process(np.random.default_rng(6), 1000, [0.8])
     whole = [residual[: 1000 - lag] @ residual[lag:] for lag in range(25)]
     found = _correlation(residual, np.ones(1000, bool), 24)

@@ -172,8 +172,8 @@ def test_the_nonlinear_model_answers_at_common_points(study):
     ground = common(found, speeds=(1e-3, 1e-2), normal_force=1.0)
     answers = group_answers(found, ground)
     assert [a.group for a in answers] == ["M1", "M2", "M3"] and not any(a.reason for a in answers)
-    from identify.model import assemble
-    from identify.outlook import outlook
+    from identify.calculators.outlook import outlook
+    from identify.model.model import assemble
 
     values = dict(ground.values) | {
         q.name: q.shown(found.answered[q.name].means[0].value) for q in found.values.quantities

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 import identify.effects
-import identify.model
+import identify.model.model
 import identify.scene.parameters
 import identify.scene.scene
 import identify.scene.toml
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
-from identify.attempt import Clock
 from identify.effects import MAIN
 from identify.identification import find
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.motion.simulate import run
 from identify.outcome import Status
 from identify.quantities import Effect, Parameter, Situation, Terms
 from identify.scene import Scene
-from identify.simulate import run
+from identify.search.attempt import Clock
 
 SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
 NOISE = 5e-3
@@ -74,7 +74,7 @@ def test_one_more_effect_reaches_simulation_and_fit_by_being_listed(monkeypatch)
     effects = (*identify.effects.ALL, ViscousContact())
     names = (*MAIN, ViscousContact.name)
     tables = (identify.scene.scene, identify.scene.parameters, identify.scene.toml)
-    for module in (identify.effects, identify.model, *tables):
+    for module in (identify.effects, identify.model.model, *tables):
         monkeypatch.setattr(module, "ALL", effects, raising=False)
         monkeypatch.setattr(module, "NAMES", tuple(e.name for e in effects), raising=False)
     truth = DEMO | {"viscosity": 3.0}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.crossing import Course, first_zero
 from identify.errors import SimulationError
+from identify.numerics.crossing import Course, first_zero
 
 
 def test_a_straight_line() -> None:

@@ -10,18 +10,19 @@ import pytest
 from document_check import check_document
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
-from identify import examples, fine_enough
-from identify.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
+from identify import examples
 from identify.asked import Asked
 from identify.cli import main as cli
-from identify.combinations import combinations, directions
 from identify.effects import MAIN
 from identify.errors import FitError
+from identify.examination import fine_enough
 from identify.outcome import Status
-from identify.prepare import prepare
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.search import search
-from identify.unknowns import from_scene
+from identify.search.search import search
+from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
+from identify.uncertainty.combinations import combinations, directions
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 

@@ -12,19 +12,19 @@ from data_io import Record
 from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
-from identify.attempt import Clock, judged
-from identify.diagnosis import _explanations, diagnose
+from identify.diagnosis.diagnosis import _explanations, diagnose
+from identify.diagnosis.suspects import GROSS
+from identify.effect_choice.nested import fit_beside, fit_model
 from identify.effects import MAIN
-from identify.model import assemble
-from identify.nested import fit_beside, fit_model
+from identify.first_guess.start import candidates, fit_features
+from identify.model.model import assemble
+from identify.motion.simulate import run
 from identify.outcome import Status
-from identify.prepare import prepare
-from identify.search import HOPELESS, search
-from identify.simulate import run
-from identify.start import candidates, fit_features
-from identify.starts import features_of, starts_of
-from identify.suspects import GROSS
-from identify.unknowns import from_scene
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search.attempt import Clock, judged
+from identify.search.search import HOPELESS, search
+from identify.search.starts import features_of, starts_of
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 ALONE = (3,)  # where one log is enough

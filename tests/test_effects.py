@@ -12,14 +12,14 @@ import effects_case as case
 import numpy as np
 import pytest
 
-import identify.model
+import identify.model.model
 from data_io import read_log
 from identify.cli.main import main
 from identify.effects import ALL
-from identify.model import BASE_PARAMETERS, SPEED, TIME, Model, assemble
+from identify.model.model import BASE_PARAMETERS, SPEED, TIME, Model, assemble
+from identify.motion.simulate import simulate
 from identify.quantities import Effect, Parameter, Situation, Terms
 from identify.scene import Scene
-from identify.simulate import simulate
 
 EVERY = pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.name)
 MASS, LENGTH, TIMES = 3.7, 0.21, 1.9  # how much smaller the units of kg, m and s become
@@ -118,8 +118,8 @@ class HiddenUnit(Effect):
 
 
 def test_a_hidden_unit_is_seen(monkeypatch):
-    monkeypatch.setattr(identify.model, "ALL", (*ALL, HiddenUnit()))
-    monkeypatch.setattr(identify.model, "NAMES", (*(e.name for e in ALL), "hidden_unit"))
+    monkeypatch.setattr(identify.model.model, "ALL", (*ALL, HiddenUnit()))
+    monkeypatch.setattr(identify.model.model, "NAMES", (*(e.name for e in ALL), "hidden_unit"))
     departures = unscaled(assemble(case.company(HiddenUnit())), 0)
     assert departures["grip"] > 0.1 and departures["slip"] > 0.01
 

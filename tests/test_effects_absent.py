@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from identify.effects import ALL
-from identify.initial import initial_states
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.motion.initial import initial_states
+from identify.motion.simulate import run, simulate
 from identify.scene import Scene
-from identify.simulate import run, simulate
 
 VARYING = (*case.MAIN, "varying_normal_force")
 TIMES, FORCES = case.TIMES, case.FORCES

@@ -12,10 +12,10 @@ from pathlib import Path
 import casadi as ca
 import pytest
 
-import identify.model
+import identify.model.model
 from experiments import effect_cost, run_effect_table
 from identify.effects import ALL
-from identify.model import assemble
+from identify.model.model import assemble
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = run_effect_table.PAGE.read_text(encoding="utf-8")
@@ -56,8 +56,8 @@ def test_an_effect_that_is_off_is_counted_as_not_there(effect, monkeypatch):
     less, more = effect_cost.pair(effect)
     off = assemble(less)
     others = tuple(e for e in ALL if e is not effect)
-    monkeypatch.setattr(identify.model, "ALL", others)
-    monkeypatch.setattr(identify.model, "NAMES", tuple(e.name for e in others))
+    monkeypatch.setattr(identify.model.model, "ALL", others)
+    monkeypatch.setattr(identify.model.model, "NAMES", tuple(e.name for e in others))
     gone = assemble.__wrapped__(less)
     assert gone.states == off.states and gone.parameters == off.parameters
     for name in effect_cost.COUNTED:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identify.model import assemble
+from identify.model.model import assemble
 
 NAMES = ("inertia", "contact_ageing", "friction_heterogeneity")
 MODEL = assemble(NAMES)

@@ -13,8 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from identify.effects import ALL
-from identify.model import TIME, Model, assemble
-from identify.signal import decay
+from identify.model.model import TIME, Model, assemble
+from identify.model.signal import decay
 
 EVERY = pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.name)
 TOGETHER = case.together()

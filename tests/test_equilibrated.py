@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from identify.equilibrated import Factors, _Bordered
+from identify.numerics.equilibrated import Factors, _Bordered
 
 
 def _bordered(random, size, crowded):

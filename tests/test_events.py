@@ -9,15 +9,15 @@ import pytest
 
 from data_io import Record
 from identify import Scene
-from identify.attempt import Clock
 from identify.effects import MAIN
-from identify.events import TOO_BAD, misfit_of_start, with_events_mended
-from identify.joining import from_some
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.motion.simulate import run
 from identify.outcome import Status
-from identify.prepare import prepare
-from identify.simulate import run
-from identify.unknowns import from_scene
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search.attempt import Clock
+from identify.search.events import TOO_BAD, misfit_of_start, with_events_mended
+from identify.search.joining import from_some
 
 # Near the end of stick-slip: jumps of four standard deviations of the noise, after a start with larger ones.
 TRUTH = {"mu_s": 0.5348, "mu_k0": 0.3311, "delta_mu_k": -0.02818, "a": 197.7, "D": 21.24e-6, "t_cr": 3.3}

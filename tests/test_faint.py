@@ -13,17 +13,17 @@ from taken_logs import error, taken
 from data_io import Record
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify import attempt
-from identify.attempt import Attempt, Clock, place_on, solve_from
+from identify.detection.segment import segment
 from identify.effects import MAIN
-from identify.hanging import hanging
-from identify.joining import join
-from identify.model import assemble
+from identify.examination.hanging import hanging
+from identify.model.model import assemble
+from identify.motion.simulate import run
 from identify.outcome import Status
-from identify.prepare import Prepared
-from identify.segment import segment
-from identify.simulate import run
-from identify.unknowns import Unknowns
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import Unknowns
+from identify.search import attempt
+from identify.search.attempt import Attempt, Clock, place_on, solve_from
+from identify.search.joining import join
 
 NOISE = 5e-3
 # Slow, middle, fast: drive speed [m/s], duration [s], rate [Hz].

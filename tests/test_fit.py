@@ -16,12 +16,13 @@ from data_io import Record
 from experiments.run_paper_test import DESIGNS, identify
 from experiments.run_recovery_study import Study
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
-from identify import Scene, fit, search, starts
+from identify import Scene, fit
 from identify.effects import MAIN
 from identify.errors import FitError
 from identify.examples import FOLDER
 from identify.identification import find
 from identify.outcome import Status
+from identify.search import search, starts
 
 MIDDLE = (1, 2, 3)  # the logs at 0.1, 1 and 5 mm/s of the study's problem: the slow one takes longest to read
 

@@ -8,11 +8,11 @@ import pytest
 
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.effects import ALL, MAIN
-from identify.prepare import prepare
+from identify.first_guess.vibration import tuned
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.starts import own_starts
-from identify.unknowns import from_scene
-from identify.vibration import tuned
+from identify.search.starts import own_starts
 
 BY_NAME = {effect.name: effect for effect in ALL}
 FITTED = [effect for effect in ALL if effect.name not in ("inertia", "friction_heterogeneity")]  # no fit has the last

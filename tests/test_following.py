@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify import following, onset_places
-from identify.drive import NormalForce
 from identify.effects import MAIN
-from identify.following import follow
-from identify.guess import LogData
-from identify.model import assemble
-from identify.simulate import run
-from identify.trajectory import Trajectory
+from identify.first_guess import following, onset_places
+from identify.first_guess.following import follow
+from identify.model.model import assemble
+from identify.motion.drive import NormalForce
+from identify.motion.simulate import run
+from identify.motion.trajectory import Trajectory
+from identify.preparation.guess import LogData
 
 MODEL = assemble(MAIN)
 PAIR = {"mu_s": 0.9904, "mu_k0": 0.8659, "delta_mu_k": -0.06065, "a": 1566.0, "D": 1.278e-5, "t_cr": 3.305}

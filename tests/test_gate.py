@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-from identify.gate import pass_gate
 from identify.outcome import Status
-from identify.passes import COARSE, solve_in_passes
+from identify.search.gate import pass_gate
+from identify.shooting.passes import COARSE, solve_in_passes
 
 NAMES = ("calm.csv", "brisk.csv")
 EXACT = (False, False)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import shooting_case as case
 
-from identify.hanging import hanging
-from identify.passes import COARSE, Solved
-from identify.shooting import transcribe
-from identify.solve import solve
+from identify.examination.hanging import hanging
+from identify.shooting.passes import COARSE, Solved
+from identify.shooting.shooting import transcribe
+from identify.shooting.solve import solve
 
 UNKNOWNS = case.search_space(case.PAIR, ("mu_s", "mu_k0", "t_cr"))
 

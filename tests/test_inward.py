@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind, Log
-from identify.attempt import Attempt, resolve
-from identify.inward import at_own_bounds, taken_inside
 from identify.outcome import Status
-from identify.prepare import prepare
-from identify.search import search
-from identify.unknowns import from_scene
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search.attempt import Attempt, resolve
+from identify.search.inward import at_own_bounds, taken_inside
+from identify.search.search import search
 
 SLOWER = Log(1e-4, 20.0, 500.0)
 SOON = float(np.log(1e-2))  # of t_cr [s]

@@ -1,6 +1,7 @@
 """Imports point one way: a room imports only rooms above it in this list, and nobody imports the command line."""
 
 import ast
+import re
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -9,41 +10,23 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Lowest first: values, the model, forward in time, logs without a model, closed forms, what follows from the
-# nonlinear model, the fit, the report, the command line. A new room gets a place here; a folder stands for its files.
+# Lowest first: values, the model, forward in time, logs without a model, closed forms, what follows from the nonlinear
+# model, the fit, its result, many fits, the command line.
+# A room is a folder, or one of the few modules beside the folders. A new one gets a place here and in docs/rooms.md.
 ROOMS = """
-errors quantities quantiles level speeds typical signal outcome telling examples
-effects base composition chain model scene
-wide native mapped compiled dop853 tableaus drive modes situated crossing resting scales methods stepping bursts
-stepper plan machine phases
-samples averaging trajectory initial admission
-quasistatic_collocation quasistatic_balance quasistatic_phases quasistatic_trajectory quasistatic simulate
-heap noise pooling zigzag local_fits waveform slips segment strokes classical suspicions sharpness slip_quality
-judgement draft
-bracket twofold dual slip_slopes steady ageing amplitude groups jump critical stability limits tested spread
-drawn scatter stated pairs calculable choice price selection_numbers comparison form_slopes
-sliding glide_steps glide hold cycle orbit course trace branch prospect sensitivity chance remedy outlook_words
-outlook advice sureness
-axes outline plane crossings flood chart continuation mapping chart_closed chart_spread chart_data
-guess harmonics passage loads lanes steadiness onset_places slide_parts following one_way gaps parting
-partly_read counted_twice scene_records
-reageing block_equations blocks features
-unknowns cutting manner window prepare rhythms vibration placing first_onsets
-layout start collector rest_parts footing lay_out relaid compression pattern shooting trust
-equilibrated reconstruct solve uncertainty hints influence coloured agreement warm bootstrap passes
-discretisation levels sequence consistency leaning remembered gate accuracy combinations held asked profile_line
-profile_side
-attempt inward status_words events joining ranking starts search valleys profile widened shaken ridge_ends grouped
-shares
-allowed hanging letting_go agreeing fine_enough worth_a_walk examined certainty
-fitted held_out taken_over nested weighing screening
-selection_words compared_models selection suspects restraints diagnosis preview depth
-findings second_look log_outlook creep worth log_document result_notes result identification
-report
-comparing
-batch
+errors quantities typical speeds outcome telling examples numerics
+effects model scene
+methods motion
+detection
+closed_forms
+orbits calculators maps
+preparation first_guess shooting asked uncertainty search examination effect_choice diagnosis
+result identification report
+pooling comparing batch
 cli
 """.split()
+
+FOLDERS = [room for room in ROOMS if (ROOT / "identify" / room).is_dir()]
 
 
 def runtime_imports(path: Path) -> Iterator[str]:
@@ -88,6 +71,23 @@ def wrong_imports(package: Path, rooms: list[str]) -> list[str]:
     return complaints
 
 
+def circle(folder: Path, package: str) -> list[str] | None:
+    """Modules of one folder that import each other in a circle; None where there is none."""
+    depth = package.count(".") + 2
+    graph = {
+        f"{package}.{path.stem}": {
+            ".".join(module.split(".")[:depth]) for module in runtime_imports(path) if module.startswith(f"{package}.")
+        }
+        for path in folder.glob("*.py")
+        if path.stem != "__init__"
+    }
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        return list(error.args[1])
+    return None
+
+
 def test_identify_imports_point_up_the_list():
     assert wrong_imports(ROOT / "identify", ROOMS) == []
 
@@ -97,21 +97,28 @@ def test_the_list_has_no_room_that_is_gone():
     assert gone == []
 
 
+@pytest.mark.parametrize("room", FOLDERS)
+def test_no_folder_imports_in_a_circle(room):
+    assert circle(ROOT / "identify" / room, f"identify.{room}") is None
+
+
+def test_the_map_of_the_rooms_says_what_each_room_says_of_itself():
+    page = (ROOT / "docs" / "rooms.md").read_text(encoding="utf-8")
+    shown = dict(re.findall(r"^\|.*\| `([a-z_./]+)` \| (.+) \|$", page, re.MULTILINE))
+    assert list(shown) == [f"{room}{'/' if room in FOLDERS else '.py'}" for room in ROOMS]
+    for name, sentence in shown.items():
+        path = ROOT / "identify" / (f"{name}__init__.py" if name.endswith("/") else name)
+        said = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+        assert said is not None and said.splitlines()[0] == sentence, name
+
+
 def test_data_io_knows_no_physics():
     for path in (ROOT / "data_io").rglob("*.py"):
         assert not [module for module in runtime_imports(path) if module.split(".")[0] == "identify"], path
 
 
 def test_data_io_has_no_import_cycle():
-    graph = {
-        f"data_io.{path.stem}": {".".join(m.split(".")[:2]) for m in runtime_imports(path) if m.startswith("data_io.")}
-        for path in (ROOT / "data_io").glob("*.py")
-        if path.stem != "__init__"
-    }
-    try:
-        tuple(TopologicalSorter(graph).static_order())
-    except CycleError as error:
-        pytest.fail(f"data_io imports in a circle: {error.args[1]}")
+    assert circle(ROOT / "data_io", "data_io") is None
 
 
 def test_nobody_imports_the_command_line():
@@ -124,9 +131,17 @@ def test_nobody_imports_the_command_line():
 def test_an_import_that_points_down_is_seen(tmp_path):
     (tmp_path / "errors.py").write_text("def f():\n    from identify.scene import Scene\n")
     (tmp_path / "scene.py").write_text("from identify.errors import SceneError\n")
-    (tmp_path / "attic.py").write_text("")
+    (tmp_path / "attic").mkdir()
+    (tmp_path / "attic" / "trunk.py").write_text("")
     complaints = wrong_imports(tmp_path, ROOMS)
     assert complaints == [
         "attic has no place in the list of rooms",
         "errors imports identify.scene.Scene, which stands below it",
     ]
+
+
+def test_an_import_in_a_circle_is_seen(tmp_path):
+    (tmp_path / "hen.py").write_text("def f():\n    from identify.yard.egg import Egg\n")
+    (tmp_path / "egg.py").write_text("from identify.yard import hen\n")
+    found = circle(tmp_path, "identify.yard")
+    assert found is not None and set(found) == {"identify.yard.hen", "identify.yard.egg"}

@@ -7,12 +7,12 @@ from taken_logs import error, taken
 
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify import letting_go
-from identify.attempt import Attempt, Clock, solve_from
-from identify.hanging import hanging
-from identify.letting_go import let_go
+from identify.examination import letting_go
+from identify.examination.hanging import hanging
+from identify.examination.letting_go import let_go
 from identify.outcome import Status
-from identify.unknowns import Unknowns
+from identify.preparation.unknowns import Unknowns
+from identify.search.attempt import Attempt, Clock, solve_from
 
 NAMES = ["slowest", "slow", "fast", "fastest"]
 

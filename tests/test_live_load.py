@@ -14,23 +14,23 @@ from scipy.signal import lfilter
 from data_io import Record
 from experiments import in_vivo
 from identify import identification
-from identify.attempt import Clock
-from identify.drive import NormalForce
+from identify.detection.local_fits import noise_on_lines
+from identify.detection.segment import segment
 from identify.effects import MAIN
-from identify.guess import LogData, Pull
+from identify.first_guess.placing import place
 from identify.identification import find
-from identify.loads import as_far_as_told, calmed, smooth
-from identify.local_fits import noise_on_lines
-from identify.log_document import _quality
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.motion.drive import NormalForce
+from identify.motion.simulate import run
 from identify.outcome import Status
-from identify.passes import COARSE, solve_in_passes
-from identify.placing import place
-from identify.prepare import UNEQUAL, prepare
+from identify.preparation.guess import LogData, Pull
+from identify.preparation.loads import as_far_as_told, calmed, smooth
+from identify.preparation.prepare import UNEQUAL, prepare
+from identify.preparation.unknowns import from_scene
+from identify.result.log_document import _quality
 from identify.scene import Scene
-from identify.segment import segment
-from identify.simulate import run
-from identify.unknowns import from_scene
+from identify.search.attempt import Clock
+from identify.shooting.passes import COARSE, solve_in_passes
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.1, "a": 480.0, "D": 40e-6, "t_cr": 5.0}
 RIG = {"mass": 0.206, "stiffness": 1433.0, "damping": 140.0}

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from identify.drive import Drive
-from identify.manner import Manner, manner_of, since_settled
-from identify.segment import segment
+from identify.detection.segment import segment
+from identify.motion.drive import Drive
+from identify.preparation.manner import Manner, manner_of, since_settled
 
 NOISE, RATE, LOADING = 0.0045, 20.0, 0.00125  # N, Hz, N/s: a slow drive on a soft rig
 HALF_PERIOD = 0.05

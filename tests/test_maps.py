@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from maps_case import ALL, DEMO, SITE, SPANS
 
-from identify.axes import Site, admissible, axis, check_axes, course, known_axes, moved, slopes
-from identify.chart import chart
-from identify.chart_closed import closed_plane
-from identify.chart_spread import Known, bands, region
-from identify.continuation import continuation
-from identify.crossings import growth_at, losses_of_stability
-from identify.cycle import CycleMap
 from identify.errors import SimulationError
-from identify.model import assemble
-from identify.orbit import settle
-from identify.outline import outline
-from identify.plane import plane
-from identify.prospect import prospect
-from identify.sensitivity import quantities
+from identify.maps.axes import Site, admissible, axis, check_axes, course, known_axes, moved, slopes
+from identify.maps.chart import chart
+from identify.maps.chart_closed import closed_plane
+from identify.maps.chart_spread import Known, bands, region
+from identify.maps.continuation import continuation
+from identify.maps.crossings import growth_at, losses_of_stability
+from identify.maps.outline import outline
+from identify.maps.plane import plane
+from identify.model.model import assemble
+from identify.orbits.cycle import CycleMap
+from identify.orbits.orbit import settle
+from identify.orbits.prospect import prospect
+from identify.orbits.sensitivity import quantities
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 import brute_force

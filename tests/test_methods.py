@@ -11,17 +11,17 @@ from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients
 from test_simulate import MODEL, PAIR, RELAXING, STEPS
 
-from identify import tableaus
 from identify.errors import SimulationError
 from identify.methods import ALL, HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF
 from identify.methods.interface import Method
-from identify.model import SPEED, assemble
-from identify.plan import ACCURACY, accuracy_for, plan
-from identify.scales import scales
-from identify.simulate import run
-from identify.situated import Situated
-from identify.stepping import trial
-from identify.trajectory import distance
+from identify.model.model import SPEED, assemble
+from identify.motion.plan import ACCURACY, accuracy_for, plan
+from identify.motion.scales import scales
+from identify.motion.simulate import run
+from identify.motion.situated import Situated
+from identify.motion.stepping import trial
+from identify.motion.trajectory import distance
+from identify.numerics import tableaus
 
 P = np.array([PAIR[name] for name in MODEL.parameter_names])
 START = np.array([4.2e-4, 0.02, 0.6])  # in the middle of a slip

@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from identify import mapped, native
-from identify.blocks import block
 from identify.effects import MAIN
-from identify.mapped import Mapped
-from identify.model import assemble
+from identify.model.model import assemble
+from identify.numerics import mapped, native
+from identify.numerics.mapped import Mapped
+from identify.shooting.blocks import block
 
 
 def function(factor: float = 2.0) -> ca.Function:

@@ -10,13 +10,13 @@ import pytest
 
 from experiments.draws import draw
 from experiments.hard_scenes import PAIR
-from identify import stepper
 from identify.effects import MAIN
 from identify.errors import SimulationError
 from identify.methods import LOW
-from identify.model import assemble
-from identify.resting import bounds
-from identify.simulate import run
+from identify.model.model import assemble
+from identify.motion import stepper
+from identify.motion.resting import bounds
+from identify.motion.simulate import run
 
 
 @pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])

@@ -13,17 +13,17 @@ import oracle
 import pytest
 
 from identify import stability
-from identify.branch import follow
-from identify.comparison import closed_forms, contact
-from identify.cycle import CycleMap
+from identify.calculators.comparison import closed_forms, contact
+from identify.calculators.outlook import OperatingPoint, outlook, outlooks
+from identify.calculators.spread import Spread
 from identify.errors import SimulationError
-from identify.model import assemble
-from identify.orbit import settle
-from identify.outlook import OperatingPoint, outlook, outlooks
-from identify.prospect import Outcome, prospect
-from identify.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities
-from identify.sliding import sliding, unstable_speeds
-from identify.spread import Spread
+from identify.model.model import assemble
+from identify.orbits.branch import follow
+from identify.orbits.cycle import CycleMap
+from identify.orbits.orbit import settle
+from identify.orbits.prospect import Outcome, prospect
+from identify.orbits.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities
+from identify.orbits.sliding import sliding, unstable_speeds
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {

@@ -63,7 +63,7 @@ def test_without_a_window_the_sentence_names_it(scene, monkeypatch):
 
 
 def test_times_of_the_entry_are_moved(scene, monkeypatch):
-    from identify.scene_records import with_records
+    from identify.preparation.scene_records import with_records
 
     drive = ((0.0, 1e-3), (0.4, 2e-3), (2.0, 1e-3))
     entry = replace(scene.logs[0], drive_speed=drive, tare=(0.85, 0.95))

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identify import passes
+from identify.shooting import passes
 
 
 @pytest.mark.parametrize(

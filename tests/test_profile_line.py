@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
-from identify import Scene, profile_line
+from identify import Scene
 from identify.effects import MAIN
-from identify.fine_enough import information_at
-from identify.prepare import prepare
-from identify.profile_line import ProfileLine
-from identify.search import search
-from identify.unknowns import from_scene
+from identify.examination.fine_enough import information_at
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search.search import search
+from identify.uncertainty import profile_line
+from identify.uncertainty.profile_line import ProfileLine
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 OFF = 2.0  # standard errors
@@ -103,7 +104,7 @@ def test_where_newtons_steps_have_no_factors_the_solver_is_asked(fitted, monkeyp
     line = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
     index, value = held(line, "mu_k0", OFF)
     warm = line.best.home().warm
-    monkeypatch.setattr("identify.warm.Factors", singular)
+    monkeypatch.setattr("identify.shooting.warm.Factors", singular)
     assert warm.settle(line.best.z, held=(0, 2.0 * line.best.z[0])) is None
     without = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
     found = without.point(without.best, index, value)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identify.outcome import SlipDetail
-from identify.reconstruct import AS_FITTED, as_fitted
+from identify.result.reconstruct import AS_FITTED, as_fitted
 
 TIME = np.arange(0.0, 0.2, 0.01)
 

@@ -23,23 +23,24 @@ from experiments.record_kinds import (
     Kind,
     Log,
 )
-from identify import Scene, fit, search, starts
-from identify.certainty import certainty
-from identify.drive import Drive
+from identify import Scene, fit
 from identify.effects import MAIN
-from identify.following import follow, glide
-from identify.gaps import gaps_apart
-from identify.model import assemble
-from identify.one_way import strokes_apart
+from identify.examination.certainty import certainty
+from identify.first_guess.following import follow, glide
+from identify.model.model import assemble
+from identify.motion.drive import Drive
+from identify.motion.simulate import run
+from identify.motion.steadiness import decay, steadiness
 from identify.outcome import Status
-from identify.parting import name_of, part_of
-from identify.passes import COARSE
-from identify.prepare import prepare
-from identify.shooting import transcribe
-from identify.simulate import run
-from identify.steadiness import decay, steadiness
-from identify.uncertainty import information
-from identify.unknowns import from_scene
+from identify.preparation.gaps import gaps_apart
+from identify.preparation.one_way import strokes_apart
+from identify.preparation.parting import name_of, part_of
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search import search, starts
+from identify.shooting.passes import COARSE
+from identify.shooting.shooting import transcribe
+from identify.uncertainty.uncertainty import information
 
 MODEL = assemble(MAIN)
 NAMES = MODEL.parameter_names
@@ -241,10 +242,10 @@ def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
 @pytest.mark.parametrize(("gain", "status"), [(20.0, Status.BETTER_START_FOUND), (9.0, Status.CONVERGED)])
 def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain, status):
     # Within the joint region of six parameters (12.6) it is another point of the same ridge.
-    import identify.examined as room
+    import identify.examination.examined as room
     from identify.asked import Asked
-    from identify.profile import Profiles
-    from identify.profile_line import FREE, ProfilePoint
+    from identify.uncertainty.profile import Profiles
+    from identify.uncertainty.profile_line import FREE, ProfilePoint
 
     kind = _kind(SLOW, FAST)
     prepared, unknowns = _prepared(kind)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-from identify.guess import Grid
-from identify.lay_out import lay_out
-from identify.relaid import with_finer_steps
-from identify.shooting import Problem, transcribe
-from identify.unknowns import FORGOTTEN
+from identify.preparation.guess import Grid
+from identify.preparation.unknowns import FORGOTTEN
+from identify.shooting.lay_out import lay_out
+from identify.shooting.relaid import with_finer_steps
+from identify.shooting.shooting import Problem, transcribe
 
 SMALL = Grid(slip=4, saturated=3, steps=2)
 

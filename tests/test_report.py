@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
-from identify.choice import Choice, Reason, document_of
+from identify.effect_choice.choice import Choice, Reason, document_of
 from identify.effects import ALL
 from identify.outcome import Fit, Status
 from identify.report import write_report

@@ -8,14 +8,15 @@ from typing import Any
 import pytest
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, Case, simulated_case
-from identify import Scene, diagnosis, fit, second_look
-from identify.diagnosis import diagnose
+from identify import Scene, fit
+from identify.diagnosis import diagnosis, second_look
+from identify.diagnosis.diagnosis import diagnose
+from identify.diagnosis.restraints import restraints
 from identify.effects import MAIN
 from identify.outcome import Status
-from identify.prepare import prepare
-from identify.restraints import restraints
-from identify.search import search
-from identify.unknowns import from_scene
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search.search import search
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 

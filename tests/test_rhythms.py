@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from identify.attempt import Clock
-from identify.discretisation import discretisation_error
+from identify.effect_choice.nested import fit_model
+from identify.effect_choice.selection import _with_one_noise
 from identify.effects import MAIN
+from identify.first_guess.vibration import quieted, tuned
 from identify.identification import find
-from identify.model import assemble
-from identify.nested import fit_model
+from identify.model.model import assemble
+from identify.motion.simulate import run
 from identify.outcome import Status
-from identify.passes import solve_in_passes
-from identify.prepare import prepare
-from identify.preview import preview
-from identify.rhythms import rhythms
+from identify.preparation.prepare import prepare
+from identify.preparation.rhythms import rhythms
+from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.selection import _with_one_noise
-from identify.simulate import run
-from identify.unknowns import from_scene
-from identify.vibration import quieted, tuned
+from identify.search.attempt import Clock
+from identify.search.preview import preview
+from identify.shooting.discretisation import discretisation_error
+from identify.shooting.passes import solve_in_passes
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
@@ -131,7 +131,7 @@ def test_the_error_of_the_steps_is_what_finer_steps_change():
 
 
 def _solved_with(logs, guesses, unknowns, steps):
-    import identify.passes as passes
+    import identify.shooting.passes as passes
 
     wanted = passes.fine_grid
     passes.fine_grid = lambda *_: replace(passes.COARSE, slip=8, steps=steps) if steps != 2 else passes.Grid(8, 8, 2)

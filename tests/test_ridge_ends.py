@@ -13,15 +13,15 @@ from data_io import Record
 from experiments import run_design_study
 from experiments.run_recovery_study import Study
 from experiments.study_problem import NAMES, RIG, scene_of
-from identify.attempt import Clock, solve_from, usable
-from identify.model import assemble
+from identify.examination.ridge_ends import _stronger, better_course, other_sign, strengthened
+from identify.model.model import assemble
+from identify.motion.simulate import run
 from identify.outcome import Status
-from identify.parting import parted
-from identify.prepare import prepare
-from identify.ridge_ends import _stronger, better_course, other_sign, strengthened
+from identify.preparation.parting import parted
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.simulate import run
-from identify.unknowns import from_scene
+from identify.search.attempt import Clock, solve_from, usable
 
 WRONG = {"mu_s": 0.353698, "mu_k0": 0.29213, "D": 9.9315e-06, "t_cr": 0.058197, "delta_mu_k": -0.235745, "a": 10.086}
 

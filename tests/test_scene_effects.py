@@ -9,7 +9,7 @@ import pytest
 
 from identify.effects import ALL, MAIN, NAMES
 from identify.errors import SceneError
-from identify.model import assemble
+from identify.model.model import assemble
 from identify.scene import Scene
 
 # One unit that is not the SI unit of the parameter, and what it is in SI, per unit that parameters have.

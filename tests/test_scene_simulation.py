@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from identify import simulate
-from identify.drive import NormalForce
 from identify.effects import ALL, MAIN, NAMES
 from identify.errors import SceneError
+from identify.motion.drive import NormalForce
 from identify.scene import Scene
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.002, "normal_force": 1.0}

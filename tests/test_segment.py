@@ -7,9 +7,9 @@ import numpy as np
 import oracle
 import pytest
 
-from identify.noise import quantum, spikes, white_noise
-from identify.segment import SLIDING, SLIP, STICK, segment
-from identify.zigzag import _corners, left_by_smoothing, running_means, smooth, zigzag
+from identify.detection.noise import quantum, spikes, white_noise
+from identify.detection.segment import SLIDING, SLIP, STICK, segment
+from identify.detection.zigzag import _corners, left_by_smoothing, running_means, smooth, zigzag
 
 PAIR = {
     "mu_s": 0.62,

@@ -9,11 +9,11 @@ import numpy as np
 
 from experiments.run_effect_selection import NOISE, RIG, draw
 from experiments.study_problem import DEMO, scene_of, simulated_case
-from identify import shaken as room
-from identify.fitted import Fitted
-from identify.nested import fit_model, fit_shaken
+from identify.effect_choice.fitted import Fitted
+from identify.effect_choice.nested import fit_model, fit_shaken
 from identify.outcome import Status
 from identify.scene import Scene
+from identify.search import shaken as room
 
 VIBRATING = 59  # record of that study whose first answer, from the data alone, is wrong
 

@@ -12,15 +12,15 @@ import pytest
 import shooting_case as case
 
 from data_io import Record
-from identify.attempt import Clock
 from identify.cli.main import main
 from identify.effects import MAIN
 from identify.errors import SceneError
 from identify.identification import find, fit
-from identify.layout import kept_parameters
-from identify.log_outlook import outlooks_of
 from identify.outcome import Status
+from identify.result.log_outlook import outlooks_of
 from identify.scene import Scene
+from identify.search.attempt import Clock
+from identify.shooting.layout import kept_parameters
 
 OTHER = case.PAIR | {"D": 60e-6, "mu_s": 0.66}
 SPEEDS = ((1e-4, 10.0, 250.0), (1e-3, 1.6, 1000.0))

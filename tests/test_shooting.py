@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-from identify.guess import Grid
-from identify.lay_out import lay_out
-from identify.model import assemble
-from identify.passes import COARSE, solve_in_passes
-from identify.shooting import Problem, transcribe
-from identify.solve import solve
+from identify.model.model import assemble
+from identify.preparation.guess import Grid
+from identify.shooting.lay_out import lay_out
+from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.solve import solve
 
 SMALL = Grid(slip=4, saturated=3, steps=2)
 FINE = Grid(slip=16, saturated=16, steps=4)
@@ -163,7 +163,7 @@ def test_a_cell_may_be_compressed_in_portions(portion, monkeypatch):
     whole = _masked(_problem(load_sd=1e-3)[0])
     z = _somewhere(whole, 3e-2)
     cost, fitted = whole.evaluate(z, derivatives=False).cost, whole.fitted(z)
-    monkeypatch.setattr("identify.compression.PORTION", portion)
+    monkeypatch.setattr("identify.shooting.compression.PORTION", portion)
     cut = Problem(whole.logs, whole.layout)
     assert cut.evaluate(z, derivatives=False).cost == pytest.approx(cost, rel=1e-12)
     assert cut.samples == whole.samples

@@ -8,9 +8,9 @@ import pytest
 
 from identify.effects import MAIN
 from identify.errors import SimulationError
-from identify.model import assemble
-from identify.simulate import run
-from identify.trajectory import Trajectory
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.motion.trajectory import Trajectory
 
 PAIR = {
     "mu_s": 0.62,

@@ -7,9 +7,9 @@ import pytest
 from taken_logs import taken
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
-from identify import valleys
-from identify.attempt import Clock, solve_from
-from identify.starts import suggested_starts
+from identify.examination import valleys
+from identify.search.attempt import Clock, solve_from
+from identify.search.starts import suggested_starts
 
 
 def test_the_suggestions_are_tried_in_the_first_look_only(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,13 +9,13 @@ import pytest
 from data_io import Record, write_csv
 from identify import examples
 from identify.cli import main as cli
-from identify.draft import told_speed
+from identify.detection.draft import told_speed
+from identify.detection.judgement import judge
+from identify.detection.segment import segment
+from identify.detection.slip_quality import Part
 from identify.effects import MAIN
-from identify.judgement import judge
-from identify.model import assemble
-from identify.segment import segment
-from identify.simulate import run
-from identify.slip_quality import Part
+from identify.model.model import assemble
+from identify.motion.simulate import run
 
 PAIR = {
     "mu_s": 0.62,

@@ -8,21 +8,21 @@ from scipy.stats import chi2
 
 from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
-from identify import certainty as sureness
-from identify import search
-from identify import valleys as room
 from identify.asked import NOTHING_MORE
-from identify.attempt import Clock, resolve, solve_from
+from identify.examination import certainty as sureness
+from identify.examination import valleys as room
+from identify.examination.valleys import other_valleys
+from identify.first_guess.vibration import tuned
 from identify.outcome import Status
-from identify.parting import parted
-from identify.prepare import prepare
-from identify.profile import profile
-from identify.ranking import ranked
-from identify.scene_records import with_records
-from identify.uncertainty import information
-from identify.unknowns import from_scene
-from identify.valleys import other_valleys
-from identify.vibration import tuned
+from identify.preparation.parting import parted
+from identify.preparation.prepare import prepare
+from identify.preparation.scene_records import with_records
+from identify.preparation.unknowns import from_scene
+from identify.search import search
+from identify.search.attempt import Clock, resolve, solve_from
+from identify.search.ranking import ranked
+from identify.uncertainty.profile import profile
+from identify.uncertainty.uncertainty import information
 
 
 def _prepared(scene, records):

@@ -7,8 +7,8 @@ import pytest
 
 from data_io import LogError, Record
 from data_io.thresholds import LIMITS, Thresholds
-from identify.judgement import judge
-from identify.sharpness import harmonic_share, sharpness
+from identify.detection.judgement import judge
+from identify.detection.sharpness import harmonic_share, sharpness
 from tests.verdict_cases import CASES, made, sensor_lag
 
 LIMIT = {limit.name: limit for limit in LIMITS}

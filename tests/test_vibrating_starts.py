@@ -11,18 +11,19 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from identify import lanes, passes
-from identify.drive import NormalForce
 from identify.effects import MAIN
-from identify.first_onsets import with_first_onsets
-from identify.guess import LogData
-from identify.model import assemble
-from identify.passes import COARSE, solve_in_passes
-from identify.placing import place
+from identify.first_guess import lanes
+from identify.first_guess.first_onsets import with_first_onsets
+from identify.first_guess.placing import place
+from identify.model.model import assemble
+from identify.motion.drive import NormalForce
+from identify.motion.simulate import run
+from identify.preparation.guess import LogData
+from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.shooting import transcribe
-from identify.simulate import run
-from identify.unknowns import from_scene
+from identify.shooting import passes
+from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.shooting import transcribe
 
 PAIR = {"mu_s": 0.45, "mu_k0": 0.28, "delta_mu_k": -0.087, "a": 212.0, "D": 38e-6, "t_cr": 0.16}
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from experiments.study_problem import DEMO, scene_of, simulated_case
-from identify import search as room
 from identify.outcome import Status
-from identify.prepare import prepare
-from identify.unknowns import from_scene
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search import search as room
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from experiments.run_recovery_study import CLOSE, FAR, Study, fit_case
-from identify import worth_a_walk
-from identify.widened import ENOUGH, widened
+from identify.examination import worth_a_walk
+from identify.uncertainty.widened import ENOUGH, widened
 
 LIMIT = 3.84
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from identify.calculators.outlook_words import amplitude_text, said, stability_text
 from identify.cli import main as cli
 from identify.cli.common import Terminal
 from identify.cli.summary import say_fit
 from identify.outcome import Fit
-from identify.outlook_words import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
 from identify.report.page import render_page
 from identify.report.quantity_text import quantity

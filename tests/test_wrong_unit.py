@@ -9,10 +9,10 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
-from identify.diagnosis import wrong_unit
+from identify.diagnosis.diagnosis import wrong_unit
 from identify.effects import MAIN
-from identify.prepare import Prepared, prepare
-from identify.unknowns import from_scene
+from identify.preparation.prepare import Prepared, prepare
+from identify.preparation.unknowns import from_scene
 
 KILOGRAM = 9.80665  # N
 

@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from identify.advice import advise
+from identify.calculators.advice import advise
+from identify.calculators.pairs import groups_of
+from identify.calculators.sureness import sureness
+from identify.calculators.tested import Tested
 from identify.cli.point import Point
 from identify.cli.points import points_of
 from identify.errors import SimulationError
 from identify.outcome import Fit
-from identify.pairs import groups_of
 from identify.scene import Scene
-from identify.sureness import sureness
-from identify.tested import Tested
 
 DRAWS = 100  # some milliseconds each
 

@@ -80,9 +80,9 @@ def asked_of(arguments: Namespace) -> Asked:
     Raises:
         CommandLineError, FitError: an accuracy or a number of replicates that cannot be.
     """
-    from identify.accuracy import DEFAULT, accuracy_of
     from identify.asked import Asked
-    from identify.bootstrap import FEWEST
+    from identify.shooting.accuracy import DEFAULT, accuracy_of
+    from identify.uncertainty.bootstrap import FEWEST
 
     replicates = arguments.bootstrap or 0
     if arguments.bootstrap is not None and replicates < FEWEST:
@@ -174,7 +174,7 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | N
     from identify.cli.progress import Progress
     from identify.cli.summary import say_files, say_fit
     from identify.identification import fit
-    from identify.mapped import keep
+    from identify.numerics.mapped import keep
     from identify.report import write_report
 
     with Progress(terminal.notes) as progress:

@@ -10,15 +10,15 @@ import numpy as np
 
 from data_io import Record, Step
 from data_io.thresholds import DEFAULTS, Thresholds
-from identify.classical import classical_table
 from identify.cli.common import Terminal
 from identify.cli.scene import only
 from identify.cli.summary import columns, wrapped
-from identify.draft import told_speed
-from identify.judgement import Judgement, judge
+from identify.detection.classical import classical_table
+from identify.detection.draft import told_speed
+from identify.detection.judgement import Judgement, judge
+from identify.detection.segment import SLIDING, SLIP, STICK, Segmentation, segment
+from identify.detection.slip_quality import Part
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
-from identify.segment import SLIDING, SLIP, STICK, Segmentation, segment
-from identify.slip_quality import Part
 
 HEADINGS = ("run", "step", "stroke")
 MOST_STROKES = 2  # fit beside each other in 80 columns

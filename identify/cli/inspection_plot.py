@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from data_io.atomic import atomic_path
 from data_io.quality_load import UNLOADED
 from data_io.rest import Rest
+from identify.detection.segment import SLIDING, SLIP
 from identify.report.envelope import envelope
-from identify.segment import SLIDING, SLIP
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

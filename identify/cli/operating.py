@@ -6,13 +6,13 @@ from argparse import Namespace
 from collections.abc import Sequence
 from typing import Any
 
+from identify.calculators.outlook import OperatingPoint, outlook, outlooks
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
 from identify.cli.further import asked_further
 from identify.cli.groups import one_pair
 from identify.cli.point import Point
 from identify.cli.points import operating_points, tested_range
 from identify.cli.summary import wrapped
-from identify.outlook import OperatingPoint, outlook, outlooks
 
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
@@ -50,7 +50,7 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
 
 
 def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:
-    """The answers at each point, as `identify.outlook` gives them; points of one pair share what they have in common.
+    """The answers at each point, as `outlook` gives them; points of one pair share what they have in common.
 
     Raises:
         SimulationError: no answer at the only point.

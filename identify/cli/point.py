@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.axes import Site
-from identify.pairs import Groups, named
+from identify.calculators.pairs import Groups, named
+from identify.maps.axes import Site
 
 if TYPE_CHECKING:
-    from identify.model import Model
+    from identify.model.model import Model
 
 Array = NDArray[np.float64]
 

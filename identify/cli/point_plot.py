@@ -12,11 +12,11 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from data_io.atomic import atomic_path
 from identify.cli.common import CommandLineError
-from identify.cycle import CycleMap
-from identify.orbit import settle
-from identify.prospect import Prospect, prospect
-from identify.sensitivity import QUANTITIES, quantities
-from identify.sliding import sliding
+from identify.orbits.cycle import CycleMap
+from identify.orbits.orbit import settle
+from identify.orbits.prospect import Prospect, prospect
+from identify.orbits.sensitivity import QUANTITIES, quantities
+from identify.orbits.sliding import sliding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

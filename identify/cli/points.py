@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.calculable import check_calculable
+from identify.calculators.calculable import check_calculable
+from identify.calculators.pairs import Pair, pair_of, ties_of, with_tied
+from identify.calculators.scatter import pooled_result
+from identify.calculators.stated import stated
+from identify.calculators.tested import Tested
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
 from identify.cli.point import Point
 from identify.cli.results import place_of, read_result, scene_of
-from identify.pairs import Pair, pair_of, ties_of, with_tied
-from identify.scatter import pooled_result
+from identify.effect_choice.selection_numbers import choose_from_numbers
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest
-from identify.selection_numbers import choose_from_numbers
-from identify.stated import stated
-from identify.tested import Tested
 
 Array = NDArray[np.float64]
 POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}

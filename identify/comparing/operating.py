@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.calculators.outlook import OperatingPoint, outlooks
 from identify.comparing.compare import Comparison
 from identify.comparing.points import Common
-from identify.level import LEVEL, NORMAL
-from identify.outlook import OperatingPoint, outlooks
+from identify.numerics.level import LEVEL, NORMAL
+from identify.numerics.quantiles import student, student_below
+from identify.orbits.sliding import slidings
 from identify.pooling.joint import Joint, Together
 from identify.pooling.pooled import predictive
-from identify.quantiles import student, student_below
-from identify.sliding import slidings
 
 Array = NDArray[np.float64]
 Document = Mapping[str, Any]

@@ -17,7 +17,7 @@ from identify.errors import IdentifyError
 from identify.scene import Scene
 
 if TYPE_CHECKING:
-    from identify.model import Model
+    from identify.model.model import Model
 
 MOST_SPEEDS = 4
 DIGITS = 3

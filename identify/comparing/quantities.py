@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identify.comparing.fits import FitEntry
 from identify.effects import ALL
-from identify.level import NORMAL
+from identify.numerics.level import NORMAL
 
 Array = NDArray[np.float64]
 

@@ -1,11 +1,11 @@
 """The table of integration methods. A new one is one file here and one line in ALL."""
 
-from identify import tableaus
 from identify.methods.explicit import Explicit
 from identify.methods.interface import Method
 from identify.methods.outside import Cvodes
 from identify.methods.radau import Radau
 from identify.methods.series import Exponential
+from identify.numerics import tableaus
 
 LOW = Explicit.of(tableaus.BOGACKI_SHAMPINE, "explicit, low order", "Bogacki and Shampine 1989")
 MIDDLE = Explicit.of(tableaus.DORMAND_PRINCE, "explicit, middle order", "Dormand and Prince 1980")

@@ -8,7 +8,7 @@ from typing import ClassVar
 import casadi as ca
 
 from identify.methods.interface import Expression, Method, Scale, largest
-from identify.tableaus import Tableau, step, weighted
+from identify.numerics.tableaus import Tableau, step, weighted
 
 NOTHING = 1e-300  # keeps 0/0 of an exact step a number
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identify.numerics.quantiles import student_below
 from identify.pooling.mixed import Mixed, PoolingError, fit_mixed
-from identify.quantiles import student_below
 
 SUSPECT = 2.5  # studentised residual from which on the scatter is estimated again without the fit
 LEVEL = 0.05  # chance of a false alarm anywhere in one quantity

@@ -8,11 +8,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.level import LEVEL
+from identify.numerics.level import LEVEL
+from identify.numerics.quantiles import chi_square, student
 from identify.pooling.design import RUN, SUBJECT, SUBJECT_BY_GROUP, Design, Setting, design
 from identify.pooling.mixed import Mixed, fit_mixed
 from identify.pooling.simultaneous import below, critical
-from identify.quantiles import chi_square, student
 
 Array = NDArray[np.float64]
 

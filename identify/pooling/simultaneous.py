@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtr, ndtri
 from scipy.stats.qmc import Sobol
 
-from identify.quantiles import student, student_below
+from identify.numerics.quantiles import student, student_below
 
 Array = NDArray[np.float64]
 

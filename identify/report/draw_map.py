@@ -15,14 +15,14 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
-from identify.chart import Boundary, Chart
-from identify.chart_closed import closed_plane
-from identify.chart_spread import Known, bands, region
+from identify.calculators.tested import Tested
+from identify.maps.chart import Boundary, Chart
+from identify.maps.chart_closed import closed_plane
+from identify.maps.chart_spread import Known, bands, region
 from identify.report.map_contours import amplitudes, drops
 from identify.report.map_regions import regions
 from identify.report.map_view import FONT, View, ticks_in_powers
 from identify.report.style import drawing_style
-from identify.tested import Tested
 
 Array = NDArray[np.float64]
 

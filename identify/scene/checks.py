@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from identify.effects import ALL
 from identify.errors import SceneError
-from identify.model import RIG_PARAMETERS
+from identify.model.model import RIG_PARAMETERS
 from identify.scene.values import EACH_LOG, DriveSpeed
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from identify.effects import ALL
 from identify.errors import SceneError
-from identify.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
+from identify.model.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
 from identify.quantities import Parameter
 from identify.scene.tables import Table, share
 from identify.scene.values import ParameterSpec, Tie

@@ -12,7 +12,7 @@ from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.whereabouts import log_is_at
 from identify.effects import ALL
 from identify.errors import SceneError
-from identify.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
+from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
 from identify.quantities import Parameter
 from identify.scene.checks import (
     check_coefficients,

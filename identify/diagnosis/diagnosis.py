@@ -1,0 +1,249 @@
+"""Why a model misfits: one thing at a time that may be wrong with rig or sensor is set free, and what explains the
+logs within their noise is named.
+
+A suspect explains a misfit where it alone takes it down to noise, or nearly all of it. What explains it is said,
+never silently taken over: the answer stays a misfit until the user mends the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.diagnosis.held import Held
+from identify.diagnosis.restraints import restraints
+from identify.diagnosis.suspects import GROSS, SLIGHT, Suspect, found_and_stated
+from identify.effect_choice.fitted import Fitted, as_it_ended, described, fits
+from identify.effect_choice.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
+from identify.errors import FitError, SceneError
+from identify.model.model import RIG_PARAMETERS
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import Unknowns
+from identify.scene import Scene
+from identify.search.attempt import Attempt, judged
+from identify.search.status_words import at_bounds
+from identify.uncertainty.uncertainty import sizes
+
+Array = NDArray[np.float64]
+
+REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
+CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
+TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
+UNITS = 30.0  # factor by which sticks rise too slowly where a unit is wrong: nothing soft in series does that
+STEEPER = 5.0  # and by which they rise too fast: nothing in series does that, and no rig value is so wrong
+STICKS, AGREE = 2, 0.3  # sticks that a unit has to be wrong in, and how much they may differ: cycles may be misread
+NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
+ASKED = 16.0  # statistic that makes an answer that fits doubtful, where something else does so already
+ALIKE = 1e-3  # share of the samples by which fits may differ that are compared: the last stick is cut anew
+MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
+
+
+def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
+    """A sentence where the sticks of a log rise so differently from stiffness times drive speed that a unit must be
+    wrong; "" where none do.
+
+    Args:
+        placed: the model was placed on the logs; where it cannot even be, less is enough to suspect a unit.
+    """
+    slower = UNITS if placed else STEEPER
+    for log in prepared:
+        rise = log.segmentation.stick_slope
+        if rise is None or log.segmentation.stick_slopes.size < STICKS or rise[1] > AGREE:
+            continue
+        for slope in (part.slope for part in log.judgement.slips if part.slope is not None):
+            times = 1.0 + slope
+            if not 1.0 / slower < times < STEEPER:
+                return (
+                    f"in the sticks of {log.name} the force rises {times:.3g} times as fast as stiffness times drive "
+                    "speed says: check the units of its time and forces, its drive speed and the stiffness of the rig"
+                )
+    return ""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What alone explains a misfit: a sentence; better: an answer of the model as it is stated that lies nearer to the
+    data, met on the way: the misfit was at least in part the search's own."""
+
+    sentence: str
+    better: Attempt | None = None
+
+
+def diagnose(
+    scene: Scene,
+    records: Sequence[Record],
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    attempt: Attempt | None,
+) -> Cause | None:
+    """What alone would explain a misfit; None where nothing does.
+
+    Args:
+        scene, records, prepared, unknowns: those of the fit; attempt: where it ended.
+    """
+    ended = as_it_ended(scene, unknowns, prepared, attempt)
+    if fits(ended):
+        return None
+    found: list[_Explanation] = []
+    beside = restraints(scene, () if attempt is None else at_bounds(unknowns, attempt.solved.theta))
+    if attempt is not None and ended.excess < NEAR * ended.samples:
+        tried = _tried((*beside, *SLIGHT), scene, prepared, lambda freed: _from_values(ended, freed, records))
+        found = _explanations(tried, scene, ended)
+    if not found:
+        tried = _tried((*beside, *GROSS), scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
+        found = _explanations(tried, scene, ended)
+    if not found:
+        return None
+    found.sort(key=lambda each: each.fitted.excess)
+    sentence = "; or ".join(e.words for e in found if e.fitted.excess < found[0].fitted.excess + TOLD)
+    # What was set free may explain nothing but have led the search elsewhere.
+    back = fit_beside(found[0].fitted, scene, records)
+    nearer = back.attempt is not None and back.logs == ended.logs and ended.excess - back.excess > _worth(ended)
+    return Cause(sentence, back.attempt if nearer else None)
+
+
+def _from_values(ended: Fitted, freed: Scene, records: Sequence[Record]) -> Fitted:
+    """The model with one thing more free, from the values of the answer; where the solver loses its way from there, in
+    small steps."""
+    fitted = fit_from_values(ended, freed, records)
+    if fitted.attempt is not None and fitted.attempt.solved.solution.success:
+        return fitted
+    slowly = fit_from_values(ended, freed, records, slowly=True)
+    return slowly if slowly.excess < fitted.excess else fitted
+
+
+def _worth(ended: Fitted) -> float:
+    """By how much the misfit of another answer of the same model must be smaller for it to be looked into."""
+    return max(TOLD, REMAINS * ended.excess)
+
+
+def _tried(
+    suspects: Sequence[Suspect], scene: Scene, prepared: Sequence[Prepared], fit: Callable[[Scene], Fitted]
+) -> list[tuple[Suspect, Fitted]]:
+    """Every suspect with what came of its fit, done in that way, where there is an answer."""
+    out = []
+    for suspect in suspects:
+        try:
+            freed = suspect.freed(scene, prepared)
+            fitted = None if freed is None else fit(freed)
+        except (FitError, SceneError):
+            continue
+        if fitted is not None and fitted.attempt is not None:
+            out.append((suspect, fitted))
+    return out
+
+
+@dataclass(frozen=True)
+class _Explanation:
+    """A suspect that explains a misfit: the fit with it free, and the words that name it."""
+
+    fitted: Fitted
+    words: str
+
+
+def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, ended: Fitted) -> list[_Explanation]:
+    """Every suspect that explains a misfit, in all its logs: without one of them less is left in any case."""
+    found, excess = [], ended.excess
+    for suspect, fitted in tried:
+        nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess
+        if not (fits(fitted) or nearly) or not set(fitted.logs) >= set(ended.logs):
+            continue
+        value, stated = found_and_stated(suspect, fitted, scene)
+        if stated > 0.0 and abs(value / stated - 1.0) < CLEAR:
+            continue
+        rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
+        found.append(_Explanation(fitted, f"{suspect.words(value, stated)} explains the misfit {rest}"))
+    return found
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What describes data better that an answer fits already: a sentence; gain: by how much chi^2 falls; moved: by how
+    much of its size the parameter `worst` moves; better: another answer of the same model that is better too."""
+
+    sentence: str
+    gain: float
+    moved: float
+    worst: str
+    better: Attempt | None = None
+
+    @property
+    def matters(self) -> bool:
+        """Whether an answer without it is none to rely on."""
+        return self.moved > MATTERS
+
+
+def doubt(
+    scene: Scene,
+    records: Sequence[Record],
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    attempt: Attempt,
+    held: Sequence[Held],
+    told: Sequence[str],
+    memory: float,
+    *,
+    beyond: bool,
+    anew: bool,
+) -> Doubt | None:
+    """What alone would describe the data clearly better than an answer that fits; None where nothing does, or where the
+    answer does not fit.
+
+    Args:
+        as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; memory: by how
+            much that of the noise widens a variance; beyond: rig and sensor are suspected too, and not only what the
+            scene says of single parameters; anew: an effect more is fitted from the data alone too, where the
+            answer's own motion may hide what it does.
+    """
+    ended = as_it_ended(scene, unknowns, prepared, attempt)
+    if not described(ended):
+        return None
+    cleared = {h.name for h in held if h.squared < ASKED / 2}
+    suspects = [*restraints(scene, ()), *(s for s in SLIGHT if beyond and s.parameter not in cleared)]
+    found = []
+    for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
+        gain = (ended.excess - fitted.excess) / memory
+        if not gain > ASKED:
+            continue
+        back = fit_smaller(fitted, scene, records)
+        back = back if back.attempt is None else replace(back, attempt=judged(back.attempt))
+        if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
+            return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
+        words = suspect.words(*found_and_stated(suspect, fitted, scene))
+        found.append((gain, words, *_moved(ended, fitted, told)))
+    if not found:
+        return None
+    most, _, moved, worst = max(found)
+    sentence = "; or ".join(words for gain, words, *_ in sorted(found, reverse=True) if gain > most - TOLD)
+    return Doubt(sentence, most, moved, worst)
+
+
+def _with_more(ended: Fitted, freed: Scene, records: Sequence[Record], anew: bool) -> Fitted:
+    """The model with one thing more free, from the motion of the answer or, with one effect more, from the data."""
+    from_motion = fit_larger(ended, freed, records)
+    if not anew or freed.effects == ended.scene.effects:
+        return from_motion
+    from_data = fit_model(freed, records, thorough=False)
+    comparable = abs(from_data.samples - ended.samples) < ALIKE * ended.samples
+    return from_data if comparable and from_data.excess < from_motion.excess else from_motion
+
+
+def _moved(ended: Fitted, other: Fitted, told: Sequence[str]) -> tuple[float, str]:
+    """By how much of its size the parameter moves that moves most, of those the data tell, and its name."""
+    here, there = (
+        dict(zip(f.unknowns.names, f.unknowns.values(f.attempt.solved.theta, _neutral(f)).tolist(), strict=True))
+        for f in (ended, other)
+        if f.attempt is not None
+    )
+    size = dict(zip(ended.unknowns.names, sizes(ended.unknowns, np.array(list(here.values()))).tolist(), strict=True))
+    moves = [(abs(there[n] - here[n]) / max(size[n], 1e-300), n) for n in told if n in there]
+    return max(moves, default=(0.0, ""))
+
+
+def _neutral(fitted: Fitted) -> Array:
+    """Base values (n_p,) in which a rig quantity is its ratio to the stated one."""
+    return fitted.unknowns.base(dict.fromkeys(RIG_PARAMETERS, 1.0))

@@ -1,0 +1,74 @@
+"""A second look at what a fit found: the cause of a misfit, and whether an answer that fits only looks right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from data_io import Record
+from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
+from identify.diagnosis.findings import Findings
+from identify.diagnosis.restraints import restraints
+from identify.examination.allowed import slowness
+from identify.outcome import Status
+from identify.preparation.prepare import Prepared
+from identify.scene import Scene
+from identify.search.attempt import Attempt
+from identify.telling import Progress
+
+MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)  # of which the cause is looked for
+
+
+def looked_into(
+    findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], progress: Progress
+) -> tuple[Findings, Attempt | None]:
+    """What a fit found, with the cause of a misfit where one is known, and refused where it only looks right; and a
+    better answer of the same model that was met."""
+    if findings.status in MISFITS:
+        unit = wrong_unit(prepared, placed=findings.attempt is not None)
+        if unit:
+            return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
+        if any(log.unlike for log in prepared):
+            return findings, None
+        progress("looking for what is wrong", 0.95)
+        cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)
+        if cause is not None:
+            message = _caused(cause.sentence, findings.attempt)
+            return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
+    refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
+    doubtful = refused or _doubtful(findings)
+    if not doubtful and (findings.status is not Status.CONVERGED or not restraints(scene, ())):
+        return findings, None
+    progress("looking for what is wrong", 0.95)
+    assert findings.attempt is not None
+    told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
+    memory = 1.0 if findings.sure is None else slowness(findings.attempt, findings.sure.colours)
+    where = scene, read, prepared, findings.unknowns, findings.attempt
+    found = doubt(*where, findings.held, told, memory, beyond=doubtful, anew=refused or _rises(findings))
+    return (findings, None) if found is None else (_doubted(findings, found), found.better)
+
+
+def _doubtful(findings: Findings) -> bool:
+    """Whether what fits is looked at again: the data contradict the rig as it was stated, or friction rises with the
+    sliding speed, which is rare, and what a lagging sensor makes of friction that falls."""
+    return any(held.contradicted for held in findings.held) or _rises(findings)
+
+
+def _rises(findings: Findings) -> bool:
+    change = next((e.value for e in findings.estimates if e.name == "delta_mu_k" and e.verdict != "fixed"), None)
+    return change is not None and change > 0.0
+
+
+def _doubted(findings: Findings, found: Doubt) -> Findings:
+    """What else would describe data that fit already, in the sentence; an answer that it moves far is refused."""
+    moves = f", the parameter {found.worst} moves by {100 * found.moved:.2g} %" if found.worst else ""
+    more = f"the data ask for {found.sentence}: chi^2 falls by {found.gain:.3g}{moves}"
+    if found.matters and findings.status is Status.CONVERGED:  # else logs contradict each other, say
+        return replace(findings, status=Status.MODEL_MISFIT, message=f"the misfit is noise, and yet {more}")
+    return replace(findings, message=f"{findings.message}; {more}")
+
+
+def _caused(cause: str, attempt: Attempt | None) -> str:
+    """The sentence of a misfit whose cause is known."""
+    by = "" if attempt is None else f" (misfit {attempt.gate.chi2_per_sample:.3g} times the noise variance)"
+    return f"with the rig and the effects as stated the model does not describe these data{by}; {cause}"

@@ -1,0 +1,158 @@
+"""What may be wrong with rig or sensor, or lack in a model: one table; a suspect is a scene with one thing more free.
+
+Those of `GROSS` explain misfits; those of `SLIGHT` too, and hide in answers that fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identify.effect_choice.fitted import Fitted
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import stated_rig
+from identify.scene import Scene
+from identify.scene.parameters import ParameterSpec
+
+REACH = 4.0  # factor up to which a rig value is suspected
+SHIFTED = 0.02  # relative change of the drive speed below which the sticks do not call it wrong
+VARIED = 0.02  # relative range of the normal force below which nothing can be said of what it does
+
+Freed = Callable[[Scene, Sequence[Prepared]], Scene | None]
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """What may be wrong: its parameter, the scene with it free (None where it is free already, or cannot be it), and
+    the sentence that names it, given the value found and the one stated (0 where none is)."""
+
+    parameter: str
+    freed: Freed
+    words: Callable[[float, float], str]
+
+
+def found_and_stated(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:
+    """Value that a fit found and value that the scene states of a suspect (0 where none is stated)."""
+    assert fitted.attempt is not None
+    if suspect.parameter == "drive_speed":
+        return _speeds(fitted.scene)[0], _speeds(scene)[0]
+    names = fitted.unknowns.names
+    base = fitted.unknowns.base(stated_rig(scene))
+    value = fitted.unknowns.values(fitted.attempt.solved.theta, base)[names.index(suspect.parameter)]
+    return float(value), float(getattr(scene.rig, suspect.parameter, 0.0) or 0.0)
+
+
+def _rig(name: str) -> Freed:
+    """A scene with a rig quantity estimated from the data alone."""
+
+    def freed(scene: Scene, _prepared: Sequence[Prepared]) -> Scene | None:
+        value = float(getattr(scene.rig, name))
+        if name in scene.parameters or value <= 0.0:
+            return None
+        spec = ParameterSpec(name, None, value / REACH, value * REACH)
+        rig = replace(scene.rig, tolerances={n: t for n, t in scene.rig.tolerances.items() if n != name})
+        return replace(scene, rig=rig, parameters={**scene.parameters, name: spec})
+
+    return freed
+
+
+def _effect(name: str, parameter: str, start: Callable[[Scene], float]) -> Freed:
+    """A scene with one effect more, its parameter started where it matters."""
+
+    def freed(scene: Scene, _prepared: Sequence[Prepared]) -> Scene | None:
+        if scene.effects == "auto" or name in scene.effects:
+            return None
+        made = scene.with_effects((*scene.effects, name))
+        spec = made.parameters[parameter]
+        begun = replace(spec, start=float(np.clip(start(scene), spec.lower, spec.upper)))
+        return replace(made, parameters={**made.parameters, parameter: begun})
+
+    return freed
+
+
+def _by_load(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
+    """A scene whose coefficients fall with the normal force, and hold at the mean of the logs."""
+    made = _effect("load_dependence", "load_exponent", lambda _scene: 0.02)(scene, prepared)
+    if made is None:
+        return None
+    loads = np.concatenate([log.data.normal_force.values for log in prepared])
+    at = float(np.mean([log.data.mean_normal_force for log in prepared]))
+    if np.ptp(loads) < VARIED * at:
+        return None
+    given = replace(made.parameters["reference_force"], fixed=at)
+    return replace(made, parameters={**made.parameters, "reference_force": given})
+
+
+def _speeds(scene: Scene) -> list[float]:
+    """The constant drive speeds [m/s] a scene states, one per log; empty where one is a programme or not stated."""
+    said = [scene.rig_for(log).drive_speed for log in scene.logs]
+    constant = [float(speed) for speed in said if speed is not None and not isinstance(speed, tuple)]
+    return constant if len(constant) == len(said) else []
+
+
+def _as_sticks_rise(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
+    """A scene with the drive speeds that its sticks tell with the stated stiffness, all changed by one factor."""
+    speeds = _speeds(scene)
+    slopes = [part.slope for log in prepared for part in log.judgement.slips if part.slope is not None]
+    if not speeds or not slopes or abs(float(np.median(slopes))) < SHIFTED:
+        return None
+    times = 1.0 + float(np.median(slopes))
+    if not 1.0 / REACH < times < REACH:
+        return None
+    logs = tuple(replace(log, drive_speed=times * v) for log, v in zip(scene.logs, speeds, strict=True))
+    return replace(scene, logs=logs)
+
+
+def _stated(name: str, unit: str, remedy: str) -> Callable[[float, float], str]:
+    def words(value: float, stated: float) -> str:
+        return (
+            f"a {name} of {value:.3g} {unit} instead of {stated:.3g} {unit} "
+            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{value:.3g} {unit}" }})'
+        )
+
+    return words
+
+
+GROSS: tuple[Suspect, ...] = (
+    Suspect("mass", _rig("mass"), _stated("mass", "kg", "weigh what moves")),
+    Suspect("stiffness", _rig("stiffness"), _stated("stiffness", "N/m", "measure it against a rigid block")),
+    Suspect("damping", _rig("damping"), _stated("damping", "N/m", "let the rig ring down without contact")),
+    Suspect(
+        "lag_time",
+        _effect("sensor_lag", "lag_time", lambda scene: 0.3 * float(np.sqrt(scene.rig.mass / scene.rig.stiffness))),
+        lambda value, _stated: f"a lag of the force sensor of {1e3 * value:.3g} ms (add sensor_lag to effects)",
+    ),
+    Suspect(
+        "skin_stiffness",
+        _effect("skin_compliance", "skin_stiffness", lambda scene: 5.0 * float(scene.rig.stiffness)),
+        lambda value, _stated: f"something of {value:.3g} N/m in series with the rig (add skin_compliance to effects)",
+    ),
+    Suspect(
+        "drive_speed",
+        _as_sticks_rise,
+        lambda value, stated: (
+            f"a drive speed {value / stated:.3g} times the stated one in all logs (look at the position of the drive, "
+            "or time it over a known way)"
+        ),
+    ),
+)
+SLIGHT: tuple[Suspect, ...] = (
+    *GROSS,
+    Suspect(
+        "direct_strength",
+        _effect("direct_effect", "direct_strength", lambda _scene: 1e-3),
+        lambda value, _stated: (
+            f"a direct effect of {value:.3g} (friction that rises with speed at once: add direct_effect to effects)"
+        ),
+    ),
+    Suspect(
+        "load_exponent",
+        _by_load,
+        lambda value, _stated: (
+            f"friction coefficients that change with the normal force (exponent {-value:.3g}: add "
+            "load_dependence to effects)"
+        ),
+    ),
+)

@@ -1,0 +1,89 @@
+"""The covariance at an answer with all that is allowed for: memory and level of the noise, error of the drive speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.outcome import Status
+from identify.search.attempt import Attempt
+from identify.shooting.passes import Solved
+from identify.uncertainty.coloured import Colour, colour, coloured_covariance
+from identify.uncertainty.influence import Influence, influence, sample_moves
+from identify.uncertainty.uncertainty import Information
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """Covariances of the free parameters (f,) at an answer.
+
+    white (f, f) without the memory of the noise, joint (f + o, f + o) with it and with the parameters of single logs or
+    groups; colours of the noise of each log; reached: how the residuals reached the parameters, where the noise has a
+    memory.
+    """
+
+    white: Array
+    joint: Array
+    colours: list[Colour]
+    reached: Influence | None
+
+    @property
+    def covariance(self) -> Array:
+        """(f, f)."""
+        return self.joint[: len(self.white), : len(self.white)]
+
+    @property
+    def memory(self) -> Array:
+        """By how much what is allowed for widens the variance of each parameter (f,)."""
+        return np.asarray(np.diag(self.covariance) / np.diag(self.white))
+
+
+def allowed(attempt: Attempt, known: Information, speed_tolerance: float) -> Allowed:
+    """What is allowed for at an answer; the memory of the noise where the answer is accepted.
+
+    Args:
+        speed_tolerance: relative error of all drive speeds together.
+    """
+    white, by_speed, colours = known.covariance(), known.drive_speed_shift(), noise_colours(attempt)
+    joint = known.joint_covariance()
+    joint[: len(white), : len(white)] = white + speed_tolerance**2 * np.outer(by_speed, by_speed)
+    if attempt.gate.status is not Status.CONVERGED or all(c.white for c in colours):
+        return Allowed(white, joint, colours, None)
+    reached = influence_at(attempt.solved)
+    return Allowed(white, joint + _excess(attempt, reached, colours), colours, reached)
+
+
+def noise_colours(attempt: Attempt) -> list[Colour]:
+    """The colour of the residuals of every log of an attempt."""
+    fitted = attempt.solved.fitted
+    return [
+        colour(np.where(log.data.weight > 0, log.data.force - curve, np.nan))
+        for log, curve in zip(attempt.prepared, fitted, strict=True)
+    ]
+
+
+def slowness(attempt: Attempt, colours: Sequence[Colour]) -> float:
+    """By how much the memory and the level of the noise widen the variance of what changes slowly, at most."""
+    return max(1.0, attempt.gate.level) * max([1.0, *(colour.memory for colour in colours)])
+
+
+def influence_at(solved: Solved) -> Influence:
+    """How the residuals of every part of the logs reach the parameters at an answer."""
+    cycles = [guess.parts for guess in solved.guesses]
+    return influence(solved.problem, solved.solution.z, cycles, absorbed=False)
+
+
+def _excess(attempt: Attempt, known: Influence, colours: list[Colour]) -> Array:
+    """What the memory of the noise adds to the covariance of white noise."""
+    problem = attempt.solved.problem
+    moves = sample_moves(problem, attempt.solved.solution.z, known.columns)
+    levels = np.broadcast_to(attempt.gate.levels, len(problem.logs)).tolist()
+    variances = [
+        level / max(float(np.max(log.weight)), 1e-300) for log, level in zip(problem.logs, levels, strict=True)
+    ]
+    return coloured_covariance(moves, variances, colours) - known.white.sum(axis=0)

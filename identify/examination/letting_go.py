@@ -1,0 +1,63 @@
+"""An answer that an event holds which can go no farther: let it go, and follow the motion where the data pull.
+
+A rest, or a contact that re-ages, happens or does not; at the parameters where it just happens its length is zero, and
+no solve that keeps the sequence of modes gets past them. Followed anew a step beyond, along the pull of the data, the
+motion has another sequence, and the solve goes on from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.examination.hanging import held_back
+from identify.outcome import Status
+from identify.preparation.unknowns import Unknowns
+from identify.search.attempt import BETTER, Attempt, judged
+from identify.search.sequence import resequenced
+from identify.shooting.passes import solve_in_passes
+
+Array = NDArray[np.float64]
+
+AGAIN = 8  # how often an answer is let go: one event after the other may vanish
+FARTHER = (1.0, 2.0, 4.0)  # times the pull, until the motion that follows is another one
+
+
+def let_go(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
+    """The answer beyond the events that hold this one; None where nothing holds it, or nothing better is met there."""
+    best: Attempt | None = None
+    for _ in range(AGAIN):
+        beyond = _beyond(best or attempt, unknowns)
+        if beyond is None:
+            break
+        best = beyond
+    return best
+
+
+def _beyond(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
+    """The answer of the first other motion on the way that the data pull; None where it fits no better."""
+    held = held_back(attempt.solved)
+    if held is None:
+        return None
+    for theta in _pulled(attempt.solved.theta, np.flatnonzero(unknowns.free), held.move):
+        there, logs = replace(unknowns, start=theta), attempt.prepared
+        anew = resequenced(logs, logs, attempt.solved.guesses, there)
+        if anew is None:
+            continue
+        cut, guesses = anew
+        solved = solve_in_passes([log.data for log in cut], guesses, there.softened())
+        other = judged(replace(attempt, prepared=tuple(cut), solved=solved))
+        better = other.gate.status is Status.CONVERGED and other.excess < attempt.excess - BETTER
+        return other if better else None
+    return None
+
+
+def _pulled(theta: Array, free: NDArray[np.int64], move: Array) -> Iterator[Array]:
+    """Parameters (n_p,) farther and farther along a move (f,) of the free ones."""
+    for times in FARTHER:
+        moved = theta.copy()
+        moved[free] += times * move
+        yield moved

@@ -1,0 +1,99 @@
+"""Valleys beside that of an answer: where data do not tell a parameter, the way of the search may have chosen.
+
+Few slips, hardly sampled, are described as well, or nearly, from several valleys: of a contact that has aged after a
+few seconds, and of one that ages on and on; of slips that begin early and slowly, and of others that begin late. The
+starts of the features are fits of one settled cycle, and all roll into the same valley. Starts thrown about the answer,
+and about the first start of the data's own, do not, nor does what the levels of the data suggest before any fit: the
+motions that follow from each of them say which to solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.first_guess.vibration import rhythmic
+from identify.numerics.level import LEVEL
+from identify.numerics.quantiles import chi_square
+from identify.outcome import Status
+from identify.preparation.unknowns import Unknowns
+from identify.search.attempt import Attempt, Clock, crept, resolve_firmly, solve_from, solve_held, usable
+from identify.search.ranking import ranked
+from identify.search.starts import own_starts, suggested_starts
+
+Array = NDArray[np.float64]
+
+THROWN = 16  # starts about each place
+SOLVED = 3  # of these, those that fit best before they are solved
+LOWER = 0.1  # by which chi^2 must fall for a valley to be a lower one
+LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
+FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coefficient: half as far
+
+
+def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int) -> tuple[Attempt, list[Attempt]]:
+    """Return the lowest place to which starts lead that are thrown about an answer, and about a lower one once more;
+    and the other valleys within its joint region: of all looks, and the answer given where it was left."""
+    valleys: list[Attempt] = []
+    for look in range(LOOKS):
+        valleys += other_valleys(attempt, unknowns, seed, own=look == 0)
+        lowest = min(valleys, key=_cost, default=attempt)
+        if _cost(lowest) > _cost(attempt) - 0.5 * LOWER:
+            break
+        valleys = [attempt, *(valley for valley in valleys if valley is not lowest)]
+        attempt = lowest
+    limit = _limit(attempt, unknowns)
+    return attempt, [valley for valley in valleys if _cost(valley) < limit]
+
+
+def other_valleys(attempt: Attempt, unknowns: Unknowns, seed: int, *, own: bool = True) -> list[Attempt]:
+    """Return the answers at which solves from thrown starts settle, the lowest first; all lie below the one given, or
+    where the data object no more than within its joint region. That answer itself may be among them.
+
+    They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere.
+
+    Args:
+        own: starts are thrown about the data's own start too, and those that its levels suggest are tried.
+    """
+    limit = _limit(attempt, unknowns)
+    settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed, own))
+    return sorted((other for other in settled if other is not None and _cost(other) < limit), key=_cost)
+
+
+def _cost(attempt: Attempt) -> float:
+    return attempt.solved.solution.cost
+
+
+def _limit(attempt: Attempt, unknowns: Unknowns) -> float:
+    """The cost at the edge of the joint region of an answer."""
+    return _cost(attempt) + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
+
+
+def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:
+    """The starts (n_p,) worth a solve."""
+    logs, rng = list(attempt.prepared), np.random.default_rng(seed)
+    far = FAR * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
+    far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_sd), 0.0)
+    for place in (attempt.solved.theta, *islice(own_starts(logs, unknowns), int(own))):
+        about = place + far * rng.standard_normal((THROWN, place.size))
+        about = np.where(unknowns.free, np.clip(about, unknowns.lower, unknowns.upper), place)
+        yield from (start.theta for start in ranked(logs, unknowns, about)[:SOLVED])
+    if own:
+        yield from (start.theta for start in ranked(logs, unknowns, suggested_starts(logs, unknowns))[:SOLVED])
+
+
+def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
+    """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples; None where
+    it does not."""
+    logs = list(attempt.prepared)
+    found = solve_from(logs, usable(logs), unknowns, Clock())
+    if found is not None and crept(found):  # its own ridge has no end: what the data do not tell is held
+        found = solve_held(logs, usable(logs), unknowns, Clock()) or found
+    if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
+        return None
+    if found.solved.problem.samples != attempt.solved.problem.samples:
+        found = resolve_firmly(attempt, unknowns, found.solved.theta, found.solved.guesses)
+    return replace(attempt, solved=found.solved, gate=found.gate) if found.gate.status is Status.CONVERGED else None

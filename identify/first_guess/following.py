@@ -1,0 +1,319 @@
+"""From parameters to a guess of a motion that is no train of equal cycles: simulated stretch by stretch along the data.
+
+Drive programmes, holds, sticks that end in sliding. Each onset is moved onto the peak of the measured force before the
+slide goes on from there, so that what is wrong with the parameters does not add up; what does not join up is left to
+the shooting. A slide whose oscillation has faded goes on as steady sliding, which has no steps to take.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.errors import SimulationError
+from identify.first_guess import lanes
+from identify.first_guess.onset_places import DataSide, Wave
+from identify.first_guess.slide_parts import SlideParts
+from identify.model.model import Model
+from identify.motion.drive import NormalForce
+from identify.motion.phases import Phase, stick
+from identify.motion.simulate import run
+from identify.motion.situated import Situated
+from identify.motion.steadiness import Steadiness, steadiness
+from identify.motion.trajectory import Trajectory
+from identify.preparation.guess import Guess, LogData, Stretch
+
+Array = NDArray[np.float64]
+
+CHUNK = 6.0  # half periods that are simulated at a time
+FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
+LONGEST = 120  # half periods of one slide that are followed
+AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
+BRIEF_LOADING = 4.0  # half periods: a first stick that is shorter has no peak of its own
+FIRST_SWINGS = 8.0  # half periods
+TOLERANCE = 1e-7  # of a simulation step
+MOST_STRETCHES = 400
+PIECES = 200  # of steady sliding, at most
+SHOWN = 1.0  # squared deviations from a level course, in noise variances: a slip with less does not show
+HIDDEN = 3  # slips in a row that do not show: their number is none that the data tell
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A motion from the begin of the window: the guess, and where it ends [s]: earlier than the window where an
+    oscillation never fades."""
+
+    guess: Guess
+    end: float
+
+
+def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Followed | None:
+    """Guess the motion of a log by simulating it; None where the model does not move like this at all.
+
+    Args:
+        p: parameter values of the log (n_p,); begins_sliding: it starts in steady sliding, else at rest.
+    """
+    course = _Course(model, log, p)
+    try:
+        return course.run(begins_sliding)
+    except SimulationError:
+        return course.so_far()
+
+
+def glide(model: Model, log: LogData, p: Array) -> Guess | None:
+    """Guess of a log that slides steadily from begin to end; None where the model has no such motion."""
+    course = _Course(model, log, p)
+    end = course.steady(log.begin)
+    if end is None:
+        return None
+    course.glide(log.begin, log.end)
+    return course.guess(end.state)
+
+
+class _Course:
+    """A motion as it is put together."""
+
+    def __init__(self, model: Model, log: LogData, p: Array) -> None:
+        self.model, self.log, self.p = model, log, p
+        names = model.parameter_names
+        self.values = dict(zip(names, p.tolist(), strict=True))
+        self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
+        self.noise = log.noise
+        self.stretches: list[Stretch] = []
+        self.start = np.array([s.start for s in model.states])
+        starts = () if log.programme is None else log.programme.starts
+        self.data = DataSide(log, self.half, tuple(t for t in starts if log.begin < t < log.end))
+
+    def guess(self, start: Array) -> Guess:
+        """The motion so far, from a state at the begin of the window."""
+        n, none = len(self.model.states), np.empty(0)
+        nothing = np.empty((0, 2, n))
+        made = Guess(start, none, none, none, none, nothing, nothing, self.log.own, tuple(self.stretches))
+        return replace(made, deviation=np.zeros(made.parts))
+
+    def run(self, begins_sliding: bool) -> Followed | None:
+        """Follow the motion to the end of the window."""
+        t = self.log.begin
+        if begins_sliding:
+            steady = self.steady(t)
+            if steady is None:
+                return None
+            self.start = x = steady.state
+            t = self.data.change_after(t)
+            self.glide(self.log.begin, t)
+            sliding = True
+        else:
+            self.start = x = self.first_state()
+            sliding = False
+        shown, hidden = 0, 0
+        while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
+            if sliding:
+                t, x, sliding = self.slide(t, x)
+                if np.isnan(t):
+                    return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
+                shown, hidden = (shown, hidden + 1) if self.hidden() else (len(self.stretches), 0)
+                if hidden == HIDDEN:  # to go on would make up how often it slips until the window ends
+                    del self.stretches[shown:]
+                    return self.so_far()
+            else:
+                t, x, sliding = self.rest(t, x)
+        return Followed(self.guess(self.start), t) if t >= self.log.end else self.so_far()
+
+    def hidden(self) -> bool:
+        """Whether the noise hides the last slip: a slide without a change of the drive from a rest to an arrest."""
+        made, n = self.stretches, len(self.stretches)
+        rest = next((i for i in range(n - 1, -1, -1) if made[i].kind == "rest"), None)
+        if rest is None or made[-1].ended_by != "arrest" or made[rest].ended_by != "onset":
+            return False
+        begun = made[rest].until
+        sliding = made[-1].until - begun
+        again = rest > 0 and made[rest - 1].ended_by == "arrest"
+        length = made[-1].until - made[rest - 1].until if again else 2.0 * sliding  # a first slip has no cycle
+        nodes = np.concatenate([made[rest].nodes[-1:], *(s.nodes for s in made[rest + 1 :])])
+        shown = np.ptp([self.force(0.5 * (begun + made[-1].until), x) for x in nodes])
+        return length / self.log.interval * shown**2 / 12.0 < SHOWN * self.noise**2  # of a sawtooth
+
+    def force(self, t: float, x: Array) -> float:
+        """The friction force that the load cell shows in a state [N]."""
+        return float(np.array(self.model.load_cell(x, self.p, self.inputs(t))).item())
+
+    def so_far(self) -> Followed | None:
+        """The motion up to where the simulation could not go on: the end of a slide that was steady, or the rest after
+        the last one that ended."""
+        made = self.stretches
+        while made and not (made[-1].steady or made[-1].ended_by == "arrest"):
+            made.pop()
+        if not made:
+            return None
+        end = made[-1].until
+        if made[-1].ended_by == "arrest":
+            slide = next(i for i in range(len(made) - 1, -1, -1) if made[i].kind == "rest" or i == 0)
+            end = min(end + AFTER * (end - made[slide].until), self.data.change_after(end))
+            made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
+        return Followed(self.guess(self.start), end)
+
+    def inputs(self, t: float, just_before: bool = False) -> Array:
+        """Inputs (4,) of the model at a time [s]."""
+        speed = self.log.speed_at(np.nextafter(t, -np.inf) if just_before else t)
+        return np.array([speed, float(self.log.normal_force.at(t)), 1.0, t])
+
+    def steady(self, t: float, just_before: bool = False) -> Steadiness | None:
+        """The state of steady sliding at a time [s]."""
+        u = self.inputs(t, just_before)
+        return steadiness(self.model, self.p, u) if u[0] > 0.0 else None
+
+    def first_state(self) -> Array:
+        """State at the begin of the window: the elongation from the first samples, the contact half aged or such that
+        the first peak comes when it is seen."""
+        log, model = self.log, self.model
+        peak = self.data.first_peak(self.moving_from(log.begin))
+        until = self.data.first_rise(peak)
+        mine = (log.time >= log.begin) & (log.time <= until) & (log.weight > 0)
+        if not np.any(mine):
+            mine = np.arange(log.time.size) == np.searchsorted(log.time, log.begin)
+        moved = np.array([self.drive_motion(t) for t in log.time[mine]])
+        level = float(np.median(log.force[mine] - self.values["stiffness"] * moved))
+        x = lanes.at_force(model, np.array([level]), self.p[None], self.inputs(log.begin)[None])[0]
+        if model.clamped is None:
+            return x
+        candidates = np.linspace(0.0, 1.0, 41)
+        onsets = np.full(candidates.size, np.nan)
+        for i, value in enumerate(candidates):
+            x[model.clamped] = value
+            onsets[i] = self.onset(log.begin, x)[0]
+        x[model.clamped] = 0.5
+        if np.nanmin(onsets, initial=np.inf) - log.begin < BRIEF_LOADING * self.half:
+            # Its peak is one swing among others: the first slide as a whole tells how aged the contact was.
+            x[model.clamped] = candidates[int(np.argmin([self.misfit_of_first(x, g) for g in candidates[::2]])) * 2]
+        elif np.any(np.isfinite(onsets)) and np.ptp(onsets[np.isfinite(onsets)]) > 1e-3 * (peak - log.begin):
+            x[model.clamped] = candidates[int(np.nanargmin(np.abs(onsets - peak)))]
+        return x
+
+    def misfit_of_first(self, x: Array, gamma: float) -> float:
+        """Mean square of the residuals in noise variances over the first swings, from a contact this aged."""
+        log, model = self.log, self.model
+        x = x.copy()
+        x[model.clamped] = gamma
+        until = min(log.begin + FIRST_SWINGS * self.half, self.data.change_after(log.begin))
+        mine = np.flatnonzero((log.time >= log.begin) & (log.time < until) & (log.weight > 0))
+        if mine.size == 0:
+            return np.inf
+        try:
+            shown = self.motion(log.begin, x, until - log.begin).sample(log.time[mine] - log.begin)["force"]
+        except SimulationError:
+            return np.inf
+        return float(np.mean(log.weight[mine] * (log.force[mine] - shown) ** 2))
+
+    def drive_motion(self, t: float) -> float:
+        """How far the drive has gone since the begin of the window [m]."""
+        edges = [self.log.begin, *(c for c in self.data.changes if c < t), t]
+        return sum((b - a) * self.log.speed_at(0.5 * (a + b)) for a, b in pairwise(edges))
+
+    def moving_from(self, t: float) -> float:
+        """When the drive next moves, from t on [s]."""
+        return next((c for c in (t, *self.data.changes) if c >= t and self.log.speed_at(c) > 0.0), self.log.end)
+
+    def onset(self, t: float, x: Array) -> tuple[float, Array, list[tuple[float, Array]]]:
+        """When a rest from x at t ends [s] (NaN: not within the window), the state there, and time and state at each
+        change of the drive before it."""
+        legs: list[tuple[float, Array]] = []
+        while t < self.log.end:
+            until = self.data.change_after(t)
+            force, slope = self.log.normal_force.line(t)
+            speed = self.log.speed_at(t)
+            made = stick(self.model, x, Situated(self.p, speed, 1.0, force, slope, t), t, until - t)
+            t, x = made.start + made.duration, made.end
+            if made.ended_by is not None:
+                if made.pull < 0.0:
+                    raise SimulationError("the mass is pulled back")
+                return t, x, legs
+            t = until
+            legs.append((t, x))
+        return np.nan, x, legs
+
+    def rest(self, t: float, x: Array) -> tuple[float, Array, bool]:
+        """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides."""
+        onset, at_onset, legs = self.onset(t, x)
+        before = x
+        for until, after in legs:
+            if np.isfinite(onset) or until < self.log.end:
+                self.stretches.append(Stretch("rest", until, "time", np.stack([before, after])))
+                before, t = after, until
+        if not np.isfinite(onset):
+            self.stretches.append(Stretch("rest", self.log.end, "time", np.stack([before, legs[-1][1]])))
+            return self.log.end, x, False
+        found = self.placed(t, onset, at_onset)
+        self.stretches.append(Stretch("rest", found, "onset", np.stack([before, at_onset])))
+        return found, at_onset, True
+
+    def motion(self, t: float, x: Array, duration: float) -> Trajectory:
+        """The simulated motion from state x at t [s]."""
+        names = [s.name for s in self.model.states]
+        load = self.log.normal_force
+        inner = [c for c in load.times if t < c < t + duration]
+        times = np.array([t, *inner, t + duration])
+        course = NormalForce.of((times - t, load.at(times)))
+        start = dict(zip(names, x.tolist(), strict=True))
+        return run(self.model, self.values, self.log.speed_at(t), course, duration, start=start, rtol=TOLERANCE)
+
+    def placed(self, since: float, onset: float, x: Array) -> float:
+        """Where on the data a slide that starts at `onset` from x fits best; after `since` [s]."""
+        local = np.linspace(0.0, 2.0 * self.half, 200)
+        wave = self.motion(onset, x, float(local[-1])).sample(local)["force"]
+        slope = self.values["stiffness"] * self.log.speed_at(onset)
+        return self.data.placed(since, onset, Wave(local, wave, slope))
+
+    def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
+        """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""
+        until, begun = self.data.change_after(t), t
+        slide = SlideParts(self.model, begun, self.half)
+        arrest: Phase | None = None
+        faded = False
+        while t < until and t < begun + LONGEST * self.half:
+            motion = self.motion(t, x, min(CHUNK * self.half, until - t))
+            arrest = slide.take(t, motion)
+            if arrest is not None:
+                t, x = t + arrest.start + arrest.duration, arrest.end
+                break
+            t, x = t + motion.duration, motion.phases[-1].end
+            faded = t < until and self.faded(t, motion)
+            if faded:
+                break
+        after_rest = bool(self.stretches) and self.stretches[-1].kind == "rest"
+        self.stretches += slide.stretches("time" if arrest is None else "arrest", after_rest=after_rest)
+        if arrest is not None:
+            return t, x, False
+        if faded:
+            self.glide(t, until)
+            steady = self.steady(until, just_before=True)
+            assert steady is not None
+            return until, steady.state, True
+        return (until, x, True) if t >= until else (np.nan, x, True)
+
+    def faded(self, t: float, motion: Trajectory) -> bool:
+        """Whether the last period of a motion that ends at t is steady sliding but for a part of the noise."""
+        steady = self.steady(t, just_before=True)
+        if steady is None or motion.duration < 2.0 * self.half:
+            return False
+        local = np.linspace(motion.duration - 2.0 * self.half, motion.duration, 60)
+        shown = motion.sample(local)["force"]
+        level = float(np.array(self.model.load_cell(steady.state, self.p, self.inputs(t, True))).item())
+        drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
+        return bool(np.max(np.abs(shown - level * drift)) < FADED * self.noise)
+
+    def glide(self, since: float, until: float) -> None:
+        """Steady sliding between two times, in as many pieces as the course of the normal force has."""
+        knots = [t for t in self.log.normal_force.times if since < t < until]
+        count = min(max(2 * len(knots), 1), PIECES)
+        edges = np.linspace(since, until, count + 1)
+        found = [self.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
+        if any(s is None for s in found):
+            raise SimulationError("there is no steady sliding")
+        states = [s for s in found if s is not None]
+        saturated = all(s.saturated for s in states)
+        rows = [s.state for s in states]
+        nodes = np.stack([state for i in range(count) for state in (rows[i], rows[i + 1])])
+        self.stretches.append(Stretch("steady_saturated" if saturated else "steady", until, "time", nodes))

@@ -1,0 +1,305 @@
+"""Many stick-slip cycles at once, coarsely: the simulator behind starts and initial nodes.
+
+Every lane has its own parameters, drive speed, normal force and start state. Slips take fixed RK4 steps
+with the bounded state clamped after every step; events are roots of a parabola within it. Accurate to
+a fraction of a percent, which is what a start needs; answers come from `simulate` and the shooting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
+from identify.motion.phases import stick as rest
+from identify.motion.resting import swing
+from identify.motion.situated import Situated
+from identify.numerics.mapped import Mapped
+from identify.numerics.tableaus import RK4, step
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
+NEWTON_STEPS = 40
+TREMBLING = 3.0  # times the swing of the drive: a shorter slip is a tremble of the contact, and the stick goes on
+MOST_TREMBLES = 30  # before one slip
+
+
+@dataclass(frozen=True)
+class Slips:
+    """One slip per lane. `h` (n,) step lengths [s]; `states` (s+1, n, n_x) and `rates` (s+1, n, n_x) at the
+    steps (constant after the arrest); `saturation`, `arrest` (n,) [s] from the onset, NaN where they never
+    happen; `at_saturation`, `at_arrest` (n, n_x) states there; `rested` (n,) whether the mass came to rest."""
+
+    h: Array
+    states: Array
+    rates: Array
+    saturation: Array
+    arrest: Array
+    at_saturation: Array
+    at_arrest: Array
+
+    @property
+    def rested(self) -> Bools:
+        """Whether each lane came to rest."""
+        return np.isfinite(self.arrest)
+
+    def replaced(self, which: Indices, others: Slips) -> Slips:
+        """These slips with some (k,) of them replaced by others (k lanes)."""
+        steps = max(self.states.shape[0], others.states.shape[0])
+
+        def placed(mine: Array, other: Array) -> Array:
+            out = _held(mine, steps)
+            out[:, which] = _held(other, steps)
+            return out
+
+        ends = ("h", "saturation", "arrest", "at_saturation", "at_arrest")
+        new = {name: getattr(self, name).copy() for name in ends}
+        for name, array in new.items():
+            array[which] = getattr(others, name)
+        return Slips(states=placed(self.states, others.states), rates=placed(self.rates, others.rates), **new)
+
+    def at(self, times: Array) -> Array:
+        """States (n, m, n_x) at times (n, m) [s] from the onset of each lane, cubic Hermite; held outside."""
+        steps, lanes = self.states.shape[0] - 1, np.arange(self.h.size)[:, None]
+        u = np.clip(times / self.h[:, None], 0.0, steps * (1 - 1e-12))
+        i = np.minimum(u.astype(int), steps - 1)
+        w = (u - i)[..., None]
+        h = self.h[:, None, None]
+        y0, y1, d0, d1 = (
+            self.states[i, lanes],
+            self.states[i + 1, lanes],
+            self.rates[i, lanes],
+            self.rates[i + 1, lanes],
+        )
+        return np.asarray(
+            y0 * (1 + 2 * w) * (1 - w) ** 2
+            + y1 * w**2 * (3 - 2 * w)
+            + h * (d0 * w * (1 - w) ** 2 - d1 * w**2 * (1 - w))
+        )
+
+
+@lru_cache(maxsize=16)
+def _functions(model: Model) -> dict[str, Mapped]:
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
+    h = ca.SX.sym("h")
+
+    def clamp(state: ca.SX) -> ca.SX:
+        out = ca.SX(state)
+        for i, q in enumerate(model.states):
+            if q.lower is not None:
+                out[i] = ca.fmax(state[i], q.lower)
+        return out
+
+    def motion(state: ca.SX, _t: object) -> ca.SX:
+        return model.slip(clamp(state), p, u)
+
+    after, _, stages = step(RK4, motion, x, h)
+    t = ca.SX.sym("t")
+    then = ca.vertcat(u[:TIME], u[TIME] + t)
+    rested = model.rest(x, p, then, t)
+    spare = model.grip(rested, p, then) - model.driving_force(rested, p, then)
+    slope = ca.jacobian(spare, t)
+    made = (
+        ca.Function("lane_step", [x, p, u, h], [clamp(after), after, stages[0]]),
+        ca.Function("lane_spare", [x, p, u, t], [spare, slope, rested]),
+        ca.Function("lane_force", [x, p, u], [model.load_cell(x, p, u)]),
+        ca.Function("lane_at_force", [t, p, u], [model.at_force(t, p, u)]),
+    )
+    return {f.name().removeprefix("lane_"): Mapped(f) for f in made}
+
+
+def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
+    """What the load cell sees [N], shape (n,); x (n, n_x), p (n, n_p), u (n, 4)."""
+    return _functions(model)["force"]([x, p, u])[0][:, 0]
+
+
+def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
+    """Rest each lane until the drive overcomes its grip.
+
+    The spare grip falls convexly at late times, so Newton from a late time converges monotonically. Where the drive
+    vibrates it does not: the first onset is searched lane by lane.
+
+    Args:
+        u: (n, 4), time at the start of the rest.
+
+    Returns:
+        stick time (n,) [s] (0 where the lane is moved at once, NaN where nothing ever moves it), state at
+        the onset (n, n_x).
+    """
+    functions = _functions(model)
+    k = p[:, model.parameter_names.index("stiffness")]
+    x = x.copy()
+    x[:, SPEED] = 0.0
+    saturated = functions["spare"]([x, p, u, np.full(x.shape[0], 1e12)])[0][:, 0]
+    with np.errstate(all="ignore"):
+        t = (saturated + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact saturated for ever
+        t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
+        swings = _swings(model, p)
+        if np.any(swings > 0.0):
+            longest = t + 2 * swings / np.maximum(k * u[:, 0], 1e-300) + 1e-9
+            rests = [
+                rest(model, x[i], Situated(p[i], u[i, 0], 1.0, u[i, 1], 0.0, u[i, TIME]), u[i, TIME], longest[i])
+                for i in range(t.size)
+            ]
+            return np.array([r.duration for r in rests]), np.stack([r.x[-1] for r in rests])
+        for _ in range(NEWTON_STEPS):
+            spare, slope, _state = functions["spare"]([x, p, u, t])
+            move = -spare[:, 0] / slope[:, 0]
+            t_new = np.maximum(np.where(np.isfinite(move), t + move, t), 0.0)
+            done = np.all(np.abs(t_new - t) <= 1e-12 * np.maximum(t, 1e-9))
+            t = t_new
+            if done:
+                break
+    state = functions["spare"]([x, p, u, t])[2]
+    return t, state
+
+
+def break_away(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> tuple[Array, Slips]:
+    """Rest each lane and let it slip; where the drive vibrates, the trembles before the slip count as rest.
+
+    Near the end of a stick a vibration lets the contact slip by no more than it moves itself, some times over, before
+    it slides away: such slips are below the noise of a log, and no falls that are seen.
+
+    Returns:
+        time from x to the slip (n,) [s], as that of `stick`; the slips.
+    """
+    time, at_onset = stick(model, x, p, u)
+    slips = slip(model, at_onset, p, _later(u, time), per_half_period)
+    swings = _swings(model, p)
+    shortest = TREMBLING * swings / p[:, model.parameter_names.index("stiffness")]
+    for _ in range(MOST_TREMBLES):
+        moved = at_onset[:, ELONGATION] - slips.at_arrest[:, ELONGATION]
+        again = np.flatnonzero(slips.rested & (swings > 0.0) & (moved < shortest))
+        if again.size == 0:
+            break
+        since = time[again] + slips.arrest[again]
+        more, at_onset[again] = stick(model, slips.at_arrest[again], p[again], _later(u[again], since))
+        time[again] = since + more
+        later = slip(model, at_onset[again], p[again], _later(u[again], time[again]), per_half_period)
+        slips = slips.replaced(again, later)
+    return time, slips
+
+
+def _swings(model: Model, p: Array) -> Array:
+    """Force of what oscillates in the drive on the contact of each lane (n,) [N]."""
+    if not model.vibrates:
+        return np.zeros(p.shape[0])
+    return np.array([swing(model, lane)[1] for lane in p])
+
+
+def _later(u: Array, t: Array) -> Array:
+    """The inputs t (n,) [s] later."""
+    return np.column_stack([u[:, :TIME], u[:, TIME] + np.nan_to_num(t)])
+
+
+def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Slips:
+    """Slide every lane from x (n, n_x) until it rests, with steps of half a natural period / per_half_period.
+
+    Args:
+        p: (n, n_p); u: (n, 4) drive speed, normal force, direction +1, time at the start.
+    """
+    functions, n, n_x = _functions(model), x.shape[0], len(model.states)
+    names = model.parameter_names
+    half = np.pi * np.sqrt(p[:, names.index("mass")] / p[:, names.index("stiffness")])
+    h = half / per_half_period
+    states, rates = [x.copy()], []
+    arrest, saturation = np.full(n, np.nan), np.full(n, np.nan)
+    at_arrest, at_saturation = np.full((n, n_x), np.nan), np.full((n, n_x), np.nan)
+    active = np.arange(n)
+    current, last_rate, u = x.copy(), np.zeros((n, n_x)), u.copy()
+    saturated = np.zeros(n, bool)
+    arrests, saturations = list[_Crossing](), list[_Crossing]()
+    for s in range(int(LONGEST * per_half_period)):
+        before = current[active]
+        after, free, rate = functions["step"]([before, p[active], u[active], h[active]])
+        finite: Bools = np.all(np.isfinite(after), axis=1)
+        if not np.all(finite):
+            after, rate = np.where(finite[:, None], after, before), np.where(finite[:, None], rate, 0.0)
+        last_rate[active] = rate
+        rates.append(last_rate.copy())
+        stopped = finite & (after[:, SPEED] <= 0.0)
+        if stopped.any():
+            arrests.append(_Crossing(s, active[stopped], before[stopped], free[stopped]))
+        reached = _clamps(model, before, free) & ~stopped & ~saturated[active]
+        if reached.any():
+            saturations.append(_Crossing(s, active[reached], before[reached], free[reached]))
+            saturated[active[reached]] = True
+        current[active] = after
+        states.append(current.copy())
+        active = active[finite & ~stopped]
+        u[:, TIME] += h
+        if active.size == 0:
+            break
+    rates.append(last_rate.copy())
+    result = Slips(h, np.stack(states), np.stack(rates), saturation, arrest, at_saturation, at_arrest)
+    if arrests:
+        _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
+    if saturations and model.clamped is not None:
+        _mark(model, result, saturations, model.clamped, _lowest(model), result.saturation, result.at_saturation)
+    return result
+
+
+def _held(course: Array, steps: int) -> Array:
+    """A course (s, n, n_x) that stays where it ends up to so many steps; a copy."""
+    return np.concatenate([course, np.repeat(course[-1:], steps - course.shape[0], axis=0)])
+
+
+def _lowest(model: Model) -> float:
+    """The bound of the bounded state."""
+    return 0.0 if model.clamped is None else model.states[model.clamped].lower or 0.0
+
+
+def _clamps(model: Model, before: Array, free: Array) -> Bools:
+    """Whether the bounded state of each lane comes to its bound on the way from `before` to `free` (n, n_x)."""
+    if model.clamped is None:
+        return np.zeros(before.shape[0], bool)
+    low = _lowest(model)
+    return (free[:, model.clamped] <= low) & (before[:, model.clamped] > low)
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    """Lanes (k,) in which a state comes to a level within step s: their states before and after it (k, n_x)."""
+
+    step: int
+    lanes: Indices
+    before: Array
+    free: Array
+
+
+def _mark(
+    model: Model, out: Slips, crossings: list[_Crossing], component: int, level: float, time: Array, state: Array
+) -> None:
+    """Record when a component comes to its level, time (n,), and the states there (n, n_x)."""
+    lanes = np.concatenate([c.lanes for c in crossings])
+    old, free = np.concatenate([c.before for c in crossings]), np.concatenate([c.free for c in crossings])
+    s = np.repeat([c.step for c in crossings], [c.lanes.size for c in crossings])
+    rate = out.rates[s, lanes] * out.h[lanes, None]
+    bend = free - old - rate  # the states within the step: old + rate w + bend w^2
+    w = _first_root(old[:, component] - level, rate[:, component], bend[:, component])
+    time[lanes] = (s + w) * out.h[lanes]
+    at = old + rate * w[:, None] + bend * (w**2)[:, None]
+    at[:, component] = level
+    if model.clamped is not None:
+        at[:, model.clamped] = np.maximum(at[:, model.clamped], _lowest(model))
+    state[lanes] = at
+
+
+def _first_root(y: Array, slope: Array, bend: Array) -> Array:
+    """The first root in (0, 1] of y + slope w + bend w^2, which is not negative at 0 and not positive at 1."""
+    root = np.sqrt(np.maximum(slope**2 - 4 * bend * y, 0.0))
+    with np.errstate(all="ignore"):
+        w = np.where(slope < 0, 2 * y / (root - slope), -(slope + root) / (2 * bend))
+    return np.asarray(np.clip(np.where(np.isfinite(w), w, 1.0), 1e-9, 1.0))
+
+
+def at_force(model: Model, force: Array, p: Array, u: Array) -> Array:
+    """States (n, n_x) in which resting lanes settle at these load cell forces (n,) [N]."""
+    return _functions(model)["at_force"]([force, p, u])[0]

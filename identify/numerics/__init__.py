@@ -1,0 +1,1 @@
+"""Numerics that know nothing of friction: machine code, step formulas, roots, exact derivatives, quantiles."""

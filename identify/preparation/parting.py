@@ -1,0 +1,37 @@
+"""Logs that no single motion one way describes, in parts: strokes to and fro, and what excluded stretches part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from data_io import Record
+from identify.preparation.gaps import PART, gaps_apart
+from identify.preparation.one_way import STROKE, strokes_apart
+from identify.scene import Scene
+from identify.scene.values import LogEntry
+
+
+def parted(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[Record]]:
+    """The scene with its logs in parts, and the records to go with them; what is in one part comes back as it is."""
+    return gaps_apart(*strokes_apart(scene, records))
+
+
+def name_of(entry: LogEntry) -> str:
+    """Short name of a log in sentences, with the part of it that it is."""
+    said = [f"{word} {entry.labels[word]}" for word in (STROKE, PART) if word in entry.labels]
+    return ", ".join([entry.path.name, *said])
+
+
+def part_of(scene: Scene, entry: LogEntry) -> int | None:
+    """The number (from 1) of the log of the scene that an entry is a part of; None where it is a whole log."""
+    if entry in scene.logs:
+        return None
+    same = [i for i, whole in enumerate(scene.logs, 1) if (whole.path, whole.step) == (entry.path, entry.step)]
+    inside = [i for i in same if _within(entry, scene.logs[i - 1])]
+    return next(iter(inside or same), None)
+
+
+def _within(entry: LogEntry, whole: LogEntry) -> bool:
+    if entry.window is None or whole.window is None:
+        return whole.window is None
+    return whole.window[0] <= entry.window[0] and entry.window[1] <= whole.window[1]

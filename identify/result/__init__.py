@@ -1,0 +1,1 @@
+"""The document of result.json, and the curves behind the report."""

@@ -1,0 +1,67 @@
+"""How a fit ended: its status, and the sentence that says what was found and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.outcome import Status
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import Unknowns
+from identify.search.attempt import Attempt
+from identify.search.inward import AT_BOUND
+
+Array = NDArray[np.float64]
+
+
+def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
+    """A sentence per free parameter that sits on a bound of the scene."""
+    out = {}
+    for i in np.flatnonzero(unknowns.free).tolist():
+        for word, bound in (("lower", unknowns.lower[i]), ("upper", unknowns.upper[i])):
+            if abs(theta[i] - bound) < AT_BOUND * unknowns.spread[i]:
+                name = unknowns.names[i]
+                out[name] = f"{name} sits at its {word} bound; widen it in [parameters], or fix {name}"
+    return out
+
+
+def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status, str]:
+    """Status and sentence where no start could even be placed on the data."""
+    if uneven := _uneven(prepared):
+        return Status.MODEL_MISFIT, f"{uneven}; see the cycle scatter and the classical table in the report"
+    if any(log.left_out is None for log in prepared):
+        return Status.MODEL_MISFIT, (
+            "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
+            "slides steadily; check the rig values, or estimate them under [parameters]"
+        )
+    reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
+    # What is wrong with a log that is rejected, or of which all cycles are skipped, no other test would mend.
+    slower = ", and record slower, with a softer spring or at a higher load"
+    remedy = slower if any(log.never_slips for log in prepared) else ""
+    return Status.NO_CYCLES, f"there is nothing to fit: {reason}; see the classical table{remedy}"
+
+
+def ended(attempt: Attempt, bounds: Mapping[str, str]) -> tuple[Status, str]:
+    """Status and sentence of an attempt; bounds: a sentence per parameter that sits on one."""
+    gate = attempt.gate
+    if gate.status is Status.CONVERGED and bounds:
+        return Status.AT_BOUND, "; ".join(bounds.values())
+    if gate.status is not Status.CONVERGED and (uneven := _uneven(attempt.prepared)):
+        return Status.MODEL_MISFIT, (
+            f"{uneven} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
+            "see the cycle scatter and the classical table in the report"
+        )
+    return gate.status, gate.message
+
+
+def _uneven(prepared: Sequence[Prepared]) -> str:
+    """A sentence on the log whose cycles scatter most, of those where they are unlike; "" where there is none."""
+    log = max((log for log in prepared if log.unlike), key=lambda log: log.scatter, default=None)
+    if log is None:
+        return ""
+    return (
+        f"friction differs from cycle to cycle: in {log.name} the drop changes by {100 * log.scatter:.0f} % from one "
+        "cycle to the next, which noise does not explain, while the model takes all cycles as alike"
+    )

@@ -1,0 +1,127 @@
+"""How finely a fit integrates: levels by name, or a target of one's own; and the table of what each level costs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.errors import FitError
+from identify.first_guess.placing import place
+from identify.preparation.guess import Guess
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import Unknowns
+from identify.shooting.discretisation import discretisation_error
+from identify.shooting.passes import COARSE as FIRST_GRID
+from identify.shooting.passes import Solved, solve_in_passes
+
+Array = NDArray[np.float64]
+
+OFFSETS = (0.3, 0.1, 0.03, 0.0)  # of the spread: how far from the answer the solves of the table start
+FINEST = 1e-4
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """share: error of the steps that is allowed, in standard errors; refinements: how often the steps are halved for
+    that; most: steps per interval, at most."""
+
+    name: str
+    share: float
+    refinements: int
+    most: int
+
+
+COARSE = Accuracy("coarse", np.inf, 0, 2)
+DEFAULT = Accuracy("default", 0.1, 2, 96)
+TIGHT = Accuracy("tight", 0.01, 5, 384)
+LEVELS = (COARSE, DEFAULT, TIGHT)
+
+
+def accuracy_of(text: str) -> Accuracy:
+    """A level by name, or a number: the error of the steps that is allowed, in standard errors.
+
+    Raises:
+        FitError: neither.
+    """
+    known = {level.name: level for level in LEVELS}
+    if text in known:
+        return known[text]
+    try:
+        share = float(text)
+    except ValueError:
+        share = np.nan
+    if not FINEST <= share <= 10.0:
+        raise FitError(
+            f"the accuracy is {text!r}; expected {', '.join(known)}, or a number from {FINEST:g} to 10 (the error of "
+            "the integration steps that is allowed, in standard errors): choose one"
+        )
+    return Accuracy(text, share, TIGHT.refinements, TIGHT.most)
+
+
+@dataclass(frozen=True)
+class AccuracyRow:
+    """One level: seconds, iterations and steps per interval of a solve; shift (f,) of the free parameters against the
+    finest level and the error its steps leave (f,), in standard errors; None for both where the solve failed."""
+
+    level: Accuracy
+    seconds: float
+    iterations: int
+    steps: int
+    shift: Array | None
+    left: Array | None
+
+
+def accuracy_table(
+    logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns, size: Array, levels: Sequence[Accuracy] = LEVELS
+) -> list[AccuracyRow]:
+    """Solve at each level from one and the same start near the answer.
+
+    Args:
+        size: standard errors (f,) of the free parameters; levels: from coarse to fine.
+    """
+    begin, guesses = _start(logs, answer, unknowns)
+    data = [log.data for log in logs]
+    solves: list[tuple[Solved, float, int]] = []
+    for level in levels:
+        since = time.perf_counter()
+        search = replace(unknowns, start=begin).softened()
+        solved = solve_in_passes(data, guesses, search, most=level.most)
+        iterations = solved.iterations
+        for _ in range(level.refinements):
+            if not solved.solution.success or np.max(np.abs(discretisation_error(solved) / size)) <= level.share:
+                break
+            again = replace(unknowns, start=solved.theta).softened()
+            solved = solve_in_passes(data, solved.guesses, again, steps=2 * solved.grid.steps)
+            iterations += solved.iterations
+        solves.append((solved, time.perf_counter() - since, iterations))
+    finest = next((s for s, _, _ in reversed(solves) if s.solution.success), answer)
+    rows = []
+    for level, (solved, seconds, iterations) in zip(levels, solves, strict=True):
+        good = solved.solution.success
+        shift = (solved.theta - finest.theta)[unknowns.free] / size if good else None
+        left = discretisation_error(solved) / size if good else None
+        rows.append(AccuracyRow(level, seconds, iterations, solved.grid.steps, shift, left))
+    return rows
+
+
+def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[Guess]]:
+    """A start as far from the answer as its motion can still be placed on every log."""
+    if any(guess.tail for guess in answer.guesses):
+        return answer.theta, answer.guesses
+    for offset in OFFSETS:
+        theta = np.where(unknowns.free, answer.theta + offset * unknowns.spread, answer.theta)
+        theta = np.clip(theta, unknowns.lower, unknowns.upper)
+        p = [
+            unknowns.values(guess.theta(theta), log.data.base) for guess, log in zip(answer.guesses, logs, strict=True)
+        ]
+        events = [0.5 * (guess.onset + guess.arrest) for guess in answer.guesses]
+        placed = place(unknowns.model, [log.data for log in logs], p, events, FIRST_GRID).guesses
+        good = [guess for guess in placed if guess is not None]
+        counts = [guess.cycles for guess in good] == [guess.cycles for guess in answer.guesses]
+        if counts and len(good) == len(logs):
+            return theta, [replace(g, own=a.own) for g, a in zip(good, answer.guesses, strict=True)]
+    return answer.theta, answer.guesses

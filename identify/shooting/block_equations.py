@@ -1,0 +1,275 @@
+"""The equations of the shooting blocks, from the composed model: a rest, a moment of re-ageing, an interval of a slip.
+
+Each gives rows (defects and guards, scaled) and curve coefficients: what the load cell sees as a polynomial of
+reference time u within each cell, where u = 0 and 1 are the cell's ends for the event times at which the samples were
+assigned. Event times are unknowns, so the true cell is shifted and stretched against the reference one; the polynomial
+is composed with that affine map and the residuals stay exact functions of the unknowns.
+
+A rest that is no straight line takes many blocks; the moment in which the contact re-ages before it is a block then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+
+from identify.model.model import ELONGATION, INPUTS, SPEED, Model
+from identify.numerics.tableaus import RK4, step
+from identify.shooting.reageing import reaged_at_rest
+
+BlockKind = Literal[
+    "stick",
+    "stick_reaged",
+    "hold",
+    "hold_reaged",
+    "reageing",
+    "slip",
+    "slip_trembling",
+    "saturated",
+    "released",
+    "rest",
+    "rest_reaged",
+    "steady",
+    "steady_saturated",
+]
+
+
+REST_CELLS = 6  # cubics per block of a rest that is no straight line
+SLIDES: tuple[BlockKind, ...] = ("slip", "slip_trembling", "saturated", "released")
+TREMBLING: tuple[BlockKind, ...] = ("slip_trembling",)  # the deviation of the normal force goes over to another one
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """The symbols every block is written in."""
+
+    start: ca.SX
+    end: ca.SX
+    offset_start: ca.SX
+    offset_end: ca.SX
+    deviation: ca.SX
+    deviation_end: ca.SX
+    theta: ca.SX
+    base: ca.SX
+    row_scale: ca.SX
+    drive_speed: ca.SX
+    force_start: ca.SX
+    force_end: ca.SX
+    force_slope: ca.SX
+    since: ca.SX
+    reference: ca.SX
+    first: ca.SX
+    last: ca.SX
+
+    @staticmethod
+    def of(model: Model) -> Symbols:
+        """Those of the blocks of a model."""
+        n_x, n_p = len(model.states), len(model.parameters)
+        sizes = {"start": n_x, "end": n_x, "theta": n_p, "base": n_p, "row_scale": n_x}
+        return Symbols(**{name: ca.SX.sym(name, sizes.get(name, 1)) for name in Symbols.__annotations__})
+
+    def slots(self, kind: BlockKind) -> ca.SX:
+        """The local unknowns of a kind in their order (n_slots,); see `blocks.Block`."""
+        end = [] if kind.startswith("rest") else [self.end]
+        deviations = [self.deviation, *([self.deviation_end] if kind in TREMBLING else [])]
+        return ca.vertcat(self.start, *end, self.offset_start, self.offset_end, *deviations, self.theta)
+
+    @property
+    def constants(self) -> ca.SX:
+        """The constants in their order (n_constants,)."""
+        return ca.vertcat(
+            self.base,
+            self.row_scale,
+            self.drive_speed,
+            self.force_start,
+            self.force_end,
+            self.force_slope,
+            self.since,
+            self.reference,
+            self.first,
+            self.last,
+        )
+
+    @property
+    def duration(self) -> ca.SX:
+        """Duration of the phase at the current event times [s]."""
+        return self.reference + self.offset_end - self.offset_start
+
+    def parameters(self, model: Model) -> ca.SX:
+        """p of the model: base + theta for a linear scale, base exp(theta) for a logarithmic one."""
+        return ca.vertcat(
+            *(
+                self.base[i] * ca.exp(self.theta[i]) if q.scale == "log" else self.base[i] + self.theta[i]
+                for i, q in enumerate(model.parameters)
+            )
+        )
+
+
+def _resting_start(model: Model, s: Symbols, p: ca.SX, reaged: bool) -> ca.SX:
+    """State at the start of a stick: at rest, and after a saturated slip re-aged in its last moment."""
+    start = ca.SX(s.start)
+    start[SPEED] = 0
+    if not reaged:
+        return start
+    since = s.since + s.offset_start
+    return reaged_at_rest(model, start, p, lambda t: ca.vertcat(s.drive_speed, s.force_start, 1, since + t))
+
+
+def _rest(model: Model, reaged: bool, with_end: bool, guarded: bool = True) -> tuple[Symbols, ca.SX, ca.SX]:
+    """A stick that ends with the onset guard, one that goes on (not guarded), or (without end) the last of a log."""
+    s = Symbols.of(model)
+    p = s.parameters(model)
+    start = _resting_start(model, s, p, reaged)
+    ended = s.since + s.reference + s.offset_end
+    u = ca.vertcat(s.drive_speed, s.force_end + s.force_slope * s.offset_end + s.deviation, 1, ended)
+    after = model.rest(start, p, u, s.duration)
+    if model.straight:
+        before_force, after_force = model.load_cell(start, p, u), model.load_cell(after, p, u)
+        slope = (after_force - before_force) / s.duration
+        curve = ca.vertcat(before_force - slope * s.offset_start, slope * s.reference)
+    else:
+        curve = _bent_rest(model, s, p, start)
+    if not with_end:
+        return s, ca.SX(0, 1), curve
+    free = [i for i in range(len(model.states)) if i != SPEED]
+    end = ca.SX(s.end)
+    end[SPEED] = 0
+    rows = [(end[i] - after[i]) / s.row_scale[i] for i in free]
+    if not guarded:
+        return s, ca.vertcat(*rows), curve
+    guard = (model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED]
+    return s, ca.vertcat(*rows, guard), curve
+
+
+def _reageing(model: Model) -> tuple[Symbols, ca.SX, ca.SX]:
+    """The moment before a rest of many blocks: its end is the state that they all start from; no samples are in it."""
+    s = Symbols.of(model)
+    start = _resting_start(model, s, s.parameters(model), True)
+    rows = [(s.end[i] - start[i]) / s.row_scale[i] for i in range(len(model.states)) if i != SPEED]
+    return s, ca.vertcat(*rows), ca.SX.zeros(2)
+
+
+def _bent_rest(model: Model, s: Symbols, p: ca.SX, start: ca.SX) -> ca.SX:
+    """What the load cell shows between two fractions of a rest that is no straight line: REST_CELLS cubics."""
+    t = ca.SX.sym("t")
+    u = ca.vertcat(s.drive_speed, s.force_start, 1, s.since + s.offset_start + t)
+    force = model.load_cell(model.rest(start, p, u, t), p, u)
+    rate = ca.jacobian(force, t)
+    fractions = [s.first + (s.last - s.first) * j / REST_CELLS for j in range(REST_CELLS + 1)]
+    points = [(ca.substitute(force, t, s.duration * f), ca.substitute(rate, t, s.duration * f)) for f in fractions]
+    return _cells(s, points, fractions[:-1], s.duration * (s.last - s.first) / REST_CELLS)
+
+
+def _cells(s: Symbols, points: list[tuple[ca.SX, ca.SX]], fractions: list[ca.SX], h: ca.SX) -> ca.SX:
+    """Coefficients in reference time of the cubics between points (value, rate) that lie h [s] apart; the cells begin
+    at these fractions of the phase."""
+    stretch = s.reference / s.duration
+    curves = []
+    for j, fraction in enumerate(fractions):
+        shift = -(s.offset_start + fraction * (s.duration - s.reference)) / h
+        curves.append(_composed(_hermite(points[j], points[j + 1], h), stretch, shift))
+    return ca.vertcat(*curves)
+
+
+def _slip(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca.SX]:
+    """One shooting interval of a slip: RK4 steps, their defect at the end, a cubic Hermite curve per step.
+
+    Released: at its end the bounded state is about to leave its bound, one more row. Trembling: the deviation of the
+    normal force is one at the onset and another in the end; its rate is none at the onset, where the pull would fall
+    behind the grip otherwise.
+    """
+    s = Symbols.of(model)
+    p = s.parameters(model)
+    saturated = kind in ("saturated", "released")
+    field = model.saturated if saturated else model.slip
+    swing = s.deviation_end - s.deviation if kind in TREMBLING else ca.SX(0)
+    held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
+
+    def inputs(t: ca.SX) -> ca.SX:
+        force = s.force_start + s.force_slope * (s.offset_start + t) + s.deviation + swing * (t / s.duration) ** 2
+        return ca.vertcat(s.drive_speed, force, 1, s.since + s.offset_start + t)
+
+    seed, state, inner = (
+        ca.SX.sym("rate", len(model.states)),
+        ca.SX.sym("x", len(model.states)),
+        ca.SX.sym("u", len(INPUTS)),
+    )
+    inner_p = ca.SX.sym("p", len(model.parameters))
+    sensor = model.load_cell(state, inner_p, inner)
+    sensor_rate = ca.Function("sensor_rate", [state, inner_p, inner, seed], [ca.jtimes(sensor, state, seed)])
+
+    x = ca.SX(s.start)
+    for i in held:
+        x[i] = model.states[i].lower
+    h = s.duration * (s.last - s.first) / steps
+    points: list[tuple[ca.SX, ca.SX]] = []
+    for j in range(steps):
+        t = s.duration * s.first + j * h
+
+        def motion(at: ca.SX, offset: ca.SX, t: ca.SX = t) -> ca.SX:
+            return field(at, p, inputs(t + offset))
+
+        before = x
+        x, _, stages = step(RK4, motion, x, h)
+        points.append((model.load_cell(before, p, inputs(t)), sensor_rate(before, p, inputs(t), stages[0])))
+    t = s.duration * s.last
+    points.append((model.load_cell(x, p, inputs(t)), sensor_rate(x, p, inputs(t), field(x, p, inputs(t)))))
+
+    fractions = [s.first + (s.last - s.first) * j / steps for j in range(steps)]
+    rows = [(s.end[i] - x[i]) / s.row_scale[i] for i in range(len(model.states)) if i not in held]
+    if kind == "released":
+        freed = held[0]  # held rows are not used: the place of its scale holds that of its rate
+        rows.append(model.slip(x, p, inputs(t))[freed] / s.row_scale[freed])
+    return s, ca.vertcat(*rows), _cells(s, points, fractions, h)
+
+
+def _steady(model: Model, saturated: bool) -> tuple[Symbols, ca.SX, ca.SX]:
+    """Sliding as fast as the drive: at both ends nothing changes, and between them the force is a straight line.
+
+    Exact where the normal force is level; where it drifts, the motion lags behind by less than a natural period.
+    """
+    s = Symbols.of(model)
+    p = s.parameters(model)
+    field = model.saturated if saturated else model.slip
+    held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
+    rows, shown = [], []
+    ends = ((s.start, s.force_start, s.since), (s.end, s.force_end, s.since + s.reference))
+    for state, force, t in ends:
+        x = ca.SX(state)
+        x[SPEED] = s.drive_speed
+        for i in held:
+            x[i] = model.states[i].lower
+        u = ca.vertcat(s.drive_speed, force + s.deviation, 1, t)
+        rates = field(x, p, u)
+        rows += [rates[i] / s.row_scale[i] for i in range(len(model.states)) if i not in (ELONGATION, *held)]
+        shown.append(model.load_cell(x, p, u))
+    return s, ca.vertcat(*rows), ca.vertcat(shown[0], shown[1] - shown[0])
+
+
+def _hermite(left: tuple[ca.SX, ca.SX], right: tuple[ca.SX, ca.SX], h: ca.SX) -> list[ca.SX]:
+    """Coefficients in u of the cubic through two values and two rates at u = 0 and 1."""
+    (y0, d0), (y1, d1) = left, right
+    return [y0, h * d0, 3 * (y1 - y0) - h * (2 * d0 + d1), -2 * (y1 - y0) + h * (d0 + d1)]
+
+
+def _composed(c: list[ca.SX], stretch: ca.SX, shift: ca.SX) -> ca.SX:
+    """Coefficients of the cubic c(stretch * u + shift)."""
+    return ca.vertcat(
+        c[0] + shift * (c[1] + shift * (c[2] + shift * c[3])),
+        stretch * (c[1] + shift * (2 * c[2] + shift * 3 * c[3])),
+        stretch**2 * (c[2] + 3 * c[3] * shift),
+        stretch**3 * c[3],
+    )
+
+
+def equations(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca.SX]:
+    """Symbols, rows and curve of a block; `steps` RK4 steps per interval (slips only)."""
+    if kind in SLIDES:
+        return _slip(model, kind, steps)
+    if kind.startswith("steady"):
+        return _steady(model, kind.endswith("saturated"))
+    if kind == "reageing":
+        return _reageing(model)
+    return _rest(model, kind.endswith("reaged"), not kind.startswith("rest"), guarded=kind.startswith("stick"))

@@ -1,0 +1,324 @@
+"""Solve in passes: coarse, then fine; after each the samples are assigned anew to the event times found.
+
+A pass assigns samples to integration steps from constant event times. When the last pass moved no event by
+more than half a sample, the assignment and the answer agree.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.first_guess.first_onsets import with_first_onsets
+from identify.preparation.guess import Grid, Guess, LogData
+from identify.preparation.loads import calmed
+from identify.preparation.unknowns import Unknowns
+from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.solve import Solution, solve
+from identify.shooting.trust import EASY, Trust, held_back
+
+Array = NDArray[np.float64]
+
+COARSE = Grid(slip=8, saturated=8, steps=2)
+STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
+FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
+SLACK = 0.5  # a linear decay is followed well with twice the step
+SETTLED = 0.5  # samples: the last event shift
+RETURNED = 1e-4  # samples: events are where they were after an earlier pass
+AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
+VANISHING = 0.05  # samples: an event that goes as far as it can, and no farther than this, stands still
+OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
+PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
+LONGEST = 40  # passes where slips last no longer than samples lie apart: an event comes a share of a slip nearer
+ALL_BUT = 1.2  # times the noise variance
+PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
+MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, and iterations until then
+ENOUGH, FOLLOWS = 3, 1e-2  # iterations until then from a good start, and the largest row of a motion that comes of it
+LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
+OVERTIME = 80  # iterations more where a load trembles and
+ALMOST = 1.5  # times the noise variance is what is left
+HANGS = 1e-5  # largest row of a motion that hangs together
+AGAIN = 3  # how often slips that begin too late are put where they begin
+NEAR = 0.5  # largest row from which the exact Hessian is tried
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The last pass: problem, grid, the guesses it was formed from, solution, the guesses moved to it, theta
+    (n_p,), the largest event shift of the last pass in samples, iterations and passes in all, seconds spent forming
+    problems."""
+
+    problem: Problem
+    grid: Grid
+    formed_from: list[Guess]
+    solution: Solution
+    guesses: list[Guess]
+    theta: Array
+    event_shift: float
+    iterations: int
+    passes: int
+    forming: float
+
+    @cached_property
+    def fitted(self) -> list[Array]:
+        """What the load cell sees according to the solution, as `Problem.fitted`."""
+        return self.problem.fitted(self.solution.z)
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How to solve, as `solve_in_passes` was asked."""
+
+    on_pass: Callable[[int], None] | None
+    hopeless: float
+    steps: int
+    most: int
+    trust: Trust | None = None
+
+
+def solve_in_passes(
+    logs: list[LogData],
+    guesses: list[Guess],
+    unknowns: Unknowns,
+    *,
+    on_pass: Callable[[int], None] | None = None,
+    hopeless: float = np.inf,
+    steps: int = 0,
+    most: int = 1000,
+    trust: Trust | None = None,
+) -> Solved:
+    """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES).
+
+    Args:
+        hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
+            least and at most. trust: how far the first pass may go (None: every pass may go anywhere).
+    """
+    way = _Way(on_pass, hopeless, steps, most, trust)
+    solved = _from_calm(logs, guesses, unknowns, way)
+    for _ in range(AGAIN):
+        if not np.isfinite(solved.solution.cost):
+            break
+        at_answer = replace(unknowns, start=solved.theta)
+        earlier = [with_first_onsets(log, g, at_answer, COARSE) for log, g in zip(logs, solved.guesses, strict=True)]
+        if all(g is None for g in earlier):
+            break
+        placed = [new or old for new, old in zip(earlier, solved.guesses, strict=True)]
+        other = _in_passes(logs, logs, placed, at_answer, way)
+        if not _better(other, solved):
+            break
+        solved = other
+    return solved
+
+
+def _better(other: Solved, than: Solved) -> bool:
+    """Whether another motion is the one to go on with."""
+    if other.solution.success != than.solution.success:
+        return other.solution.success
+    return other.solution.cost < than.solution.cost
+
+
+def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, way: _Way) -> Solved:
+    """Solve; where a load trembles and that is lost, or the way is a long one, from the events of a calm load."""
+    calm = [calmed(log) for log in logs]
+    trembling = any(quiet is not log for quiet, log in zip(calm, logs, strict=True))
+    if way.trust is not None and trembling:
+        return _in_passes(logs, calm, guesses, unknowns, way)
+    at_once = _in_passes(logs, logs, guesses, unknowns, way)
+    cost = at_once.solution.cost
+    near = at_once.grid is not COARSE and 2.0 * cost < ALMOST * at_once.problem.samples
+    if at_once.solution.success or cost > way.hopeless or near or not trembling:
+        return at_once
+    other = _in_passes(logs, calm, guesses, unknowns, way)
+    return other if _better(other, at_once) else at_once
+
+
+def _in_passes(
+    logs: list[LogData],
+    calm: list[LogData],
+    guesses: list[Guess],
+    unknowns: Unknowns,
+    way: _Way,
+) -> Solved:
+    """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
+    grid, tolerance, barrier = COARSE, 1e-3, 1e-4
+    trust = way.trust
+    iterations, forming, arrived = 0, 0.0, 0
+    trembling = any(calmed(log) is not log for log in logs)
+    solved: Solved | None = None
+    bent = False
+    been, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
+    hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
+    for number in range(1, (LONGEST if hidden or trust is not None else MOST_PASSES) + 1):
+        since = time.perf_counter()
+        coarse = grid is COARSE
+        pattern = None if solved is None else solved.problem.pattern
+        problem = transcribe(calm if coarse else logs, guesses, unknowns, grid, pattern=pattern)
+        if trust is not None:
+            problem = trust.held_to(problem, guesses)
+        forming += time.perf_counter() - since
+        tried = _tried(problem, tolerance, barrier, bent, trembling)
+        solution, bent = tried.solution, tried.bent
+        iterations += tried.iterations
+        theta = unknowns.start.copy()
+        theta[problem.layout.free] = solution.x[: problem.layout.free.size]
+        formed_from = guesses
+        guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
+        as_found = guesses
+        if coarse:  # what stood in for the tremor of the load is no error of its measurement
+            guesses = [
+                g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation), slip_deviation=np.empty(0))
+                for g, quiet, log in zip(guesses, calm, logs, strict=True)
+            ]
+        shift = _shift_in_samples(problem, solution, logs, formed_from)
+        solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
+        before, unknowns = unknowns, replace(unknowns, start=theta)
+        if way.on_pass is not None:
+            way.on_pass(number)
+        if trust is not None:
+            if not solution.success or not np.all([_ordered(guess) for guess in guesses]):
+                trust = trust.less()
+                if trust is None:
+                    return solved
+                guesses, unknowns = formed_from, before
+                continue
+            trust = trust.after(tried.iterations <= EASY)
+            if held_back(problem, solution.x):
+                guesses = as_found
+                continue
+        arrived += 1
+        if _last(solved, arrived, way.hopeless):
+            return solved
+        if not coarse:
+            events = _events(guesses)
+            if any(np.max(np.abs(events - before)) < RETURNED * finest for before in been):
+                return solved  # samples change sides to and fro: the passes to come are those that were
+            been.append(events)
+        fitting = fine_grid(logs, guesses, unknowns)
+        grid, tolerance, barrier = replace(fitting, steps=min(max(fitting.steps, way.steps), way.most)), 1e-8, 1e-6
+    assert solved is not None
+    return solved
+
+
+def _last(solved: Solved, arrived: int, hopeless: float) -> bool:
+    """Whether no pass follows: the events stand still, or the solve is lost.
+
+    Args:
+        arrived: how many passes went as far as they would; hopeless: largest cost to go on with.
+    """
+    solution, fine = solved.solution, solved.grid is not COARSE
+    misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
+    far = misfit > LOST if not solution.success else arrived >= PASSES and misfit > ALL_BUT
+    broken = not solution.success and (fine or solution.infeasibility > NEAR)
+    if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
+        return True
+    return (fine and solved.event_shift < SETTLED) or not np.all([_ordered(guess) for guess in solved.guesses])
+
+
+def _events(guesses: Sequence[Guess]) -> Array:
+    """When every phase of all motions ends (e,) [s]."""
+    ends = [np.concatenate([g.onset, g.arrest, [stretch.until for stretch in g.tail]]) for g in guesses]
+    return np.concatenate(ends)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What one pass came to: the last solution, iterations of all, and whether it took the exact Hessian."""
+
+    solution: Solution
+    iterations: int
+    bent: bool
+
+
+def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, trembling: bool) -> _Tried:
+    """Solve one pass with Gauss-Newton, where that creeps or wanders with the exact Hessian.
+
+    Args:
+        bent: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again.
+        trembling: the load of some log trembles.
+    """
+    iterations = 0
+    if bent:
+        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE, exact=True)
+        if solution.success:
+            return _Tried(solution, solution.iterations, True)
+        iterations = solution.iterations
+    slips = sum(place.onset.size for place in problem.layout.places)
+    for most in (PATIENCE,) if slips < MANY else (ENOUGH, BRIEF):
+        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=most)
+        iterations += solution.iterations
+        follows = solution.infeasibility < FOLLOWS and 2.0 * solution.cost < ALL_BUT * problem.samples
+        if solution.success or follows:
+            break
+    if solution.success or not solution.infeasibility < NEAR:
+        return _Tried(solution, iterations, False)
+    # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
+    crept = solution
+    near = 2.0 * crept.cost < ALMOST * problem.samples
+    vibrating = problem.layout.unknowns.model.vibrates  # bends the rows more than anything else
+    patience = (1 + (near and vibrating)) * PATIENCE
+    solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=crept.z)
+    iterations += solution.iterations
+    if not solution.success and solution.infeasibility < HANGS and 2.0 * solution.cost < ALMOST * problem.samples:
+        # The motion hangs together and is near: what is left is the way along a valley.
+        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, exact=True, start=solution.z)
+        iterations += solution.iterations
+    if trembling and near and not solution.success:
+        # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.
+        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=crept.z)
+        return _Tried(solution, iterations + solution.iterations, False)
+    return _Tried(solution, iterations, solution.success)
+
+
+def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> Grid:
+    """The grid of the fine passes: as many steps as the fastest rate of the saturated slips asks for."""
+    names = unknowns.names
+    needed = 0.0
+    for log, guess in zip(logs, guesses, strict=True):
+        p = dict(zip(names, unknowns.values(guess.theta(unknowns.start), log.base).tolist(), strict=True))
+        rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
+        decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
+        rate = max([rate, *(SLACK * decays).tolist()])
+        longest = np.nanmax(np.concatenate([guess.arrest - guess.saturation, (guess.arrest - guess.onset) / 2, [0.0]]))
+        needed = max(needed, rate * float(longest) / COARSE.saturated / FASTEST)
+    steps = next((s for s in STEPS if s >= needed), STEPS[-1])
+    return replace(COARSE, steps=steps)
+
+
+def _ordered(guess: Guess) -> bool:
+    """Whether every event still follows the one before it."""
+    return bool(np.all(np.isfinite(guess.times)) and np.all(np.diff(guess.times) > 0))
+
+
+def _interval(log: LogData, guess: Guess) -> float:
+    """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter."""
+    slip = float(np.median(guess.slips)) if guess.slips.size else np.inf
+    return min(log.interval, OF_A_SLIP * slip)
+
+
+def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:
+    """Largest event offset of this pass in sample intervals of its log; where slips last no longer than samples lie
+    apart, in shares of a slip: in one pass no event leaves the phases beside it."""
+    worst = 0.0
+    for place, log, guess in zip(problem.layout.places, logs, guesses, strict=True):
+        index = place.events
+        if index.size:
+            interval = _interval(log, guess)
+            offset = solution.x[index]
+            worst = max(worst, float(np.max(np.abs(offset))) / interval)
+            # A rest that vanishes halves from pass to pass, for ever, and moves nothing.
+            far = goes_as_far_as_it_can(problem, solution.x, index)
+            if np.any(far & (np.abs(offset) > VANISHING * interval)):
+                worst = max(worst, 2.0 * SETTLED)
+    return worst
+
+
+def goes_as_far_as_it_can(problem: Problem, x: Array, events: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which offsets of events (e,), by their places in the unknowns x (n,), end at their bounds."""
+    lower, upper = problem.layout.lower[events], problem.layout.upper[events]
+    room = 1.0 - AT_BOUND
+    return np.asarray((upper - x[events] < room * np.abs(upper)) | (x[events] - lower < room * np.abs(lower)))

@@ -1,0 +1,220 @@
+"""The multiple-shooting problem as numbers: objective, rows and their derivatives, ready for any solver.
+
+The samples are compressed exactly (see `compression`). Hessian: Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from identify.preparation.guess import Grid, Guess, LogData
+from identify.preparation.unknowns import Unknowns
+from identify.shooting.compression import Moments, compressed, samples_of
+from identify.shooting.lay_out import lay_out
+from identify.shooting.layout import Family, Indices, Layout
+from identify.shooting.pattern import Pattern
+from identify.shooting.relaid import with_every_parameter, with_finer_steps
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """Everything at one point z (scaled unknowns): cost, rows, the curve coefficients of every family, and with
+    derivatives the gradient (n,), the Jacobian (m, n) sparse and the Gauss-Newton Hessian (n, n) sparse, upper
+    triangle."""
+
+    cost: float
+    rows: Array
+    curves: tuple[Array, ...]
+    gradient: Array | None = None
+    jacobian: sp.csc_matrix | None = None
+    hessian: sp.csc_matrix | None = None
+
+
+class Problem:
+    """min 1/2 sum w (force - curve)^2 + 1/2 sum ((x - mean)/sd)^2  subject to rows(x) = 0.
+
+    Works on scaled unknowns z = x / scale. Holds the last point evaluated.
+    """
+
+    def __init__(
+        self,
+        logs: list[LogData],
+        layout: Layout,
+        moments: list[Moments] | None = None,
+        pattern: Pattern | None = None,
+    ) -> None:
+        """pattern: of a problem before; taken over where this one has the same unknowns and rows."""
+        self.layout = layout
+        self.logs = logs
+        self.moments = moments or [self._compress(f) for f in layout.families]
+        self.pattern = pattern if pattern is not None and pattern.fits(layout) else Pattern(layout)
+        self._last: tuple[bytes, bool, Point] | None = None
+
+    def driven(self, factor: float) -> Problem:
+        """The same problem, samples and starting point with all drive speeds times `factor`."""
+        out = copy.copy(self)
+        out._last = None
+        families = []
+        for family in self.layout.families:
+            constants = family.constants.copy()
+            constants[:, family.block.drive_speed] *= factor
+            families.append(replace(family, constants=constants))
+        out.layout = replace(self.layout, families=tuple(families))
+        return out
+
+    def with_moments(self, moments: list[Moments]) -> Problem:
+        """The same problem with other data, compressed in the same cells."""
+        out = copy.copy(self)
+        out._last = None
+        out.moments = moments
+        return out
+
+    def with_all_parameters(self, unknowns: Unknowns, z: Array) -> tuple[Problem, Array]:
+        """This problem with every parameter among its unknowns, and its point z (scaled) there.
+
+        Args:
+            unknowns: as those of this problem; start holds the values of what is no unknown here, the priors count.
+        """
+        layout, count = with_every_parameter(self.layout, unknowns), self.layout.free.size
+        theta, x = unknowns.start.copy(), z * self.layout.scale
+        theta[self.layout.free] = x[:count]
+        return Problem(self.logs, layout, self.moments), np.concatenate([theta, x[count:]]) / layout.scale
+
+    def with_finer_steps(self) -> Problem:
+        """The same problem, unknown by unknown and row by row, with twice as many integration steps in every slide."""
+        out = copy.copy(self)
+        out._last = None
+        out.layout = with_finer_steps(self.layout)
+        pairs = zip(self.layout.families, out.layout.families, self.moments, strict=True)
+        out.moments = [held if new is old else self._compress(new) for old, new, held in pairs]
+        return out
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that count."""
+        return int(sum(m.count.sum() for m in self.moments))
+
+    @cached_property
+    def start(self) -> Array:
+        """The scaled starting point (n,)."""
+        return self.layout.start / self.layout.scale
+
+    def _compress(self, family: Family) -> Moments:
+        _, reference = family.block.evaluate(family.slot_values(self.layout.start), family.constants, derivatives=False)
+        return compressed(family, self.logs, reference)
+
+    def fitted(self, z: Array) -> list[Array]:
+        """What the load cell sees according to the point z, at every sample of every log (n,) [N]; NaN outside
+        the fitted windows."""
+        x = z * self.layout.scale
+        out = [np.full(log.time.size, np.nan) for log in self.logs]
+        for family in self.layout.families:
+            _, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
+            for held in samples_of(family, self.logs):
+                out[held.log][held.samples] = held.of_curve(curve.reshape(-1, family.block.order))
+        return out
+
+    def block_costs(self, z: Array) -> list[Array]:
+        """Per family, the sum of squared weighted residuals of each block (B,)."""
+        curves = self.evaluate(z, derivatives=False).curves
+        return [moments.squares_at(curve) for moments, curve in zip(self.moments, curves, strict=True)]
+
+    def evaluate(self, z: Array, *, derivatives: bool) -> Point:
+        """Cost and rows at z, with derivatives on request; the last point is remembered."""
+        key = z.tobytes()
+        if self._last is not None and self._last[0] == key and (self._last[1] or not derivatives):
+            return self._last[2]
+        with np.errstate(all="ignore"):
+            point = self._derivatives(z) if derivatives else self._values(z)
+        self._last = (key, derivatives, point)
+        return point
+
+    def exact_hessian(self, z: Array, on_cost: float, on_rows: Array) -> sp.csc_matrix:
+        """Hessian of on_cost * cost + on_rows . rows, upper triangle, in the pattern of the Gauss-Newton one.
+
+        Args:
+            on_rows: multipliers (m,).
+        """
+        point = self.evaluate(z, derivatives=True)
+        assert point.hessian is not None
+        x, scale = z * self.layout.scale, self.layout.scale
+        parts = []
+        known = zip(self.layout.families, self.moments, self.pattern.families, point.curves, strict=True)
+        for family, moments, scatter, curve in known:
+            slots, count = family.slot_values(x), family.slots.shape[0]
+            pull = on_cost * moments.slope_at(curve).reshape(count, -1)
+            bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull, scatter.used)
+            parts.append(bend.ravel()[scatter.hessian_entries])
+        summed = self.pattern.hessian(parts, np.zeros(z.size), scale)
+        summed.data += on_cost * point.hessian.data
+        return summed
+
+    def _prior(self, x: Array) -> Array:
+        return (x - self.layout.prior_mean) / self.layout.prior_sd
+
+    def _values(self, z: Array) -> Point:
+        x = z * self.layout.scale
+        rows, cost = np.zeros(self.layout.rows), 0.5 * float(np.sum(self._prior(x) ** 2))
+        curves = []
+        for family, moments in zip(self.layout.families, self.moments, strict=True):
+            block_rows, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
+            rows[family.rows] = block_rows
+            cost += 0.5 * float(np.sum(moments.squares_at(curve)))
+            curves.append(curve)
+        return Point(cost, rows, tuple(curves))
+
+    def _derivatives(self, z: Array) -> Point:
+        layout = self.layout
+        x, scale = z * layout.scale, layout.scale
+        prior = self._prior(x)
+        rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
+        gradient = prior / layout.prior_sd * scale
+        curves, jacobian_parts, hessian_parts = [], [], []
+        for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
+            block_rows, curve, d_rows, d_curve = family.block.evaluate(
+                family.slot_values(x), family.constants, derivatives=True
+            )
+            rows[family.rows] = block_rows
+            cost += 0.5 * float(np.sum(moments.squares_at(curve)))
+            curves.append(curve)
+            bend = np.matmul(moments.curvature, d_curve)  # (B, cells, order, n_slots)
+            count, n_slots = family.slots.shape
+            shape = (count, -1, n_slots)
+            tall = d_curve.reshape(shape)
+            step = moments.slope_at(curve).reshape(count, -1, 1)
+            pull = np.matmul(tall.transpose(0, 2, 1), step)[..., 0]
+            hessian = np.matmul(tall.transpose(0, 2, 1), bend.reshape(shape))
+            gradient += (
+                np.bincount(
+                    family.slots.ravel()[scatter.known_slots],
+                    weights=pull.ravel()[scatter.known_slots],
+                    minlength=z.size,
+                )
+                * scale
+            )
+            jacobian_parts.append(d_rows.ravel()[scatter.jacobian_entries])
+            hessian_parts.append(hessian.ravel()[scatter.hessian_entries])
+        jacobian = self.pattern.jacobian(jacobian_parts, scale)
+        hessian_matrix = self.pattern.hessian(hessian_parts, 1.0 / layout.prior_sd**2, scale)
+        return Point(cost, rows, tuple(curves), gradient, jacobian, hessian_matrix)
+
+
+def transcribe(
+    logs: list[LogData],
+    guesses: list[Guess],
+    unknowns: Unknowns,
+    grid: Grid,
+    *,
+    free: Indices | None = None,
+    pattern: Pattern | None = None,
+) -> Problem:
+    """The multiple-shooting problem of several logs around their guesses; see `lay_out`, and `Problem` for pattern."""
+    return Problem(logs, lay_out(logs, guesses, unknowns, grid, free=free), pattern=pattern)

@@ -1,0 +1,206 @@
+"""Solve a transcribed problem with IPOPT; the only file that spells its options."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.shooting.shooting import Problem
+
+Array = NDArray[np.float64]
+
+
+STANDSTILL = 1e-3  # of half chi^2 per iteration
+QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
+OUT_OF_ORDER = "Events_Out_Of_Order"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, multipliers of the bounds (n,),
+    its own words, whether they mean success, iterations, cost, largest row."""
+
+    z: Array
+    x: Array
+    bound_multipliers: Array
+    words: str
+    success: bool
+    iterations: int
+    cost: float
+    infeasibility: float
+
+
+class _Port(ca.Callback):
+    """One function of the problem as CasADi sees it; the problem itself holds the numbers."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: Sequence[tuple[str, ca.Sparsity]],
+        outputs: Sequence[tuple[str, ca.Sparsity]],
+        function: Any,
+    ) -> None:
+        ca.Callback.__init__(self)
+        self._in, self._out, self._function = inputs, outputs, function
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._in)
+
+    def get_n_out(self) -> int:
+        return len(self._out)
+
+    def get_name_in(self, i: int) -> str:
+        return self._in[i][0]
+
+    def get_name_out(self, i: int) -> str:
+        return self._out[i][0]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return self._in[i][1]
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return self._out[i][1]
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, given: Sequence[memoryview], asked: Sequence[memoryview | None]) -> int:
+        # CasADi's own memory: its matrix objects would cost more than the functions of a long log.
+        arrays = [np.frombuffer(buffer) if buffer is not None else np.zeros(0) for buffer in given]
+        for buffer, value in zip(asked, self._function(*arrays), strict=True):
+            if buffer is not None:
+                np.frombuffer(buffer)[:] = value
+        return 0
+
+
+def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
+    """The four functions IPOPT asks for."""
+    n, m = problem.layout.size, problem.layout.rows
+    jacobian, hessian = problem.pattern.sparsities
+    vector, none, rows, one = ca.Sparsity.dense(n), ca.Sparsity.dense(0, 1), ca.Sparsity.dense(m), ca.Sparsity.dense(1)
+    xp = [("x", vector), ("p", none)]
+
+    def nlp(z: Array, _p: Array) -> tuple[Any, ...]:
+        point = problem.evaluate(z, derivatives=False)
+        return point.cost, point.rows
+
+    def grad_f(z: Array, _p: Array) -> tuple[Any, ...]:
+        point = problem.evaluate(z, derivatives=True)
+        return point.cost, point.gradient
+
+    def jac_g(z: Array, _p: Array) -> tuple[Any, ...]:
+        point = problem.evaluate(z, derivatives=True)
+        assert point.jacobian is not None
+        return point.rows, point.jacobian.data
+
+    def hess(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> tuple[Any, ...]:
+        if exact:
+            return (problem.exact_hessian(z, float(on_cost[0]), on_rows).data,)
+        point = problem.evaluate(z, derivatives=True)
+        assert point.hessian is not None
+        return (point.hessian.data * on_cost[0],)
+
+    return {
+        "nlp": _Port("nlp", xp, [("f", one), ("g", rows)], nlp),
+        "grad_f": _Port("grad_f", xp, [("f", one), ("grad_f_x", vector)], grad_f),
+        "jac_g": _Port("jac_g", xp, [("g", rows), ("jac_g_x", jacobian)], jac_g),
+        "hess_lag": _Port("hess_lag", [*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", hessian)], hess),
+    }
+
+
+def _not_begun(problem: Problem) -> Solution:
+    """Of a guess whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
+    n = problem.layout.size
+    return Solution(problem.start, problem.layout.start, np.zeros(n), OUT_OF_ORDER, False, 0, np.inf, np.inf)
+
+
+def solve(
+    problem: Problem,
+    *,
+    tolerance: float = 1e-8,
+    barrier: float = 1e-4,
+    iterations: int = 60,
+    exact: bool = False,
+    start: Array | None = None,
+    log: Path | None = None,
+) -> Solution:
+    """Solve the problem from its starting point, or from `start` (n,) scaled.
+
+    Args:
+        tolerance: on the scaled optimality conditions.
+        barrier: IPOPT's first barrier parameter: small from a good start.
+        iterations: give up after this many.
+        exact: with the exact Hessian instead of Gauss-Newton: dearer per iteration, but it does not creep along
+            ridges; only near a solution.
+        log: file for the solver's own words; default none.
+
+    Returns:
+        what the solver gave back; a failure with infinite cost where the events of the guess do not follow each other.
+    """
+    layout = problem.layout
+    first = problem.start if start is None else start
+    if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=False).cost):
+        return _not_begun(problem)
+    ports = _ports(problem, exact)
+    options: dict[str, Any] = {
+        "print_time": False,
+        "show_eval_warnings": False,  # IPOPT steps back from where a function is not defined: nothing to tell a user
+        "no_nlp_grad": True,
+        "calc_lam_p": False,
+        "calc_lam_x": False,
+        "calc_f": False,
+        "calc_g": False,
+        "grad_f": ports["grad_f"],
+        "jac_g": ports["jac_g"],
+        "hess_lag": ports["hess_lag"],
+        "ipopt.sb": "yes",
+        "ipopt.print_level": 0,
+        "ipopt.tol": tolerance,
+        "ipopt.constr_viol_tol": 1e-9,
+        "ipopt.dual_inf_tol": 1e-2,
+        # On a ridge that the data hardly bend, Gauss-Newton creeps: stop where creeping gains nothing.
+        "ipopt.acceptable_iter": 4,
+        "ipopt.acceptable_tol": 1e10,
+        "ipopt.acceptable_dual_inf_tol": 1e10,
+        "ipopt.acceptable_constr_viol_tol": 1e-8,
+        "ipopt.acceptable_compl_inf_tol": 1e-2,
+        "ipopt.acceptable_obj_change_tol": STANDSTILL / max(1.0, problem.samples / 2),
+        "ipopt.mu_init": barrier,
+        "ipopt.nlp_scaling_method": "none",
+        # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
+        "ipopt.mumps_pivot_order": QAMD,
+        "ipopt.mumps_permuting_scaling": 0,
+        "ipopt.bound_push": 1e-8,
+        "ipopt.bound_frac": 1e-8,
+        "ipopt.max_iter": iterations,
+    }
+    if log is not None:
+        options |= {"ipopt.output_file": str(log), "ipopt.file_print_level": 5}
+    solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
+    result = solver(
+        x0=first,
+        lbx=layout.lower / layout.scale,
+        ubx=layout.upper / layout.scale,
+        lbg=0.0,
+        ubg=0.0,
+    )
+    z = np.array(result["x"]).ravel()
+    stats = solver.stats()
+    point = problem.evaluate(z, derivatives=False)
+    return Solution(
+        z,
+        z * layout.scale,
+        np.array(result["lam_x"]).ravel(),
+        str(stats["return_status"]),
+        bool(stats["success"]),
+        int(stats["iter_count"]),
+        point.cost,
+        float(np.max(np.abs(point.rows), initial=0.0)),
+    )

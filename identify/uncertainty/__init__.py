@@ -1,0 +1,1 @@
+"""How well the parameters at a solution are known: covariance, profiles, bootstrap, influence, agreement of logs."""
