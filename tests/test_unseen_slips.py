@@ -1,0 +1,39 @@
+"""A log with thousands of slips that the noise hides joins others by the level of its force, and by nothing else."""
+
+from __future__ import annotations
+
+import pytest
+from taken_logs import taken
+
+from experiments.run_recovery_study import Study
+from experiments.study_problem import SPEEDS
+from identify.first_guess import following
+from identify.outcome import Status
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import Unknowns
+from identify.search.attempt import Clock, place_on, solve_from
+from identify.search.joining import join
+
+SLOWEST, CYCLING = 0, [2, 3]  # of the four logs: 5,250 slips of 0.2 mN in noise of 5 mN; 23 and 14 that show
+
+
+def case() -> tuple[list[Prepared], Unknowns]:
+    drawn = Study("wide").case(121)[0]
+    return taken(drawn.records, SPEEDS, drawn.truth, drawn.rig)
+
+
+def test_the_log_joins_by_its_level() -> None:
+    prepared, unknowns = case()
+    known = solve_from(prepared, CYCLING, unknowns, Clock())
+    assert known is not None and known.gate.status is Status.CONVERGED
+    found = join(known, prepared, [SLOWEST], unknowns, Clock())
+    assert found.gate.status is Status.CONVERGED and found.logs == (SLOWEST, *CYCLING)
+    assert found.prepared[0].manner.name == "sliding" and found.solved.guesses[0].arrests == 0
+
+
+def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared, unknowns = case()
+    assert place_on(prepared, [SLOWEST], unknowns) == []
+    monkeypatch.setattr(following, "SHOWN", 0.0)
+    [(_, cut, guess)] = place_on(prepared, [SLOWEST], unknowns)
+    assert guess.arrests > 100 and cut.data.end < 0.5 * prepared[SLOWEST].data.end
