@@ -118,5 +118,6 @@ def test_slips_that_the_noise_hides_are_not_counted(monkeypatch: pytest.MonkeyPa
     seen = follow(MODEL, quiet, p, begins_sliding=False)
     assert seen is not None and sum(s.ended_by == "arrest" for s in seen.guess.tail) > 100
     monkeypatch.setattr(following, "SHOWN", 0.0)
+    monkeypatch.setattr(following, "SURE", 0.0)
     counted = follow(MODEL, log, p, begins_sliding=False)
     assert counted is not None and counted.end < 0.5 * DURATION  # as many as are followed at most

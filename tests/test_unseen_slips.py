@@ -35,5 +35,6 @@ def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.Monke
     prepared, unknowns = case()
     assert place_on(prepared, [SLOWEST], unknowns) == []
     monkeypatch.setattr(following, "SHOWN", 0.0)
+    monkeypatch.setattr(following, "SURE", 0.0)
     [(_, cut, guess)] = place_on(prepared, [SLOWEST], unknowns)
     assert guess.arrests > 100 and cut.data.end < 0.5 * prepared[SLOWEST].data.end

@@ -37,8 +37,8 @@ FIRST_SWINGS = 8.0  # half periods
 TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
-SHOWN = 1.0  # squared deviations from a level course, in noise variances: a slip with less does not show
-HIDDEN = 3  # slips in a row that do not show: their number is none that the data tell
+SHOWN, SURE = 1.0, 9.0  # squared deviations from a level course, in noise variances: of a slip among many, of the last
+HIDDEN = 3  # slips in a row that show less: their number is none that the data tell
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,7 @@ class _Course:
         self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
         self.noise = log.noise
         self.stretches: list[Stretch] = []
+        self.sure = 0  # of these, up to the last slip that shows for sure
         self.start = np.array([s.start for s in model.states])
         starts = () if log.programme is None else log.programme.starts
         self.data = DataSide(log, self.half, tuple(t for t in starts if log.begin < t < log.end))
@@ -104,46 +105,50 @@ class _Course:
             self.start = x = steady.state
             t = self.data.change_after(t)
             self.glide(self.log.begin, t)
+            self.sure = len(self.stretches)
             sliding = True
         else:
             self.start = x = self.first_state()
             sliding = False
-        shown, hidden = 0, 0
+        hidden = 0
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
             if sliding:
                 t, x, sliding = self.slide(t, x)
                 if np.isnan(t):
                     return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
-                shown, hidden = (shown, hidden + 1) if self.hidden() else (len(self.stretches), 0)
+                shown = self.shown()
+                self.sure = len(self.stretches) if shown >= SURE else self.sure
+                hidden = hidden + 1 if shown < SHOWN else 0
                 if hidden == HIDDEN:  # to go on would make up how often it slips until the window ends
-                    del self.stretches[shown:]
                     return self.so_far()
             else:
                 t, x, sliding = self.rest(t, x)
         return Followed(self.guess(self.start), t) if t >= self.log.end else self.so_far()
 
-    def hidden(self) -> bool:
-        """Whether the noise hides the last slip: a slide without a change of the drive from a rest to an arrest."""
+    def shown(self) -> float:
+        """How far the last slip, a slide without a change of the drive from a rest to an arrest, stands out of the
+        noise: squared deviations of a sawtooth from a level course; infinite where the last stretch is no such slip."""
         made, n = self.stretches, len(self.stretches)
         rest = next((i for i in range(n - 1, -1, -1) if made[i].kind == "rest"), None)
         if rest is None or made[-1].ended_by != "arrest" or made[rest].ended_by != "onset":
-            return False
+            return np.inf
         begun = made[rest].until
         sliding = made[-1].until - begun
         again = rest > 0 and made[rest - 1].ended_by == "arrest"
         length = made[-1].until - made[rest - 1].until if again else 2.0 * sliding  # a first slip has no cycle
         nodes = np.concatenate([made[rest].nodes[-1:], *(s.nodes for s in made[rest + 1 :])])
-        shown = np.ptp([self.force(0.5 * (begun + made[-1].until), x) for x in nodes])
-        return length / self.log.interval * shown**2 / 12.0 < SHOWN * self.noise**2  # of a sawtooth
+        height = float(np.ptp([self.force(0.5 * (begun + made[-1].until), x) for x in nodes]))
+        return length / self.log.interval * (height / self.noise) ** 2 / 12.0
 
     def force(self, t: float, x: Array) -> float:
         """The friction force that the load cell shows in a state [N]."""
         return float(np.array(self.model.load_cell(x, self.p, self.inputs(t))).item())
 
     def so_far(self) -> Followed | None:
-        """The motion up to where the simulation could not go on: the end of a slide that was steady, or the rest after
-        the last one that ended."""
+        """The motion up to where it cannot be followed further: the end of a slide that was steady, or the rest after
+        the last slip that shows for sure."""
         made = self.stretches
+        del made[self.sure :]
         while made and not (made[-1].steady or made[-1].ended_by == "arrest"):
             made.pop()
         if not made:
