@@ -37,8 +37,9 @@ FIRST_SWINGS = 8.0  # half periods
 TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
-SHOWN, SURE = 1.0, 9.0  # squared deviations from a level course, in noise variances: of a slip among many, of the last
-HIDDEN = 3  # slips in a row that show less: their number is none that the data tell
+SHOWN, HIDDEN = 1.0, 3  # squared deviations from a level course, in noise variances: of a slip that shows; and how many
+# in a row may show less before their number is none that the data tell
+SURE, TRAIN = 9.0, 50.0  # of a slip that shows for sure, and of a train of slips that do together
 
 
 @dataclass(frozen=True)
@@ -110,15 +111,15 @@ class _Course:
         else:
             self.start = x = self.first_state()
             sliding = False
-        hidden = 0
+        hidden, train = 0, 0.0
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
             if sliding:
                 t, x, sliding = self.slide(t, x)
                 if np.isnan(t):
                     return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
                 shown = self.shown()
-                self.sure = len(self.stretches) if shown >= SURE else self.sure
-                hidden = hidden + 1 if shown < SHOWN else 0
+                hidden, train = (hidden + 1, 0.0) if shown < SHOWN else (0, train + shown)
+                self.sure = len(self.stretches) if shown >= SURE or train >= TRAIN else self.sure
                 if hidden == HIDDEN:  # to go on would make up how often it slips until the window ends
                     return self.so_far()
             else:
