@@ -17,8 +17,8 @@ from identify.search.joining import join
 SLOWEST, CYCLING = 0, [2, 3]  # of the four logs: 5,250 slips of 0.2 mN in noise of 5 mN; 23 and 14 that show
 
 
-def case() -> tuple[list[Prepared], Unknowns]:
-    drawn = Study("wide").case(121)[0]
+def case(number: int = 121) -> tuple[list[Prepared], Unknowns]:
+    drawn = Study("wide").case(number)[0]
     return taken(drawn.records, SPEEDS, drawn.truth, drawn.rig)
 
 
@@ -38,3 +38,13 @@ def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.Monke
     monkeypatch.setattr(following, "SURE", 0.0)
     [(_, cut, guess)] = place_on(prepared, [SLOWEST], unknowns)
     assert guess.arrests > 100 and cut.data.end < 0.5 * prepared[SLOWEST].data.end
+
+
+def test_a_train_of_slips_that_show_together_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of 251 slips stands out by two standard deviations, and this log alone tells t_cr."""
+    prepared, unknowns = case(15)
+    [(_, _, guess)] = place_on(prepared, [1], unknowns)
+    assert guess.arrests > 100
+    monkeypatch.setattr(following, "TRAIN", float("inf"))
+    [(_, _, guess)] = place_on(prepared, [1], unknowns)
+    assert guess.arrests == 3  # the first ones show by themselves

@@ -37,9 +37,9 @@ FIRST_SWINGS = 8.0  # half periods
 TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
-SHOWN, HIDDEN = 1.0, 3  # squared deviations from a level course, in noise variances: of a slip that shows; and how many
-# in a row may show less before their number is none that the data tell
-SURE, TRAIN = 9.0, 50.0  # of a slip that shows for sure, and of a train of slips that do together
+# Squared deviations of a slip from a level course, in noise variances: of one that shows, of one that does for sure;
+SHOWN, SURE = 1.0, 9.0
+TRAIN, HIDDEN = 50.0, 3  # of a train that shows for sure together; slips in a row that do not, before all are given up
 
 
 @dataclass(frozen=True)
