@@ -129,8 +129,8 @@ class _Course:
     def shown(self) -> float:
         """How far the last slip, a slide without a change of the drive from a rest to an arrest, stands out of the
         noise: squared deviations of a sawtooth from a level course; infinite where the last stretch is no such slip."""
-        made, n = self.stretches, len(self.stretches)
-        rest = next((i for i in range(n - 1, -1, -1) if made[i].kind == "rest"), None)
+        made = self.stretches
+        rest = self.last_rest()
         if rest is None or made[-1].ended_by != "arrest" or made[rest].ended_by != "onset":
             return np.inf
         begun = made[rest].until
@@ -141,9 +141,13 @@ class _Course:
         height = float(np.ptp([self.force(0.5 * (begun + made[-1].until), x) for x in nodes]))
         return length / self.log.interval * (height / self.noise) ** 2 / 12.0
 
-    def force(self, t: float, x: Array) -> float:
+    def last_rest(self) -> int | None:
+        """The place of the last rest; None where there is none."""
+        return next((i for i in range(len(self.stretches) - 1, -1, -1) if self.stretches[i].kind == "rest"), None)
+
+    def force(self, t: float, x: Array, just_before: bool = False) -> float:
         """The friction force that the load cell shows in a state [N]."""
-        return float(np.array(self.model.load_cell(x, self.p, self.inputs(t))).item())
+        return float(np.array(self.model.load_cell(x, self.p, self.inputs(t, just_before))).item())
 
     def so_far(self) -> Followed | None:
         """The motion up to where it cannot be followed further: the end of a slide that was steady, or the rest after
@@ -156,8 +160,7 @@ class _Course:
             return None
         end = made[-1].until
         if made[-1].ended_by == "arrest":
-            slide = next(i for i in range(len(made) - 1, -1, -1) if made[i].kind == "rest" or i == 0)
-            end = min(end + AFTER * (end - made[slide].until), self.data.change_after(end))
+            end = min(end + AFTER * (end - made[self.last_rest() or 0].until), self.data.change_after(end))
             made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
         return Followed(self.guess(self.start), end)
 
@@ -306,7 +309,7 @@ class _Course:
             return False
         local = np.linspace(motion.duration - 2.0 * self.half, motion.duration, 60)
         shown = motion.sample(local)["force"]
-        level = float(np.array(self.model.load_cell(steady.state, self.p, self.inputs(t, True))).item())
+        level = self.force(t, steady.state, just_before=True)
         drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
         return bool(np.max(np.abs(shown - level * drift)) < FADED * self.noise)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.motion.drive import Drive
+from identify.preparation.taken_apart import taken_apart
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 
@@ -29,15 +30,7 @@ LEAST = 16  # samples of a part
 def gaps_apart(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[Record]]:
     """The scene with one log before and one after each excluded stretch that no stick bridges, and the records to go
     with its logs. A scene without such a log comes back as it is."""
-    entries: list[LogEntry] = []
-    kept: list[Record] = []
-    for entry, record in zip(scene.logs, records, strict=True):
-        made = _parts(scene, entry, record)
-        entries += made
-        kept += [record] * len(made)
-    if len(entries) == len(scene.logs):
-        return scene, list(records)
-    return replace(scene, logs=tuple(entries)), kept
+    return taken_apart(scene, records, _parts)
 
 
 def _parts(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:

@@ -11,6 +11,7 @@ import numpy as np
 from data_io import Record
 from data_io.motion import motion_of
 from identify.motion.drive import Drive
+from identify.preparation.taken_apart import taken_apart
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 
@@ -24,15 +25,7 @@ def strokes_apart(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[
     A drive turns by its programme, or, where one speed is stated, by the position column of the log; what the drive
     rests between two strokes is left out. A scene without such a log comes back as it is.
     """
-    entries: list[LogEntry] = []
-    kept: list[Record] = []
-    for entry, record in zip(scene.logs, records, strict=True):
-        made = _strokes(scene, entry, record)
-        entries += made
-        kept += [record] * len(made)
-    if len(entries) == len(scene.logs):
-        return scene, list(records)
-    return replace(scene, logs=tuple(entries)), kept
+    return taken_apart(scene, records, _strokes)
 
 
 def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:

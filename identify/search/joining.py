@@ -42,9 +42,9 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     them."""
     at_answer = replace(unknowns, start=best.solved.theta)
     seen = {i: prepared[i] for i in late if prepared[i].manner.faint}
-    prepared = [_mended(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
-    prepared = [_placeable(log, at_answer) if i in late else log for i, log in enumerate(prepared)]
-    late = [i for i in late if place_on(prepared, [i], at_answer)]
+    forms = {i: _placeable(prepared[i], at_answer) for i in late}
+    prepared = [forms.get(i) or log for i, log in enumerate(prepared)]
+    late = [i for i in late if forms[i] is not None]
     if not late:
         return best
     joined = solve_from(prepared, sorted([*best.logs, *late]), at_answer, clock)
@@ -94,10 +94,11 @@ def _forms(log: Prepared, seen: Prepared | None, unknowns: Unknowns, *, tried: b
         yield settled
 
 
-def _placeable(log: Prepared, unknowns: Unknowns) -> Prepared:
-    """A log as it is where the start follows it so, else its steady end, where it has one: of slips that the noise
-    hides their level is what the data tell."""
-    return log if place_on([log], [0], unknowns) else settled_part(log) or log
+def _placeable(log: Prepared, unknowns: Unknowns) -> Prepared | None:
+    """A log with its slips mended, else its steady end: of slips that the noise hides the data tell the level. None
+    where it can be placed as neither."""
+    forms = (form for form in (_mended(log, unknowns), settled_part(log)) if form is not None)
+    return next((form for form in forms if place_on([form], [0], unknowns)), None)
 
 
 def _mended(log: Prepared, unknowns: Unknowns) -> Prepared:
