@@ -30,6 +30,11 @@ ALL_TOGETHER = case.together()
 
 
 @EVERY
+def test_an_effect_stands_in_the_file_of_its_name(effect):
+    assert type(effect).__module__ == f"identify.effects.{effect.name}"
+
+
+@EVERY
 def test_declaration_is_complete(effect):
     assert effect.name.isidentifier() and effect.says and effect.source and type(effect).__doc__
     assert not effect.says.endswith("."), "a phrase for tables"

@@ -180,6 +180,116 @@ def test_a_damaged_library_is_as_good_as_none(machine_code):
     assert not run.native and not library.exists()
 
 
+@pytest.fixture
+def failing(machine_code, tmp_path, monkeypatch):
+    """A compiler that is there and fails; the file it notes its starts in."""
+    noted = tmp_path / "starts"
+    noted.touch()
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "cc").write_text(f"#!/bin/sh\necho once >> {noted}\nexit 1\n", encoding="ascii")
+    (tmp_path / "bin" / "cc").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(mapped, "WORTH", 0.0)
+    monkeypatch.setattr(mapped, "RETRY", 0.0)
+    for known in (native.compiler, native._translator):
+        known.cache_clear()
+    return noted
+
+
+def used_much(run: Mapped) -> None:
+    expected = [function()(x, y)[0].full().ravel() for x, y in zip(*LANES, strict=True)]
+    for _ in range(6):
+        np.testing.assert_array_equal(run(LANES)[0], expected)
+        native.wait()
+
+
+def test_a_compiler_that_fails_is_not_asked_again(failing, machine_code):
+    levels = len(native.keys(function(), lanes=True))
+    for run in (Mapped(function(), 4), Mapped(function(), 4)):  # the second one as another process would ask
+        used_much(run)
+        mapped.keep()
+        native.wait()
+        assert not run.native and not run.jobs
+        assert len(failing.read_text(encoding="ascii").split()) == levels
+    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
+
+
+def test_a_day_later_it_is(failing, machine_code):
+    used_much(Mapped(function(), 4))
+    before = failing.stat().st_size
+    for mark in machine_code.glob("*.failed"):
+        os.utime(mark, (time.time() - native.AGAIN - 1.0,) * 2)
+    used_much(Mapped(function(), 4))
+    assert failing.stat().st_size == 2 * before > 0
+
+
+def test_what_cannot_be_written_gives_up_its_own_claim_only(machine_code, monkeypatch):
+    jobs = [(f, native.key(f, lanes=True)) for f in (function(2.0), function(3.0), function(4.0))]
+    really = native.wide.code
+
+    def full(f, lanes):
+        if f is jobs[1][0]:
+            raise OSError("the disk is full")
+        return really(f, lanes)
+
+    monkeypatch.setattr(native.wide, "code", full)
+    native.start(jobs)
+    native.wait()
+    assert [native.find(key, "sample") is not None for _, key in jobs] == [True, False, True]
+    assert native.failed(jobs[1][1])
+    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
+
+
+def test_without_a_process_to_compile_in_nothing_stays_claimed(machine_code, monkeypatch):
+    def none(*_, **__):
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(native.subprocess, "Popen", none)
+    made(function())
+    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
+
+
+def test_what_dead_processes_left_is_removed_and_what_others_are_at_is_not(machine_code):
+    f, base = function(), native.folder()
+    dead, alive = base / "build-dead", base / "build-alive"
+    lock = base / f"{native.key(f, lanes=True)}.lock"
+    for folder in (dead, alive):
+        folder.mkdir()
+        (folder / "name").write_text("plain-0", encoding="ascii")
+    lock.touch()
+    long_ago = (time.time() - native.STALE - 1.0,) * 2
+    os.utime(dead, long_ago)
+    made(f)
+    assert not list(base.glob("*.so")), "another process is at it"
+    os.utime(lock, long_ago)
+    made(f)
+    assert list(base.glob("*.so")) and not lock.exists()
+    assert alive.exists() and not dead.exists()
+
+
+def test_a_lock_that_goes_while_it_is_looked_at_is_no_failure(machine_code, monkeypatch):
+    """Between two looks at a lock another process may remove it: seen, then not there."""
+    exists = Path.exists
+    with monkeypatch.context() as then:
+        then.setattr(Path, "exists", lambda path, **more: path.suffix == ".lock" or exists(path, **more))
+        made(function())
+    assert list(machine_code.glob("*.so"))
+
+
+def test_code_that_cannot_be_loaded_is_not_made_again_and_again(machine_code, monkeypatch):
+    """A cache on a disk from which nothing may be run."""
+    monkeypatch.setattr(mapped, "WORTH", 0.0)
+    monkeypatch.setattr(mapped, "RETRY", 0.0)
+
+    def refused(*_):
+        raise RuntimeError("failed to map segment")
+
+    monkeypatch.setattr(native.ca, "external", refused)
+    run = Mapped(function(), 4)
+    used_much(run)
+    assert not run.native and not run.jobs and not list(machine_code.glob("*.so"))
+
+
 def test_a_folder_that_others_can_write_to_is_not_trusted(machine_code):
     native.folder()
     machine_code.chmod(0o777)

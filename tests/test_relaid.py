@@ -49,7 +49,7 @@ def test_every_parameter_is_where_a_walk_would_put_it(per, tremor):
     data, guesses, unknowns, problem, z = _made(per, tremor)
     assert not np.all(unknowns.free)
     again, at = problem.with_all_parameters(unknowns, z)
-    walked = lay_out(data, guesses, unknowns, SMALL, free=np.arange(len(unknowns.names)))
+    walked = lay_out(data, guesses, replace(unknowns, free=np.ones(len(unknowns.names), bool)), SMALL)
     for name in ("free", "scale", "start", "lower", "upper", "events", "prior_mean", "prior_sd"):
         np.testing.assert_array_equal(getattr(again.layout, name), getattr(walked, name), err_msg=name)
     for mine, theirs in zip(again.layout.places, walked.places, strict=True):

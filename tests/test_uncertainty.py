@@ -29,9 +29,8 @@ def _quiet(log, unknowns, seed=None, **options):
 
 
 def _information(data, guesses, unknowns, grid):
-    everything = np.arange(len(unknowns.names))
-    problem = transcribe(data, guesses, unknowns, grid, free=everything)
-    return information(problem, problem.start)
+    problem = transcribe(data, guesses, unknowns, grid)
+    return information(*problem.with_all_parameters(unknowns, problem.start))
 
 
 @pytest.fixture(scope="module")

@@ -1,42 +1,48 @@
-"""The table of effects. A new effect is one file here and one line in FILES."""
+"""The table of effects. A new effect is one file here and one line in ALL."""
 
-from importlib import import_module
-
+from identify.effects.contact_ageing import ContactAgeing
+from identify.effects.direct_effect import DirectEffect
+from identify.effects.driven_damping import DrivenDamping
+from identify.effects.excitation import Excitation
+from identify.effects.finger_motion import FingerMotion
+from identify.effects.force_sensor import ForceSensor
+from identify.effects.friction_heterogeneity import FrictionHeterogeneity
+from identify.effects.hysteresis_damping import HysteresisDamping
+from identify.effects.inertia import Inertia
+from identify.effects.linear_weakening import LinearWeakening
+from identify.effects.load_dependence import LoadDependence
+from identify.effects.occlusion import Occlusion
+from identify.effects.power_law import PowerLaw
+from identify.effects.pressure_dependence import PressureDependence
+from identify.effects.sensor_lag import SensorLag
+from identify.effects.sensor_second_lag import SensorSecondLag
+from identify.effects.skin_compliance import SkinCompliance
+from identify.effects.varying_normal_force import VaryingNormalForce
+from identify.effects.velocity_weakening import VelocityWeakening
 from identify.quantities import Effect
 
-FILES = """
-inertia
-hysteresis_damping
-driven_damping
-contact_ageing
-velocity_weakening
-linear_weakening
-power_law
-direct_effect
-load_dependence
-pressure_dependence
-varying_normal_force
-occlusion
-friction_heterogeneity
-excitation
-finger_motion
-skin_compliance
-force_sensor
-sensor_lag
-sensor_second_lag
-""".split()
-
-
-def _effect(name: str) -> Effect:
-    """What the file `name` holds: the class of that name (skin_compliance: SkinCompliance)."""
-    found = getattr(import_module(f"identify.effects.{name}"), name.title().replace("_", ""))()
-    if not isinstance(found, Effect) or found.name != name:
-        raise TypeError(f"identify/effects/{name}.py holds {found!r}; expected an effect whose name is {name!r}")
-    return found
-
-
-ALL: tuple[Effect, ...] = tuple(_effect(name) for name in FILES)
+ALL: tuple[Effect, ...] = (
+    Inertia(),
+    HysteresisDamping(),
+    DrivenDamping(),
+    ContactAgeing(),
+    VelocityWeakening(),
+    LinearWeakening(),
+    PowerLaw(),
+    DirectEffect(),
+    LoadDependence(),
+    PressureDependence(),
+    VaryingNormalForce(),
+    Occlusion(),
+    FrictionHeterogeneity(),
+    Excitation(),
+    FingerMotion(),
+    SkinCompliance(),
+    ForceSensor(),
+    SensorLag(),
+    SensorSecondLag(),
+)
 """All of them, in the order of the table."""
-NAMES: tuple[str, ...] = tuple(FILES)
+NAMES: tuple[str, ...] = tuple(effect.name for effect in ALL)
 MAIN: tuple[str, ...] = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 """The effects of the paper's model (eqs. 1-6)."""

@@ -155,13 +155,6 @@ def _first_arrests(model: Model, side: _Lanes, starts: list[Array]) -> Array:
     return x
 
 
-def _sensor(model: Model, states: Array, side: _Lanes) -> Array:
-    """Load cell force (n, m) of states (n, m, n_x), one row per lane."""
-    n, m, n_x = states.shape
-    p, u = np.repeat(side.p, m, axis=0), np.repeat(side.u, m, axis=0)
-    return lanes.load_cell(model, states.reshape(n * m, n_x), p, u).reshape(n, m)
-
-
 @dataclass(frozen=True)
 class _Waves:
     """The simulated cycles as functions of time from their onset: force at the steps (n, s), end force (n,),

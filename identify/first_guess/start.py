@@ -164,7 +164,6 @@ def fit_features(unknowns: Unknowns, features: list[Features], bases: list[Array
     arrest = np.tile([f.arrest for f in features], (s, 1)).astype(float)
     shift = np.zeros((s, n_l))
     damping = np.full(s, 1e-2)
-    cost = np.full(s, np.inf)
     soft_mean, soft_sd = _soft(fold, starts)
     point = _linearise(fold, theta, arrest, shift, soft_mean, soft_sd)
     cost = point[0]

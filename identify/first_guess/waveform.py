@@ -25,7 +25,7 @@ def middle_of_fall(force: Array, h: Array, duration: Array) -> Array:
 
 
 def waveform(force: Array, h: Array, duration: Array, end_force: Array, slope: Array, t: Array) -> tuple[Array, Array]:
-    """Stick line, slip, stick line at times t (n, b) from the onset: values and slopes; linear between steps."""
+    """Stick line, slip, stick line at times t (n, b) from the onset: values and slopes; cubic between steps."""
     u = np.clip(t / h[:, None], 0.0, force.shape[1] - 1.000001)
     i = u.astype(int)
     rows = np.arange(force.shape[0])[:, None]

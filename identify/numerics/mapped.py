@@ -161,6 +161,7 @@ class Mapped:
                 self._keys = self._keys[place + 1 :]
                 self.spent = 0.0
                 break
+        self._keys = tuple(key for key in self._keys if not native.failed(key))
         self._settled = not self._keys
         if self.earned:
             _compile()

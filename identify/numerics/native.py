@@ -2,7 +2,8 @@
 
 A function that has cost some time in CasADi's virtual machine is compiled in the background where a C compiler
 exists, and found again by every later process through the hash of what it computes. The compiler keeps the order
-of the arithmetic (no contraction, no fast-math), so both ways give the same numbers.
+of the arithmetic (no contraction, no fast-math), so both ways give the same numbers. A function that could not be
+compiled leaves a mark in the cache, and no process tries it again for a day or until the compiler is another.
 
 Environment: STICKSLIP_COMPILE=0 keeps the virtual machine; STICKSLIP_CACHE names another folder.
 """
@@ -10,14 +11,16 @@ Environment: STICKSLIP_COMPILE=0 keeps the virtual machine; STICKSLIP_CACHE name
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import platform
 import shutil
 import stat
 import subprocess
-import tempfile
 import time
+import uuid
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -31,16 +34,18 @@ FLAGS = ("-ffp-contract=off", "-fPIC", "-shared")
 # and for several lanes at once forty-five.
 LEVELS = {"plain": ("-O0", 3e-5, 200_000), "improved": ("-O1", 1.5e-4, 90_000), "wide": ("-O1", 1.5e-4, 90_000)}
 STALE = 900.0  # seconds after which another process's unfinished work is taken for dead
-# Compiles every folder given, one after the other. A finished library appears under its name at once or not at all;
-# the lock goes whatever happens.
+AGAIN = 86_400.0  # seconds after which a function that could not be compiled is tried again
+# Compiles every folder given, one after the other; those that still wait are kept from looking dead. A finished library
+# appears under its name at once or not at all, and a mark where there is none; the lock goes whatever happens.
 # It stays in the session of this process: Linux shares processors among sessions first, and nice counts in one only.
 # Hardly nicer than the fit: that is ten times as fast once its functions are compiled.
 SCRIPT = """
 trap '' HUP
 for work in "$@"; do
-  name=$(cat "$work/name")
+  touch -c "$@"
+  name=$(cat "$work/name") || continue
   nice -n 3 "$CC" $(cat "$work/flag") $FLAGS -o "$work/function.so" "$work/function.c" -lm &&
-    mv "$work/function.so" "$CACHE/$name.so"
+    mv "$work/function.so" "$CACHE/$name.so" || touch "$CACHE/$name.failed"
   rm -rf "$work" "$CACHE/$name.lock"
 done
 """
@@ -115,14 +120,20 @@ def _level(identity: str) -> str:
 def find(identity: str, name: str) -> ca.Function | None:
     """The compiled function of this key and name, or None where there is none yet."""
     base = folder()
-    path = base / f"{identity}.so" if base else None
-    if path is None or not path.is_file():
+    if base is None or not (path := base / f"{identity}.so").is_file():
         return None
     try:
         return ca.external(name, str(path))
-    except RuntimeError:  # damaged: as if it were not there
+    except RuntimeError:  # damaged, or nothing in this folder can be run: as if it could not be compiled
         path.unlink(missing_ok=True)
+        _mark(base, identity)
         return None
+
+
+def failed(identity: str) -> bool:
+    """Whether compiling for this key failed, here or in another process, within a day."""
+    base = folder()
+    return base is not None and _age(base / f"{identity}.failed") < AGAIN
 
 
 def busy() -> bool:
@@ -139,33 +150,57 @@ def wait() -> None:
 
 
 def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
-    """Start compiling functions under their keys in the background, those that no other process is at."""
+    """Start compiling functions under their keys in the background, those that no other process is at or failed at."""
     base, cc = folder(), compiler()
     if base is None or cc is None:
         return
-    try:
-        works = [work for function, identity in jobs if (work := _prepared(base, function, identity)) is not None]
-        if works:
-            environment = os.environ | {"CC": cc, "FLAGS": " ".join(FLAGS), "CACHE": str(base)}
-            quiet = subprocess.DEVNULL
-            command = ["sh", "-c", SCRIPT, "compile", *(str(work) for work in works)]
-            _running.append(
-                subprocess.Popen(command, env=environment, stdin=quiet, stdout=quiet, stderr=quiet, process_group=0)
-            )
-    except OSError:  # the disk is full, say: the virtual machine goes on
+    works: dict[str, Path] = {}
+    for function, identity in jobs:
+        if not failed(identity) and _claimed(base, identity):
+            work = _prepared(base, function, identity)
+            if work is not None:
+                works[identity] = work
+    if not works:
         return
+    _sweep(base)
+    environment = os.environ | {"CC": cc, "FLAGS": " ".join(FLAGS), "CACHE": str(base)}
+    quiet = subprocess.DEVNULL
+    command = ["sh", "-c", SCRIPT, "compile", *(str(work) for work in works.values())]
+    try:
+        _running.append(
+            subprocess.Popen(command, env=environment, stdin=quiet, stdout=quiet, stderr=quiet, process_group=0)
+        )
+    except OSError:  # no more processes, say: the virtual machine goes on
+        for identity, work in works.items():
+            _give_up(base, identity, work)
+
+
+def _claimed(base: Path, identity: str) -> bool:
+    """Whether the work is ours from now on: no other process is at it, and the cache can be written to."""
+    lock = base / f"{identity}.lock"
+    try:
+        if _age(lock) > STALE:
+            lock.unlink(missing_ok=True)
+        lock.touch(exist_ok=False)
+    except OSError:
+        return False
+    return True
 
 
 def _prepared(base: Path, function: ca.Function, identity: str) -> Path | None:
-    """A folder with the C code, or None where another process has claimed the work."""
-    lock = base / f"{identity}.lock"
-    if lock.exists() and time.time() - lock.stat().st_mtime > STALE:
-        lock.unlink(missing_ok=True)
+    """A folder with the C code of work that was claimed, or None where it cannot be written: then it is given up."""
+    work = base / f"build-{identity}-{uuid.uuid4().hex}"
     try:
-        lock.touch(exist_ok=False)
-    except FileExistsError:
+        work.mkdir(mode=0o700)
+        _write(work, function, identity)
+    except (OSError, RuntimeError):  # the disk is full, say, or CasADi has no C for it
+        _give_up(base, identity, work)
         return None
-    work = Path(tempfile.mkdtemp(prefix="build-", dir=base))
+    return work
+
+
+def _write(work: Path, function: ca.Function, identity: str) -> None:
+    """Put into a folder what the script compiles: the C code, and under which name and with which flag."""
     (work / "name").write_text(identity, encoding="ascii")
     flag = LEVELS[_level(identity)][0]
     lanes, more = wide.register()
@@ -178,4 +213,30 @@ def _prepared(base: Path, function: ca.Function, identity: str) -> Path | None:
         generator.add(function)
         generator.generate(f"{work}{os.sep}")
     (work / "flag").write_text(flag, encoding="ascii")
-    return work
+
+
+def _give_up(base: Path, identity: str, work: Path) -> None:
+    """Leave nothing behind of work that was claimed but a mark that it failed."""
+    _mark(base, identity)
+    shutil.rmtree(work, ignore_errors=True)
+    (base / f"{identity}.lock").unlink(missing_ok=True)
+
+
+def _mark(base: Path, identity: str) -> None:
+    with suppress(OSError):
+        (base / f"{identity}.failed").touch()
+
+
+def _age(path: Path) -> float:
+    """Seconds since a file or folder was changed; NaN where there is none: another process may just have removed it."""
+    try:
+        return time.time() - path.stat().st_mtime
+    except OSError:
+        return math.nan
+
+
+def _sweep(base: Path) -> None:
+    """Remove what dead processes left behind."""
+    for work in base.glob("build-*"):
+        if _age(work) > STALE:
+            shutil.rmtree(work, ignore_errors=True)

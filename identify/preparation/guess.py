@@ -35,6 +35,11 @@ class Pull:
     slip: float
 
 
+def _own_or(shared: Array, own: Array) -> Array:
+    """What a log has for itself, and what it shares where that is NaN; all is shared where own is empty."""
+    return shared if own.size == 0 else np.where(np.isfinite(own), own, shared)
+
+
 @dataclass(frozen=True)
 class LogData:
     """One log as the estimator sees it: samples in the fitted window, rig and what acts from outside.
@@ -72,7 +77,7 @@ class LogData:
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""
-        return shared if self.own.size == 0 else np.where(np.isfinite(self.own), self.own, shared)
+        return _own_or(shared, self.own)
 
     def speed_at(self, time: float) -> float:
         """Drive speed at a time [m/s]."""
@@ -154,7 +159,7 @@ class Guess:
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log."""
-        return shared if self.own.size == 0 else np.where(np.isfinite(self.own), self.own, shared)
+        return _own_or(shared, self.own)
 
     @property
     def cycles(self) -> int:

@@ -32,7 +32,6 @@ class Block:
 
     kind: BlockKind
     n_slots: int
-    n_constants: int
     n_rows: int
     n_cells: int
     order: int  # coefficients per cell: 2 linear, 4 cubic
@@ -93,7 +92,6 @@ def block(model: Model, kind: BlockKind, steps: int = 1) -> Block:
     return Block(
         kind,
         slots.numel(),
-        s.constants.numel(),
         rows.numel(),
         cells,
         order,

@@ -231,22 +231,10 @@ class _LogWalk(Footing):
         self.since, self.reaged = stretch.until, saturated
 
 
-def lay_out(
-    logs: list[LogData],
-    guesses: list[Guess],
-    unknowns: Unknowns,
-    grid: Grid,
-    *,
-    free: Indices | None = None,
-) -> Layout:
-    """Lay out the multiple-shooting problem of several logs around their guesses.
-
-    Args:
-        free: indices of the parameters that are unknown; default those `unknowns` marks as free.
-    """
-    model = unknowns.model
-    chosen = np.flatnonzero(unknowns.free) if free is None else free
-    collector = Collector(model, unknowns, chosen)
+def lay_out(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, grid: Grid) -> Layout:
+    """Lay out the multiple-shooting problem of several logs around their guesses."""
+    free = np.flatnonzero(unknowns.free)
+    collector = Collector(unknowns.model, unknowns, free)
     places = tuple(
         _LogWalk(collector, number, log, guess, grid).walk()
         for number, (log, guess) in enumerate(zip(logs, guesses, strict=True))
@@ -259,7 +247,7 @@ def lay_out(
     scale, start, lower, upper, mean, sd = joined
     return Layout(
         unknowns,
-        chosen,
+        free,
         families,
         scale,
         start,

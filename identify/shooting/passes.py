@@ -7,7 +7,7 @@ more than half a sample, the assignment and the answer agree.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -74,7 +74,6 @@ class Solved:
 class _Way:
     """How to solve, as `solve_in_passes` was asked."""
 
-    on_pass: Callable[[int], None] | None
     hopeless: float
     steps: int
     most: int
@@ -86,7 +85,6 @@ def solve_in_passes(
     guesses: list[Guess],
     unknowns: Unknowns,
     *,
-    on_pass: Callable[[int], None] | None = None,
     hopeless: float = np.inf,
     steps: int = 0,
     most: int = 1000,
@@ -98,7 +96,7 @@ def solve_in_passes(
         hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
             least and at most. trust: how far the first pass may go (None: every pass may go anywhere).
     """
-    way = _Way(on_pass, hopeless, steps, most, trust)
+    way = _Way(hopeless, steps, most, trust)
     solved = _from_calm(logs, guesses, unknowns, way)
     for _ in range(AGAIN):
         if not np.isfinite(solved.solution.cost):
@@ -177,8 +175,6 @@ def _in_passes(
         shift = _shift_in_samples(problem, solution, logs, formed_from)
         solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
         before, unknowns = unknowns, replace(unknowns, start=theta)
-        if way.on_pass is not None:
-            way.on_pass(number)
         if trust is not None:
             if not solution.success or not np.all([_ordered(guess) for guess in guesses]):
                 trust = trust.less()

@@ -17,7 +17,7 @@ from identify.preparation.guess import Grid, Guess, LogData
 from identify.preparation.unknowns import Unknowns
 from identify.shooting.compression import Moments, compressed, samples_of
 from identify.shooting.lay_out import lay_out
-from identify.shooting.layout import Family, Indices, Layout
+from identify.shooting.layout import Family, Layout
 from identify.shooting.pattern import Pattern
 from identify.shooting.relaid import with_every_parameter, with_finer_steps
 
@@ -213,8 +213,7 @@ def transcribe(
     unknowns: Unknowns,
     grid: Grid,
     *,
-    free: Indices | None = None,
     pattern: Pattern | None = None,
 ) -> Problem:
     """The multiple-shooting problem of several logs around their guesses; see `lay_out`, and `Problem` for pattern."""
-    return Problem(logs, lay_out(logs, guesses, unknowns, grid, free=free), pattern=pattern)
+    return Problem(logs, lay_out(logs, guesses, unknowns, grid), pattern=pattern)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -23,12 +22,11 @@ OUT_OF_ORDER = "Events_Out_Of_Order"
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, multipliers of the bounds (n,),
-    its own words, whether they mean success, iterations, cost, largest row."""
+    """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, its own words, whether they mean
+    success, iterations, cost, largest row."""
 
     z: Array
     x: Array
-    bound_multipliers: Array
     words: str
     success: bool
     iterations: int
@@ -117,8 +115,7 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
 
 def _not_begun(problem: Problem) -> Solution:
     """Of a guess whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
-    n = problem.layout.size
-    return Solution(problem.start, problem.layout.start, np.zeros(n), OUT_OF_ORDER, False, 0, np.inf, np.inf)
+    return Solution(problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf)
 
 
 def solve(
@@ -129,7 +126,6 @@ def solve(
     iterations: int = 60,
     exact: bool = False,
     start: Array | None = None,
-    log: Path | None = None,
 ) -> Solution:
     """Solve the problem from its starting point, or from `start` (n,) scaled.
 
@@ -139,7 +135,6 @@ def solve(
         iterations: give up after this many.
         exact: with the exact Hessian instead of Gauss-Newton: dearer per iteration, but it does not creep along
             ridges; only near a solution.
-        log: file for the solver's own words; default none.
 
     Returns:
         what the solver gave back; a failure with infinite cost where the events of the guess do not follow each other.
@@ -181,8 +176,6 @@ def solve(
         "ipopt.bound_frac": 1e-8,
         "ipopt.max_iter": iterations,
     }
-    if log is not None:
-        options |= {"ipopt.output_file": str(log), "ipopt.file_print_level": 5}
     solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
     result = solver(
         x0=first,
@@ -197,7 +190,6 @@ def solve(
     return Solution(
         z,
         z * layout.scale,
-        np.array(result["lam_x"]).ravel(),
         str(stats["return_status"]),
         bool(stats["success"]),
         int(stats["iter_count"]),

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.numerics.quantiles import normal, student
+from identify.numerics.level import LEVEL, NORMAL
+from identify.numerics.quantiles import student
 from identify.shooting.shooting import Problem
 from identify.shooting.warm import Settled, Warm
 from identify.telling import Progress
@@ -46,7 +47,6 @@ def bootstrap(
     count: int,
     *,
     cycles: list[int],
-    level: float = 0.95,
     seed: int = 0,
     refine: bool = True,
     progress: Progress | None = None,
@@ -77,9 +77,9 @@ def bootstrap(
     freedom = _freedom(known)
     interval = np.full((answer.size, 2), np.nan)
     if moved.shape[0] >= FEWEST:
-        tails = np.array([0.5 - level / 2, 0.5 + level / 2])
+        tails = np.array([0.5 - LEVEL / 2, 0.5 + LEVEL / 2])
         ends = np.quantile(moved, tails, axis=0, method="weibull").T
-        wider = student(tails[1], freedom) / normal(tails[1])
+        wider = student(tails[1], freedom) / NORMAL
         interval = answer[:, None] + wider[:, None] * ends
     return Bootstrap(answer + moved, settled, interval, freedom)
 

@@ -28,7 +28,7 @@ def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
     slips = [float(np.median(g.arrest - g.onset)) for g in guesses]
     intervals = [log.data.interval for log in logs]
     samples = [slip / interval for slip, interval in zip(slips, intervals, strict=True)]
-    sticks = np.concatenate([g.sticks for g in guesses]) if guesses else np.array([])
+    sticks = np.concatenate([g.sticks for g in guesses])
     speeds = sorted({log.data.drive_speed for log in logs})
     shape = _shape(samples, slips, speeds)
     out = {"a": shape, "delta_mu_k": shape, "D": shape, "mu_k0": shape, "mass": shape, "damping": shape}
