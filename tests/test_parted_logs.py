@@ -15,6 +15,7 @@ from identify.batch.making import make
 from identify.batch.planning import plan
 from identify.batch.store import RESULT, write_document
 from identify.calculators import tested
+from identify.cli import counsel
 from identify.log_numbers import numbers_of, places_of
 from identify.outcome import Fit
 from identify.preparation.parting import parted, parts_of
@@ -123,3 +124,41 @@ def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
     time = np.arange(400) / 200
     records = [Record(time, np.ones(400), np.random.default_rng(i).standard_normal(400)) for i in range(2)]
     assert parts_of(scene, parted(scene, records)[0].logs) == [1, 1, 2, 2]
+
+
+def counselled(monkeypatch, logs, told, parameters=None):
+    """The operating point at which `with_counsel` asks, as (values, drive speed), of a scene and a result with these
+    logs."""
+    monkeypatch.setattr(counsel, "sureness", lambda *at: at)
+    monkeypatch.setattr(counsel, "advise", lambda *at: at)
+    scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
+    known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
+    found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})
+    result = {"status": "converged", "parameters": found, "logs": told, "provenance": {"scene": scene.as_document()}}
+    after = counsel.with_counsel(scene, Fit(result, ())).result["logs"]
+    (at,) = [log["derived"]["sureness"] for log in after if "sureness" in log["derived"]]
+    return at[1], at[2]
+
+
+def told(path, drop, **more):
+    derived = {"stability": {}, "amplitude": {"drop": {"value": drop}}}
+    return {"path": path, "drive_speed_m_per_s": 1e-3, "normal_force_N": 1.0, "derived": derived, **more}
+
+
+@pytest.mark.parametrize("names", [("slow.csv", "very_slow.csv"), ("a/slow.csv", "b/slow.csv")])
+def test_a_log_is_not_counselled_by_one_whose_name_its_own_ends_with(monkeypatch, names):
+    logs = [{"path": name, "drive_speed": 1e-3, "stiffness": 1000.0 * k} for k, name in enumerate(names, 1)]
+    values, _ = counselled(monkeypatch, logs, [told(names[0], None), told(names[1], 0.2)])
+    assert values["stiffness"] == 2000.0
+
+
+def test_the_counsel_for_a_stroke_with_parameters_of_its_own_takes_them(monkeypatch):
+    logs = [{"path": "turns.csv", "drive_speed": [[0, 1e-3], [1, -1e-3]]}]
+    forth, back = ({"labels": {"stroke": word}, "part_of": 1} for word in ("1 forth", "2 back"))
+    known = {"unit": "", "standard_error": 1e-3, "verdict": "identified", "per": "stroke"}
+    own = {
+        "mu_s": {**known, "value": 0.6, "group": "1 forth"},
+        "mu_s (2 back)": {**known, "value": 0.7, "group": "2 back", "parameter": "mu_s"},
+    }
+    at = counselled(monkeypatch, logs, [told("turns.csv", None, **forth), told("turns.csv", 0.2, **back)], own)
+    assert (at[0]["mu_s"], at[1]) == (0.7, 1e-3)
