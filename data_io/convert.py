@@ -10,6 +10,7 @@ from data_io.checks import BLOCK
 from data_io.clock import Rows, StepClock, usable_rows
 from data_io.columns import EXAMPLES, KIND, Name, find_column, shown, words
 from data_io.errors import UnitError
+from data_io.free_name import free_name
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
 from data_io.part import Part
 from data_io.source import Request, Source
@@ -192,7 +193,7 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
         if index in used or not (settled or _any_finite(values)):
             continue
         column = part.header.names[index]
-        name = _free_name(own.get(index, _clean(column, index)), taken)
+        name = free_name(own.get(index, _clean(column, index)), taken)
         taken.add(name)
         unit = request.units.get(name) or request.units.get(column.name) or column.unit or ""
         kind = kind_of(unit) if unit else None
@@ -205,9 +206,3 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
 def _clean(column: Name, index: int) -> str:
     text = "".join(letter for letter in column.name if letter.isprintable()).strip()
     return text or f"column {index + 1}"
-
-
-def _free_name(name: str, taken: set[str]) -> str:
-    if name not in taken:
-        return name
-    return next(other for i in range(2, len(taken) + 3) if (other := f"{name} ({i})") not in taken)

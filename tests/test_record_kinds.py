@@ -34,7 +34,7 @@ from identify.motion.steadiness import decay, steadiness
 from identify.outcome import Status
 from identify.preparation.gaps import gaps_apart
 from identify.preparation.one_way import strokes_apart
-from identify.preparation.parting import name_of, part_of
+from identify.preparation.parting import name_of, parts_of
 from identify.preparation.prepare import prepare
 from identify.preparation.unknowns import from_scene
 from identify.search import search, starts
@@ -180,7 +180,7 @@ def test_strokes_become_logs_with_their_sign_and_rests_are_left_out():
     assert [entry.window for entry in cut.logs] == [(0.0, 2.0), (2.5, 3.5), (4.0, 6.0), (6.0, 7.0)]
     assert len(copies) == 4 and copies[3] is records[0]
     assert name_of(cut.logs[1]) == "log_1.csv, stroke 2 back"
-    assert [part_of(scene, entry) for entry in cut.logs] == [1, 1, 1, 1] and part_of(scene, scene.logs[0]) is None
+    assert parts_of(scene, cut.logs) == [1, 1, 1, 1] and parts_of(scene, scene.logs) == [None]
     assert strokes_apart(cut, copies) == (cut, copies), "what goes one way is left alone"
     result = fit(scene, records).result
     assert result["status"] == "converged", result["message"]

@@ -17,6 +17,7 @@ from identify.batch.job import CRASHED, DEFECT, FAILED, OUTDATED, UNWRITTEN, End
 from identify.batch.key import numerics
 from identify.batch.store import is_full, write_job
 from identify.errors import IdentifyError
+from identify.log_numbers import places_of
 
 Make = Callable[[Job, Path], End]
 
@@ -58,7 +59,8 @@ def _fitted(job: Job, part: Path) -> End:
 
     began, used = time.perf_counter(), time.process_time()
     outcome = fit(Scene.from_document(job.scene))
-    changed = _changed(job, [str(log["sha256"]) for log in outcome.result["logs"]])
+    logs = outcome.result["logs"]
+    changed = _changed(job, [str(logs[places_of(logs, number)[0]]["sha256"]) for number in range(len(job.logs))])
     if changed is not None:
         return End(OUTDATED, changed)
     fitted = time.perf_counter()

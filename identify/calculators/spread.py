@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.calculators.outlook_words import listed
 from identify.model.model import Model
 from identify.numerics.level import NORMAL
 
@@ -103,7 +104,7 @@ class Spread:
         named |= ~self._known & (np.abs(shares) > DEPENDS)
         if np.any(named):
             which = [name for name, said in zip(self.names, named, strict=True) if said]
-            return np.nan, f"these data do not tell {_listed(which)}, on which it depends"
+            return np.nan, f"these data do not tell {listed(which)}, on which it depends"
         return NORMAL * float(np.linalg.norm(parts)), ""
 
 
@@ -114,7 +115,3 @@ def _size(model: Model, p: Array, name: str, point: Mapping[str, float]) -> floa
     declared, value = model.parameter(name), abs(float(p[model.parameter_names.index(name)]))
     size = max(value, declared.spread if declared.scale == "linear" else 0.0)
     return size if size > 0.0 else abs(declared.default)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from identify.log_numbers import numbers_of
+
 SLACK = 1.1  # beyond the range by this factor still counts as inside
 QUANTITIES = ("drive_speed", "normal_force", "stiffness")
 
@@ -37,8 +39,9 @@ class Tested:
         """The range of the logs that took part in a finished fit (the document of result.json)."""
         scene = document.get("provenance", {}).get("scene") or {}
         entries, rig = scene.get("logs") or (), scene.get("rig") or {}
+        logs = document.get("logs", ())
         points = []
-        for number, log in enumerate(document.get("logs", ())):
+        for number, log in zip(numbers_of(logs), logs, strict=True):
             if log.get("reason_left_out"):
                 continue
             own = entries[number] if number < len(entries) else {}

@@ -13,6 +13,7 @@ from identify.calculators.tested import Tested
 from identify.cli.point import Point
 from identify.cli.points import points_of
 from identify.errors import SimulationError
+from identify.log_numbers import numbers_of
 from identify.outcome import Fit
 from identify.scene import Scene
 
@@ -43,8 +44,9 @@ def _sticks(derived: Mapping[str, Any]) -> bool:
     return bool(derived["amplitude"]["drop"]["value"] is not None)
 
 
-def _point(scene: Scene, result: Mapping[str, Any], number: int) -> Point | None:
-    log, groups = result["logs"][number], groups_of(result, number)
-    speed = abs(log["drive_speed_m_per_s"] or 0.0)
-    here = [p for p in points_of(scene, result) if log["path"].endswith(p.name) and p.groups == groups and not p.untold]
+def _point(scene: Scene, result: Mapping[str, Any], place: int) -> Point | None:
+    """The operating point of a log of the result (from 0), None where it has none."""
+    number, groups = numbers_of(result["logs"])[place], groups_of(result, place)
+    speed = abs(result["logs"][place]["drive_speed_m_per_s"] or 0.0)
+    here = [p for p in points_of(scene, result) if p.log == number and p.groups == groups and not p.untold]
     return next((p for p in here if abs(p.drive_speed - speed) <= 1e-9 * speed), None)

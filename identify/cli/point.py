@@ -23,7 +23,8 @@ class Point:
     """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
 
     covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it; groups: of the log,
-    by what the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has.
+    by what the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; log: its
+    number in the scene (from 0).
     """
 
     name: str
@@ -37,6 +38,7 @@ class Point:
     area_exponent: float = 0.0
     groups: Groups = ()
     untold: str = ""
+    log: int = 0
 
     @property
     def title(self) -> str:

@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.calculators.calculable import check_calculable
-from identify.calculators.pairs import Pair, pair_of, ties_of, with_tied
+from identify.calculators.pairs import Pair, groups_of, pair_of, ties_of, with_tied
 from identify.calculators.scatter import pooled_result
 from identify.calculators.stated import stated
 from identify.calculators.tested import Tested
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
 from identify.cli.point import Point
-from identify.cli.results import place_of, read_result, scene_of
+from identify.cli.results import read_result, scene_of
 from identify.effect_choice.selection_numbers import choose_from_numbers
+from identify.log_numbers import places_of
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest
@@ -152,11 +153,13 @@ def _check_order(values: Mapping[str, float]) -> None:
 
 
 def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[Point]:
+    asked = [
+        (n, entry, place) for n, entry in enumerate(scene.logs or (None,)) for place in _places(document, n, entry)
+    ]
     parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
     declared = scene.model.parameter_names
     points = []
-    for number, entry in enumerate(scene.logs or (None,)):
-        place = place_of(document, number) if document and entry else None
+    for number, entry, place in asked:
         said = document["logs"][place] if document and place is not None else {}
         pair = pair_of(document, scene, place or 0) if document else Pair()
         names, covariance = pair.names, pair.covariance
@@ -184,9 +187,18 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
                     area_exponent=scene.contact.exponent or 0.0,
                     groups=pair.groups,
                     untold=pair.untold,
+                    log=number,
                 )
             )
     return points
+
+
+def _places(document: Mapping[str, Any] | None, number: int, entry: LogEntry | None) -> list[int | None]:
+    """Where a result has a log of its scene: once, and once for each group where parts of it are of several."""
+    if document is None or entry is None:
+        return [None]
+    first = {groups_of(document, place): place for place in reversed(places_of(document["logs"], number))}
+    return [*sorted(first.values())]
 
 
 def _speeds(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float]) -> list[float]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from identify.cli.common import CommandLineError
 from identify.errors import SceneError
+from identify.log_numbers import numbers_of
 
 if TYPE_CHECKING:
     from identify.scene import Scene
@@ -33,15 +34,6 @@ def read_result(path: Path) -> dict[str, Any]:
     return dict(document)
 
 
-def place_of(document: Mapping[str, Any], number: int) -> int:
-    """Where a result has log `number` (from 0) of its scene: its first stroke, where it was cut into strokes."""
-    logs = document["logs"]
-    mine = [place for place, log in enumerate(logs) if log.get("part_of") == number + 1]
-    whole = [place for place, log in enumerate(logs) if "part_of" not in log]
-    before = len({log["part_of"] for log in logs if "part_of" in log and log["part_of"] <= number})
-    return mine[0] if mine else whole[number - before]
-
-
 def scene_of(document: Mapping[str, Any], path: Path) -> Scene:
     """The scene that a result was fitted with.
 
@@ -64,11 +56,18 @@ def _is_result(document: Any) -> bool:
     if not isinstance(parameters, Mapping) or not isinstance(logs, list) or not isinstance(provenance, Mapping):
         return False
     scene = provenance.get("scene")
-    if not isinstance(scene, Mapping) or len(scene.get("logs", ())) != len(logs):
+    if not isinstance(scene, Mapping) or not all(map(_is_log, logs)):
         return False
-    told = (document.get("correlation") or {}).get("names") or []
-    return (
-        all(isinstance(p, Mapping) and {"value", "standard_error", "verdict"} <= set(p) for p in parameters.values())
-        and all(isinstance(log, Mapping) and "sha256" in log for log in logs)
-        and all(name in parameters for name in told)
-    )
+    if set(numbers_of(logs)) != set(range(len(scene.get("logs", ())))):
+        return False
+    if not all(map(_is_parameter, parameters.values())):
+        return False
+    return all(name in parameters for name in (document.get("correlation") or {}).get("names") or [])
+
+
+def _is_parameter(parameter: Any) -> bool:
+    return isinstance(parameter, Mapping) and {"value", "standard_error", "verdict"} <= set(parameter)
+
+
+def _is_log(log: Any) -> bool:
+    return isinstance(log, Mapping) and "sha256" in log and isinstance(log.get("part_of", 1), int)

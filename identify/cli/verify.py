@@ -12,7 +12,8 @@ from typing import Any
 from data_io.digest import file_sha256
 from data_io.whereabouts import digest_of, log_is_at
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
-from identify.cli.results import place_of, read_result, scene_of
+from identify.cli.results import read_result, scene_of
+from identify.log_numbers import places_of
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
@@ -42,9 +43,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     scene = scene_of(stored, path)
     check_unedited(path)
     moved = {digest_of(there(Path(log))): Path(log) for log in arguments.logs}
+    first = [stored["logs"][places_of(stored["logs"], number)[0]] for number in range(len(scene.logs))]
     logs = [
-        replace(entry, path=unchanged(entry.path, stored["logs"][place_of(stored, number)]["sha256"], moved))
-        for number, entry in enumerate(scene.logs)
+        replace(entry, path=unchanged(entry.path, log["sha256"], moved))
+        for entry, log in zip(scene.logs, first, strict=True)
     ]
     seed, asked = stored["provenance"].get("seed"), Asked.again(stored["provenance"].get("asked"))
     with Progress(terminal.notes) as progress:

@@ -14,10 +14,8 @@ from identify.comparing.compare import Comparison
 from identify.comparing.figures import thumbnail
 from identify.comparing.fits import PAGE, FitEntry, natural
 from identify.comparing.multiples import excerpt
-from identify.comparing.quantities import number
 from identify.comparing.views import REASON, Cell, Table, table
-from identify.report.quantity_text import DASH, Scale, decimals, places_for, scale_for
-from identify.report.quantity_text import number as shown_number
+from identify.report.quantity_text import DASH, Scale, decimals, finite, number, places_for, scale_for
 from identify.report.words import VERDICT_MARK, plain_symbol
 
 MOST_LABELS = 6
@@ -59,8 +57,8 @@ def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None)
         flag = "does not belong?" if entry.name in odd else ""
         row = [Cell(entry.name, flag, link=link(entry, home), sort=entry.name), _status(entry)]
         row += [Cell(entry.labels.get(label, DASH), sort=entry.labels.get(label)) for label in labels]
-        chi2 = number((entry.document.get("gate") or {}).get("chi2_per_sample"))
-        row.append(Cell(shown_number(chi2, 3), sort=chi2))
+        chi2 = finite((entry.document.get("gate") or {}).get("chi2_per_sample"))
+        row.append(Cell(number(chi2, 3), sort=chi2))
         row += [_parameter(entry, name, units[name].factor) for name in names]
         rows.append(row)
     return table("fits", heads, rows)
@@ -76,7 +74,7 @@ def _labels(entries: Sequence[FitEntry], comparison: Comparison | None) -> list[
 
 def _unit(entries: Sequence[FitEntry], name: str) -> Scale:
     told = [p for e in entries if isinstance(p := e.document.get("parameters", {}).get(name), dict)]
-    values = sorted(abs(v) for p in told if (v := number(p.get("value"))) is not None)
+    values = sorted(abs(v) for p in told if (v := finite(p.get("value"))) is not None)
     return scale_for(values[len(values) // 2] if values else None, next((p["unit"] for p in told if p.get("unit")), ""))
 
 
@@ -87,10 +85,10 @@ def _status(entry: FitEntry) -> Cell:
 
 def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
     told = entry.document.get("parameters", {}).get(name)
-    value = number(told.get("value")) if isinstance(told, dict) else None
+    value = finite(told.get("value")) if isinstance(told, dict) else None
     if not isinstance(told, dict) or value is None:
         return Cell(DASH)
-    error = number(told.get("standard_error"))
+    error = finite(told.get("standard_error"))
     places = places_for(error / factor, value / factor) if error else places_for(None, value / factor) - 1
     verdict = str(told.get("verdict"))
     mark = VERDICT_MARK.get(verdict, "")
@@ -148,7 +146,7 @@ def odd_fits(comparison: Comparison, home: Path) -> Table:
         [
             Cell(o.name, link=link(by_name[o.name], home), sort=o.name),
             Cell(plain_symbol(o.quantity), sort=o.quantity),
-            Cell(f"{shown_number(o.z, 3)} sd", sort=o.z),
+            Cell(f"{number(o.z, 3)} sd", sort=o.z),
             Cell(f"{o.p:.2g}", sort=o.p),
         ]
         for o in comparison.odd

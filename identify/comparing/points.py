@@ -12,8 +12,8 @@ import numpy as np
 from identify.comparing.compare import Comparison
 from identify.comparing.fits import FitEntry
 from identify.comparing.labels import CompareError
-from identify.comparing.quantities import number
 from identify.errors import IdentifyError
+from identify.report.quantity_text import finite
 from identify.scene import Scene
 
 if TYPE_CHECKING:
@@ -91,11 +91,11 @@ def _differ(column: np.ndarray) -> bool:
 
 
 def _median(found: Sequence[object]) -> float | None:
-    numbers = [value for f in found if (value := number(f)) is not None]
+    numbers = [value for f in found if (value := finite(f)) is not None]
     return float(np.median(numbers)) if numbers else None
 
 
 def _usual(found: Sequence[object]) -> tuple[float, ...]:
     """The drive speeds that most logs have, at most four, slowest first."""
-    rounded = [float(f"{abs(v):.{DIGITS}g}") for f in found if (v := number(f))]
+    rounded = [float(f"{abs(v):.{DIGITS}g}") for f in found if (v := finite(f))]
     return tuple(sorted(speed for speed, _ in Counter(rounded).most_common(MOST_SPEEDS)))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from identify.comparing.fits import FitEntry
 from identify.effects import ALL
 from identify.numerics.level import NORMAL
+from identify.report.quantity_text import finite
 
 Array = NDArray[np.float64]
 
@@ -67,17 +68,10 @@ def _estimated(parameter: Any) -> bool:
 
 def _quantity(name: str, entries: Sequence[FitEntry]) -> Quantity:
     told = [e.document["parameters"][name] for e in entries if name in e.document["parameters"]]
-    positive = all((number(p.get("value")) or 0.0) > 0.0 for p in told if _estimated(p))
+    positive = all((finite(p.get("value")) or 0.0) > 0.0 for p in told if _estimated(p))
     declared = DECLARED.get(name)
     unit = next((str(p["unit"]) for p in told if p.get("unit")), "")
     return Quantity(name, unit, declared is not None and declared.scale == "log" and positive)
-
-
-def number(value: Any) -> float | None:
-    """A finite number, else None."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if np.isfinite(value) else None
 
 
 def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:
@@ -87,11 +81,11 @@ def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:
     """
     if not isinstance(parameter, Mapping):
         return np.nan, np.nan, "not in its model"
-    value, error = number(parameter.get("value")), number(parameter.get("standard_error"))
+    value, error = finite(parameter.get("value")), finite(parameter.get("standard_error"))
     if parameter.get("verdict") not in TOLD or value is None or not error:
         return np.nan, np.nan, str(parameter.get("verdict") or "no value")
     ends = parameter.get("interval")
-    low, high = (number(end) for end in ends) if isinstance(ends, list) and len(ends) == 2 else (None, None)
+    low, high = (finite(end) for end in ends) if isinstance(ends, list) and len(ends) == 2 else (None, None)
     if quantity.logarithmic:
         width = np.log(high / low) if low is not None and high is not None and 0.0 < low < high else 0.0
         return float(np.log(value)), max(error / value, float(width) / (2.0 * NORMAL)), ""

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 from identify.comparing.clean import visible
 from identify.comparing.fits import FitEntry, natural
-from identify.comparing.quantities import number
-from identify.report.quantity_text import quantity
+from identify.report.quantity_text import finite, quantity
 
 MISSING = "missing"
 MOST_VALUES = 6
@@ -107,7 +106,7 @@ def _classical(log: dict[str, object]) -> list[dict[str, object]]:
 
 
 def _span(found: Sequence[object], unit: str) -> str:
-    numbers = [abs(value) for f in found if (value := number(f)) is not None]
+    numbers = [abs(value) for f in found if (value := finite(f)) is not None]
     if not numbers:
         return ""
     low, high = min(numbers), max(numbers)
@@ -116,7 +115,7 @@ def _span(found: Sequence[object], unit: str) -> str:
 
 
 def _coefficient(rows: Sequence[dict[str, object]], key: str) -> str:
-    numbers = sorted(value for row in rows if (value := number(row.get(key))) is not None)
+    numbers = sorted(value for row in rows if (value := finite(row.get(key))) is not None)
     if not numbers:
         return ""
     middle = numbers[len(numbers) // 2]

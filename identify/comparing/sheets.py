@@ -9,9 +9,9 @@ from identify.comparing.compare import Comparison, PooledQuantity
 from identify.comparing.fits import FitEntry
 from identify.comparing.operating import Curve, Figure, GroupAnswer
 from identify.comparing.points import Common
-from identify.comparing.quantities import number
 from identify.comparing.reporting import Item
 from identify.pooling.pooled import Mean
+from identify.report.quantity_text import finite
 
 Cell = str | float | int | None
 
@@ -38,10 +38,10 @@ def fits_sheet(entries: Sequence[FitEntry]) -> Sheet:
     for entry in entries:
         gate = entry.document.get("gate") or {}
         row: list[Cell] = [entry.name, entry.status, entry.message, *(entry.labels.get(label) for label in labels)]
-        row += [len(entry.logs), number(gate.get("chi2_per_sample"))]
+        row += [len(entry.logs), finite(gate.get("chi2_per_sample"))]
         for name in names:
             told = _parameter(entry, name)
-            row += [number(told.get("value")), number(told.get("standard_error")), str(told.get("verdict") or "")]
+            row += [finite(told.get("value")), finite(told.get("standard_error")), str(told.get("verdict") or "")]
         rows.append(tuple(row))
     return Sheet("fits", "Fits", tuple(heads), tuple(rows))
 

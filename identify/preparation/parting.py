@@ -22,13 +22,26 @@ def name_of(entry: LogEntry) -> str:
     return ", ".join([entry.path.name, *said])
 
 
-def part_of(scene: Scene, entry: LogEntry) -> int | None:
-    """The number (from 1) of the log of the scene that an entry is a part of; None where it is a whole log."""
+def parts_of(scene: Scene, entries: Sequence[LogEntry]) -> list[int | None]:
+    """For each log of a parted scene the number (from 1) of the log of `scene` it is a part of, None where it is whole.
+
+    Times of a whole log that was read in part have moved, so that it is not the entry of the scene any more.
+    """
+    whole = len(entries) == len(scene.logs)
+    return [None if whole else _part_of(scene, entry) for entry in entries]
+
+
+def _part_of(scene: Scene, entry: LogEntry) -> int | None:
     if entry in scene.logs:
         return None
-    same = [i for i, whole in enumerate(scene.logs, 1) if (whole.path, whole.step) == (entry.path, entry.step)]
+    same = [i for i, whole in enumerate(scene.logs, 1) if _read_as(whole) == _read_as(entry)]
     inside = [i for i in same if _within(entry, scene.logs[i - 1])]
     return next(iter(inside or same), None)
+
+
+def _read_as(entry: LogEntry) -> tuple[object, ...]:
+    """What tells the records of two logs of one file apart."""
+    return entry.path, entry.step, entry.run, entry.columns, entry.units
 
 
 def _within(entry: LogEntry, whole: LogEntry) -> bool:

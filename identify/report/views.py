@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from identify.calculators.outlook_words import listed
 from identify.outcome import Fit
 from identify.report.quantity_text import (
     DASH,
@@ -99,7 +100,7 @@ def banner(fit: Fit) -> Banner:
     ]
     if fit.converged and doubtful:
         kind = "fair"
-        headline += f" These logs do not tell {_listed([plain_symbol(n) for n in doubtful])}."
+        headline += f" These logs do not tell {listed([plain_symbol(n) for n in doubtful])}."
     return Banner(kind, words.badge, headline, str(fit.result.get("message", "")), _tiles(fit.result))
 
 
@@ -226,7 +227,3 @@ def _facts(log: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     if log.get("friction_sign") == -1:
         facts.append(("sign", "friction force turned over"))
     return tuple(fact for fact in facts if fact[1] != DASH)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

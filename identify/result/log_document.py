@@ -8,22 +8,26 @@ from data_io import Record
 from data_io.record import within
 from identify.detection.classical import classical_table
 from identify.diagnosis.findings import Findings
-from identify.preparation.parting import part_of
 from identify.preparation.prepare import Prepared
-from identify.scene import Scene
 
 
-def log_document(scene: Scene, index: int, log: Prepared, found: Findings, answer: dict[str, Any]) -> dict[str, Any]:
-    """One log in the result; answer: what the parameters say of its stick-slip, see `log_outlook`."""
+def log_document(
+    index: int, log: Prepared, found: Findings, answer: dict[str, Any], part_of: int | None
+) -> dict[str, Any]:
+    """One log in the result.
+
+    Args:
+        answer: what the parameters say of its stick-slip, see `log_outlook`.
+        part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
+    """
     record = log.record
     taken = found.attempt is not None and index in found.attempt.logs
     table = classical_table(
         _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
     )
     load = log.mean_load
-    stroke = part_of(scene, log.entry)
     return {
-        **({} if stroke is None else {"part_of": stroke}),
+        **({} if part_of is None else {"part_of": part_of}),
         "path": str(log.entry.path),
         "sha256": str(record.metadata.get("sha256", "")),
         "step": log.entry.step,

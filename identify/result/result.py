@@ -17,6 +17,7 @@ from identify.effect_choice.choice import Choice, as_listed, document_of
 from identify.model.model import RIG_PARAMETERS
 from identify.numerics.level import LEVEL
 from identify.outcome import Status
+from identify.preparation.parting import parts_of
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns, stated_rig
 from identify.result.creep import creep_velocities
@@ -50,6 +51,7 @@ def document(
         choice: how the effects were chosen, None where the scene lists them.
     """
     converged = found.status is Status.CONVERGED
+    parts = parts_of(scene, [log.entry for log in prepared])
     result: dict[str, Any] = {
         "schema": 1,
         "status": found.status.value,
@@ -61,8 +63,8 @@ def document(
         "fit": _fit(found),
         "derived": creep_velocities(prepared, found) if converged else {},
         "logs": [
-            log_document(scene, i, log, found, answer)
-            for i, (log, answer) in enumerate(zip(prepared, outlooks_of(prepared, found), strict=True))
+            log_document(i, log, found, answer, part)
+            for i, (log, answer, part) in enumerate(zip(prepared, outlooks_of(prepared, found), parts, strict=True))
         ],
         "notes": notes_of(scene, prepared, found),
     }

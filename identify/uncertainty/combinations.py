@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.calculators.outlook_words import listed
 from identify.numerics.level import NORMAL
 
 Array = NDArray[np.float64]
@@ -176,4 +177,4 @@ def _sentence(number: int, count: int, size: float, moves: Mapping[str, float], 
     told = [f"{name} {percent[name]:+.2g} %" if logs[name] else f"{name} {move:+.2g}" for name, move in moves.items()]
     if len(told) == 1:
         return f"{rank}: {told[0]} by itself is one standard error"
-    return f"{rank}: {', '.join(told[:-1])} and {told[-1]} together are one standard error"
+    return f"{rank}: {listed(told)} together are one standard error"
