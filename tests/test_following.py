@@ -121,3 +121,35 @@ def test_slips_that_the_noise_hides_are_not_counted(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(following, "SURE", 0.0)
     counted = follow(MODEL, log, p, begins_sliding=False)
     assert counted is not None and counted.end < 0.5 * DURATION  # as many as are followed at most
+
+
+# A slow slip: the force is highest 30 ms after the mass has begun to move, and the next rests last 20 ms.
+SLOW = {"mu_s": 0.4264, "mu_k0": 0.3415, "delta_mu_k": -0.05605, "a": 225.1, "D": 1.105e-4, "t_cr": 1.58}
+SLOW_RIG = {"mass": 0.3509, "stiffness": 1528.0, "damping": 188.4}
+
+
+def test_a_first_stick_ends_before_the_force_is_highest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the contact had aged by at the begin is told by the whole slip: with an onset at the peak, the slips after
+    it, which find a younger contact, rest by another time, or not at all."""
+    truth = SLOW | SLOW_RIG
+    motion = run(MODEL, truth, 1e-4, 1.0, 5.0)
+    time = np.arange(int(5.0 * 500.0) + 1) / 500.0
+    force = motion.sample(time)["force"] + NOISE * np.random.default_rng(2).standard_normal(time.size)
+    p = np.array([truth[n] for n in MODEL.parameter_names])
+    log = LogData(time, force, np.full(time.size, NOISE**-2), p, 1e-4, NormalForce.of(1.0), 0.0, 0.0, 5.0)
+    first, *rests = [(s.start + s.duration, s.duration) for s in motion.phases if s.mode == "stick"]
+    assert float(time[np.argmax(motion.sample(time)["force"])]) - first[0] > 0.02
+
+    def followed() -> tuple[float, float]:
+        """How aged the contact is at the begin, and how long the mass rests after the first slip, over the truth."""
+        found = follow(MODEL, log, p, begins_sliding=False)
+        assert found is not None and MODEL.clamped is not None
+        slip, rest = found.guess.tail[1:3]
+        assert (slip.ended_by, rest.ended_by) == ("arrest", "onset")
+        return float(found.guess.start[MODEL.clamped]), (rest.until - slip.until) / rests[0][1]
+
+    aged, share = followed()
+    assert aged < 0.1 and share == pytest.approx(1.0, abs=0.2)  # it began fresh
+    monkeypatch.setattr(following._Course, "aged_until_seen", lambda self, x, *_: x[MODEL.clamped])
+    aged, share = followed()
+    assert aged > 0.15 and share < 0.5

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from taken_logs import error, taken
 
@@ -10,9 +12,10 @@ from experiments.study_problem import SPEEDS
 from identify.examination import letting_go
 from identify.examination.hanging import hanging
 from identify.examination.letting_go import let_go
+from identify.first_guess import following
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Attempt, Clock, solve_from
+from identify.search.attempt import Attempt, Clock, resolve, solve_from
 
 NAMES = ["slowest", "slow", "fast", "fastest"]
 
@@ -20,10 +23,12 @@ NAMES = ["slowest", "slow", "fast", "fastest"]
 @pytest.fixture(scope="module")
 def held() -> tuple[Attempt, Unknowns]:
     """The answer to four logs from the truth: where the noise has one onset, the contact of the fast log re-ages for a
-    moment in mid-slide after it, which in truth it does not."""
+    moment in mid-slide after it, which in truth it does not. Followed with first onsets where the force is highest."""
     case = Study("wide").case(9)[0]
     prepared, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)
-    found = solve_from(prepared, [0, 1, 2, 3], unknowns, Clock())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(following._Course, "aged_until_seen", lambda self, x, *_: x[self.model.clamped])
+        found = solve_from(prepared, [0, 1, 2, 3], unknowns, Clock())
     assert found is not None
     return found, unknowns
 
@@ -49,4 +54,28 @@ def test_an_answer_is_let_go_only_for_one_that_fits_better(
     assert let_go(found, unknowns) is None
     monkeypatch.setattr(letting_go, "BETTER", 2.0)
     monkeypatch.setattr(letting_go, "FARTHER", (0.0,))  # followed where it is, it is the same motion
+    assert let_go(found, unknowns) is None
+
+
+def test_a_slide_that_is_cut_short_is_followed_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stick of the slowest log ends in sliding; half a second too early and steady at once, it can only stay there
+    though every phase is of the right kind."""
+    case = Study("wide").case(114)[0]
+    some = [0, 2, 3]
+    names = [NAMES[i] for i in some]
+    prepared, unknowns = taken([case.records[i] for i in some], [SPEEDS[i] for i in some], case.truth, case.rig)
+    right = solve_from(prepared, [0, 1, 2], unknowns, Clock())
+    assert right is not None and hanging(right.solved, names) is None
+    rest, slide, *after = right.solved.guesses[0].tail
+    assert (rest.ended_by, slide.ended_by) == ("onset", "time")
+    early = rest.until - 0.5
+    brief = (replace(rest, until=early), replace(slide, until=early + 1e-3), *after)
+    cut = replace(right.solved.guesses[0], tail=brief)
+    wrong = replace(right, solved=replace(right.solved, guesses=[cut, *right.solved.guesses[1:]]))
+    found = resolve(wrong, replace(unknowns, start=right.solved.theta))
+    assert found.gate.status is Status.CONVERGED and hanging(found.solved, names) is not None
+    beyond = let_go(found, unknowns)
+    assert beyond is not None and hanging(beyond.solved, names) is None
+    assert beyond.excess < found.excess - 5.0
+    monkeypatch.setattr(letting_go, "followed_anew", lambda *args: None)
     assert let_go(found, unknowns) is None

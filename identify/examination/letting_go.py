@@ -1,8 +1,8 @@
 """An answer that an event holds which can go no farther: let it go, and follow the motion where the data pull.
 
 A rest, or a contact that re-ages, happens or does not; at the parameters where it just happens its length is zero, and
-no solve that keeps the sequence of modes gets past them. Followed anew a step beyond, along the pull of the data, the
-motion has another sequence, and the solve goes on from there.
+no solve that keeps the sequence of modes gets past them. Followed anew at the answer itself, or a step beyond, along
+the pull of the data, the motion is another one, and the solve goes on from there.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.examination.hanging import held_back
+from identify.examination.hanging import Held, held_back
 from identify.outcome import Status
+from identify.preparation.guess import Guess
+from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 from identify.search.attempt import BETTER, Attempt, judged
-from identify.search.sequence import resequenced
+from identify.search.sequence import followed_anew, resequenced
 from identify.shooting.passes import solve_in_passes
 
 Array = NDArray[np.float64]
@@ -42,17 +44,30 @@ def _beyond(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     held = held_back(attempt.solved)
     if held is None:
         return None
-    for theta in _pulled(attempt.solved.theta, np.flatnonzero(unknowns.free), held.move):
-        there, logs = replace(unknowns, start=theta), attempt.prepared
-        anew = resequenced(logs, logs, attempt.solved.guesses, there)
-        if anew is None:
-            continue
-        cut, guesses = anew
+    for cut, guesses, there in _other_motions(attempt, unknowns, held):
         solved = solve_in_passes([log.data for log in cut], guesses, there.softened())
         other = judged(replace(attempt, prepared=tuple(cut), solved=solved))
-        better = other.gate.status is Status.CONVERGED and other.excess < attempt.excess - BETTER
-        return other if better else None
+        if other.gate.status is Status.CONVERGED and other.excess < attempt.excess - BETTER:
+            return other
     return None
+
+
+def _other_motions(
+    attempt: Attempt, unknowns: Unknowns, held: Held
+) -> Iterator[tuple[list[Prepared], list[Guess], Unknowns]]:
+    """Logs and motions, followed at the answer as it is and, the first that is another sequence, where the data pull
+    it; with the start that each was followed at."""
+    logs, guesses = attempt.prepared, attempt.solved.guesses
+    there = replace(unknowns, start=attempt.solved.theta)
+    anew = followed_anew(logs, logs, guesses, there)
+    if anew is not None:
+        yield *anew, there
+    for theta in _pulled(attempt.solved.theta, np.flatnonzero(unknowns.free), held.move):
+        there = replace(unknowns, start=theta)
+        anew = resequenced(logs, logs, guesses, there)
+        if anew is not None:
+            yield *anew, there
+            return
 
 
 def _pulled(theta: Array, free: NDArray[np.int64], move: Array) -> Iterator[Array]:

@@ -199,7 +199,24 @@ class _Course:
             x[model.clamped] = candidates[int(np.argmin([self.misfit_of_first(x, g) for g in candidates[::2]])) * 2]
         elif np.any(np.isfinite(onsets)) and np.ptp(onsets[np.isfinite(onsets)]) > 1e-3 * (peak - log.begin):
             x[model.clamped] = candidates[int(np.nanargmin(np.abs(onsets - peak)))]
+            x[model.clamped] = self.aged_until_seen(x, candidates, onsets)
         return x
+
+    def aged_until_seen(self, x: Array, candidates: Array, onsets: Array) -> float:
+        """The ageing (a candidate, or between two) of the contact at the begin for which the first onset comes where
+        the whole slide from x lies on the data: of a slow slip the force is highest long after the mass began to move.
+
+        Args:
+            candidates, onsets: ageings (k,) and the onset of each (k,) [s], NaN where there is none.
+        """
+        log, found = self.log, np.isfinite(onsets)
+        onset, at_onset, _ = self.onset(log.begin, x)
+        try:
+            seen = self.placed(log.begin, onset, at_onset)
+        except SimulationError:
+            return float(x[self.model.clamped])
+        order = np.argsort(onsets[found])
+        return float(np.interp(seen, onsets[found][order], candidates[found][order]))
 
     def misfit_of_first(self, x: Array, gamma: float) -> float:
         """Mean square of the residuals in noise variances over the first swings, from a contact this aged."""

@@ -32,6 +32,7 @@ LEAST = (1, 3)  # cycles a log must show to take part in the start; where the sh
 ATTEMPTS = 4  # starts that are solved before giving up
 DRAWN = 2  # starts by lot that are solved where all others were lost
 SHORT = 2  # of these that were lost, and are solved again in short passes
+FEW = 0.1  # of all cycles: so few that misfit have something of their own
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
 
 
@@ -173,6 +174,9 @@ def _attempted(
             if again is not None and _better(attempt, again) is again:
                 having, attempt = mended, again
         if attempt.gate.status is not Status.CONVERGED:
+            told("following what misfits", 0.63)
+            attempt = _followed(having, attempt, unknowns, clock)
+        if attempt.gate.status is not Status.CONVERGED:
             told("solving the logs that fit first", 0.65)
             attempt = from_some(prepared, first, able, unknowns, clock) or attempt
     if crept(attempt):
@@ -182,6 +186,24 @@ def _attempted(
         told("joining the other logs", 0.8)
         attempt = join(attempt, having, [i for i in able if i not in attempt.logs], unknowns, clock)
     return attempt
+
+
+def _followed(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns, clock: Clock) -> Attempt:
+    """The attempt; or what is solved from it where logs in which a few of many cycles misfit are followed as courses,
+    if that fits: how often those come to rest may be another than was seen, the first slips above all, which find an
+    older contact than all others."""
+    gate = attempt.gate
+    misfit = np.abs(gate.z) > PER_CYCLE
+    if not 0 < np.count_nonzero(misfit) <= FEW * misfit.size:
+        return attempt
+    doubted = {attempt.logs[place] for place in (gate.log[misfit] - 1).tolist()}
+    doubted = {i for i in doubted if prepared[i].manner.name == "cycles"}
+    if not doubted:
+        return attempt
+    having = [log.as_course if i in doubted else log for i, log in enumerate(prepared)]
+    found = solve_from(having, list(attempt.logs), replace(unknowns, start=attempt.solved.theta), clock)
+    fits = found is not None and found.gate.status is Status.CONVERGED and set(found.logs) == set(attempt.logs)
+    return found if found is not None and fits else attempt
 
 
 def _again_from(

@@ -51,12 +51,17 @@ def resequenced(
     Args:
         whole: the logs before they were cut to what could be followed.
     """
-    found = [
-        _at_answer(replace(uncut, manner=log.manner), guess, unknowns) if log.manner.name == "course" else None
-        for uncut, log, guess in zip(whole, logs, guesses, strict=True)
-    ]
+    found = _courses(whole, logs, guesses, unknowns)
     other = [new and modes_of(new[1]) != modes_of(guess) for new, guess in zip(found, guesses, strict=True)]
     return _put_in([new if differs else None for new, differs in zip(found, other, strict=True)], logs, guesses)
+
+
+def followed_anew(
+    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
+) -> tuple[list[Prepared], list[Guess]] | None:
+    """As `resequenced`, whatever the sequence: phases of the same kind may begin and end elsewhere; None where no log
+    is a course."""
+    return _put_in(_courses(whole, logs, guesses, unknowns), logs, guesses)
 
 
 def refollowed(
@@ -68,6 +73,16 @@ def refollowed(
         for uncut, log, guess in zip(whole, logs, guesses, strict=True)
     ]
     return _put_in(found, logs, guesses)
+
+
+def _courses(
+    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
+) -> list[tuple[Prepared, Guess] | None]:
+    """The courses as they are at the answer, None in the place of what is none."""
+    return [
+        _at_answer(replace(uncut, manner=log.manner), guess, unknowns) if log.manner.name == "course" else None
+        for uncut, log, guess in zip(whole, logs, guesses, strict=True)
+    ]
 
 
 def _at_answer(log: Prepared, guess: Guess, unknowns: Unknowns) -> tuple[Prepared, Guess] | None:
