@@ -221,7 +221,7 @@ def _findings(
         bounds = at_bounds(unknowns, at) | bounds
     status, message = ended(attempt, bounds)
     if status is Status.CONVERGED:
-        message = what_is_held(attempt.prepared, attempt.solved.guesses) or message
+        message = what_is_held(attempt.prepared, attempt.solved.guesses, sure.colours) or message
     return Findings(
         status,
         message,
