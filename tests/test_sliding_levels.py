@@ -1,11 +1,14 @@
 """What logs that slide hold, in a sentence: one level per speed, with an error that knows of noise with a memory."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import shooting_case as case
 
+from experiments.record_kinds import MILD, STIFF, Kind, Log
+from identify import fit
 from identify.motion.drive import Drive, NormalForce
 from identify.preparation.guess import Guess, LogData, Stretch
 from identify.uncertainty.coloured import colour
@@ -114,3 +117,15 @@ def test_hints_name_every_speed_of_a_slide():
     assert "at their speeds (1 mm/s and 2 mm/s) and little more" in told["mu_k0"]
     alone = hints([log], [_motion(("slip", 10.0), ("steady", 20.0))], unknowns, np.zeros(len(unknowns.names)))
     assert "at its speed (2 mm/s) and no more" in alone["mu_k0"]
+
+
+def test_a_fit_of_a_slide_with_a_step_says_what_the_law_is_at_both_speeds():
+    stated = ((0.0, 2e-2), (1.0, 1e-2))
+    log = Log(((0.0, 2e-2), (3.0, 1e-2)), 5.0, 1000.0, begins=2.0, said=stated)
+    result = fit(*Kind("", (log,), (log,), MILD, STIFF).made(1)).result
+    assert result["status"] == "converged" and "nothing else" not in result["message"]
+    told = re.findall(r"([\d.]+) ± ([\d.e-]+) at (\d+) mm/s", result["message"])
+    assert [speed for *_, speed in told] == ["20", "10"]
+    for level, twice, speed in told:
+        law = MILD["mu_k0"] - MILD["delta_mu_k"] * np.expm1(-MILD["a"] * 1e-3 * float(speed))
+        assert abs(float(level) - law) < 2.0 * float(twice)
