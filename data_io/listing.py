@@ -3,13 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from data_io.errors import UnitError
+from data_io.errors import LogError, UnitError
 from data_io.part import Contents, Part
 from data_io.source import Request
 from data_io.units import to_si
+
+MOST_NAMED: Final = 8
+"""Steps that a message names."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,19 @@ def summaries(contents: Contents, request: Request) -> tuple[StepSummary, ...]:
         )
         for part in contents.parts
     )  # fmt: skip
+
+
+def chosen_steps(
+    path: Path, steps: tuple[StepSummary, ...], step: int | None, run: int | None
+) -> tuple[StepSummary, ...]:
+    """Return the steps with these numbers; None is any. Raises `LogError` where there is none."""
+    found = tuple(each for each in steps if step in (None, each.number) and run in (None, each.run))
+    if found or (step is None and run is None):
+        return found
+    asked = " of ".join(f"{kind} {number}" for kind, number in (("step", step), ("run", run)) if number is not None)
+    held = ", ".join(f"step {each.number} of run {each.run}" for each in steps[:MOST_NAMED]) or "none"
+    more = f" and {len(steps) - MOST_NAMED} more" if len(steps) > MOST_NAMED else ""
+    raise LogError(f"{path}: {asked} was asked for; the log holds {held}{more}; choose one of them")
 
 
 def _duration(part: Part, request: Request) -> float | None:

@@ -12,7 +12,7 @@ from data_io.assemble import assemble
 from data_io.digest import sha256_of_several
 from data_io.errors import LogError, UnitError
 from data_io.frozen import COLUMN_ROLES
-from data_io.listing import StepSummary, summaries
+from data_io.listing import StepSummary, chosen_steps, summaries
 from data_io.motion import strokes_as_steps, take_step
 from data_io.part import Contents
 from data_io.readers import READERS
@@ -85,17 +85,25 @@ def _read_series(path: Path, request: Request) -> Record:
 
 
 def list_steps(
-    path: str | Path, units: Mapping[str, str] | None = None, columns: Mapping[str, str] | None = None
+    path: str | Path,
+    units: Mapping[str, str] | None = None,
+    columns: Mapping[str, str] | None = None,
+    step: int | None = None,
+    run: int | None = None,
+    normal_force: float | str | None = None,
 ) -> tuple[StepSummary, ...]:
     """Return the steps of every run of a log (or of a series of files), whether or not they can be used.
 
-    units, columns: as in `read_log`. Raises `LogError` where no table of numbers is found.
+    units, columns, normal_force: as in `read_log`; step, run: only those with this number. Raises `LogError` where no
+    table of numbers, or no such step, is found.
     """
     path = Path(path)
-    request = _request(path, None, None, units, columns, None, None, no_progress)
-    if not is_series(path):
-        return summaries(contents_of(load(path), request), request)
-    return summaries(joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)]), request)
+    request = _request(path, None, None, units, columns, normal_force, None, no_progress)
+    if is_series(path):
+        contents = joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)])
+    else:
+        contents = contents_of(load(path), request)
+    return chosen_steps(path, summaries(contents, request), step, run)
 
 
 def contents_of(source: Source, request: Request) -> Contents:

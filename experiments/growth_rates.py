@@ -1,4 +1,4 @@
-"""Growth of a disturbance of steady sliding, simulated, beside the limit of EQUATIONS section 6, written here again."""
+"""Growth of a disturbance of steady sliding, simulated, and its limit (docs/equations.md, section 6) written again."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ def _edges() -> list[HardCase]:
 
 
 def _critical(share: float, alpha: float = 0.1, drive: float = 1e-3) -> dict[str, float]:
-    """mu_s at this share of the critical loading Phi_cr = w dmu_s (EQUATIONS 5), alpha from the damper."""
+    """mu_s at this share of the critical Phi_cr = w dmu_s, alpha from the damper (docs/equations.md, section 5)."""
     inside = mp.sqrt(1 - mp.mpf(alpha) ** 2)
     b = alpha / inside
     psi = mp.findroot(

@@ -61,9 +61,10 @@ def continued(cycles: int) -> Callable[[Scene], Answer]:
 
 
 def linear_slip(scene: Scene) -> Answer:
-    """Static and kinetic friction, the latter linear in speed: sticks are straight, slips obey eq. (13) (EQUATIONS 4).
+    """Static and kinetic friction, the latter linear in speed: sticks are straight, slips obey eq. (13).
 
-    The first return to rest is the first zero of V/v_0 = 1 - xi' after the start, bracketed on a fine grid.
+    docs/equations.md, section 4. The first return to rest is the first zero of V/v_0 = 1 - xi' after the start,
+    bracketed on a fine grid.
     """
     v = {name: mp.mpf(value) for name, value in scene.values.items()}
     v0, load = mp.mpf(scene.drive), mp.mpf(scene.force)  # type: ignore[arg-type]

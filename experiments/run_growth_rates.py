@@ -1,6 +1,6 @@
 """Where steady sliding loses stability: growth of a 1e-6 disturbance, simulated, around the critical stiffness.
 
-The limit is Pi = Pi_fc of EQUATIONS section 6; the growth rate must change sign between 0.97 and 1.03 of it.
+The limit is Pi = Pi_fc of docs/equations.md, section 6; the growth rate must change sign between 0.97 and 1.03 of it.
 """
 
 from __future__ import annotations

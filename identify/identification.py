@@ -81,6 +81,7 @@ def fit(
         choice = choose_from_data(scene, records, told)
         scene = scene.with_effects(choice.effects)
         clock.add("choose", since)
+    starts = starts or _default_starts(scene)
     prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings.unknowns, findings.attempt)
@@ -92,7 +93,7 @@ def fit(
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
-    result["provenance"]["asked"] = asked.document()
+    result["provenance"] |= {"starts": starts, "asked": asked.document()}
     return Fit(result, curves)
 
 
@@ -131,7 +132,7 @@ def find(
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
-    sources = starts or ("both" if user_start(scene) else "data")
+    sources = starts or _default_starts(scene)
 
     def searched(logs: list[Prepared]) -> _Searched:
         return logs, *search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
@@ -152,6 +153,11 @@ def find(
         attempt = better
     clock.add("intervals", since)
     return prepared, findings
+
+
+def _default_starts(scene: Scene) -> Sources:
+    """Where a search starts if nobody says."""
+    return "both" if user_start(scene) else "data"
 
 
 def _by_way_of_calm(
@@ -221,7 +227,7 @@ def _findings(
         bounds = at_bounds(unknowns, at) | bounds
     status, message = ended(attempt, bounds)
     if status is Status.CONVERGED:
-        message = what_is_held(attempt.prepared, attempt.solved.guesses) or message
+        message = what_is_held(attempt.prepared, attempt.solved.guesses, sure.colours) or message
     return Findings(
         status,
         message,

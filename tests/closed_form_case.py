@@ -84,7 +84,7 @@ def slip(alpha: Any, overshoot: Any, near: Any = None) -> dict[str, Any]:
 
 
 def groups(q: Mapping[str, Any]) -> dict[str, Any]:
-    """The dimensionless groups as EQUATIONS section 1 and 6 write them, of mpmath numbers; ageing on, v_acr <= 1."""
+    """The dimensionless groups of mpmath numbers (docs/equations.md, sections 1 and 6); ageing on, v_acr <= 1."""
     omega, zeta = mp.sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
     w = q["normal_force"] / (q["drive_speed"] * mp.sqrt(q["mass"] * q["stiffness"]))
     v_acr, va = q["drive_speed"] * q["t_cr"] / q["D"], q["a"] * q["drive_speed"]

@@ -1,4 +1,4 @@
-"""CETR text: logs made here in the layout of LOG_FORMATS, with numbers of our own, are read as they were meant."""
+"""CETR text: logs made here in its layout, with numbers of our own, are read as they were meant."""
 
 import gzip
 

@@ -27,7 +27,7 @@ from identify.preparation.guess import LogData, Pull
 from identify.preparation.loads import as_far_as_told, calmed, smooth
 from identify.preparation.prepare import UNEQUAL, prepare
 from identify.preparation.unknowns import from_scene
-from identify.result.log_document import _quality
+from identify.result.log_document import _quality, load_trembles
 from identify.scene import Scene
 from identify.search.attempt import Clock
 from identify.shooting.passes import COARSE, solve_in_passes
@@ -195,7 +195,7 @@ def test_a_tremor_is_followed_where_it_is_seen_well_and_at_onsets_where_the_driv
     unknowns, ones = case.search_space(PAIR, ()), np.ones(times.size)
     log = LogData(times, seen, ones, unknowns.base(case.RIG), 1e-4, course.force, course.sd, 0.0, 5.0)
     taken = as_far_as_told(replace(log, tremor_sd=course.tremor_sd, pull=Pull(0.62, pull, 0.06)))
-    assert (taken.calm, taken.loose > 0.0) == (calm, loose)
+    assert (taken.calm, taken.blurred, taken.loose > 0.0) == (calm, calm, loose)
     off = taken.normal_force.at(times) - _load(times)
     assert float(np.std(off)) < 1.3 * taken.normal_force_sd
     tremor = float(np.std(_load(times) - _load(times, tremor=0.0)))
@@ -236,6 +236,24 @@ def test_a_log_says_that_its_tremor_counts_as_unknown_at_onsets(speed, told):
     assert len(findings) == told and all(
         "mN" in m and "onset of a slip it is counted as unknown" in m for m in findings
     )
+
+
+@pytest.mark.parametrize(
+    ("why", "told", "remedy"),
+    [
+        ({"calm": True, "blurred": True}, "seen too badly to be followed", "measure the normal force with less noise"),
+        ({"calm": True}, "no motion was found that follows it", "where the load is calmer (window), drive faster"),
+        ({"calm": True, "loose": 2e-3}, "no motion was found that follows it", "drive faster"),
+        ({"loose": 7e-3}, "faster than the drive pulls", "drive faster"),
+    ],
+)
+def test_a_log_says_why_its_tremor_is_not_followed(why, told, remedy):
+    """A search without an answer is no fault of the load cell."""
+    ones = np.ones(3)
+    data = LogData(ones, ones, ones, ones, 1e-4, NormalForce.of(1.0), 7e-3, 0.0, 1.0, tremor_sd=7e-3)
+    said = load_trembles(SimpleNamespace(data=replace(data, **why)))
+    assert "trembles by 7 mN" in said and told in said and remedy in said
+    assert ("less noise" in said) == ("blurred" in why)
 
 
 def test_cycles_that_a_load_makes_unlike_are_not_called_unlike_by_themselves():

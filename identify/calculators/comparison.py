@@ -75,7 +75,7 @@ class ClosedForms:
 
 
 def closed_forms(pair: Contact, drive_speed: float, normal_force: float) -> ClosedForms:
-    """The closed forms at drive speed [m/s], positive, and normal force [N] (EQUATIONS sections 4-6)."""
+    """The closed forms at drive speed [m/s], positive, and normal force [N] (docs/equations.md, sections 4 to 6)."""
     rig, friction = pair.rig, pair.friction
     g = groups(rig, friction, drive_speed, normal_force)
     cycle = jump(rig, friction, drive_speed, normal_force)

@@ -55,7 +55,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     terminal.say("The same pair, one speed, sampled at 50 Hz: about four samples in each slip")
     say_fit(slow, terminal)
     terminal.say(f"report: {out / SECOND / 'report.html'}")
-    return Answer(DONE if joint.converged else NOT_SUCCEEDED, {**joint.result, SECOND: slow.result})
+    both = joint.converged and slow.converged
+    return Answer(DONE if both else NOT_SUCCEEDED, {**joint.result, SECOND: slow.result})
 
 
 def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None:

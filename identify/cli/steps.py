@@ -6,7 +6,8 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from identify.cli.common import Answer, Terminal, pairs
+from identify.cli.common import Answer, Terminal, add_log_options, log_options
+from identify.cli.common import quantity as quantity_given
 from identify.cli.summary import columns, wrapped
 from identify.report.quantity_text import DASH, quantity
 
@@ -21,8 +22,7 @@ MOST_PARAMETERS = 8
 def add_arguments(parser: ArgumentParser) -> None:
     """The arguments of this command."""
     parser.add_argument("logs", nargs="+", metavar="LOG", help="logs, folders or patterns of one test's files")
-    parser.add_argument("--columns", metavar="NAME=COLUMN,…", help="such as time=T,friction_force=Fx")
-    parser.add_argument("--units", metavar="NAME=UNIT,…", help="such as time=s")
+    add_log_options(parser)
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -33,18 +33,20 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     """
     from data_io import list_steps
 
-    asked = pairs(arguments.columns, "--columns", "time=T,friction_force=Fx")
-    units = pairs(arguments.units, "--units", "time=s")
+    options = log_options(arguments)
+    given: dict[str, Any] = {}
+    if options["normal_force"] is not None:
+        given = {"normal_force_N": quantity_given(options["normal_force"], "N", "--normal-force")}
     logs: list[dict[str, Any]] = []
     for path in arguments.logs:
-        found = list_steps(path, units=units, columns=asked)
-        _say(path, found, terminal)
-        logs.append({"path": path, "steps": [_document(step) for step in found]})
+        found = list_steps(path, **options)
+        _say(path, found, given.get("normal_force_N"), terminal)
+        logs.append({"path": path, **given, "steps": [_document(step) for step in found]})
     return Answer(document={"status": "done", "logs": logs})
 
 
-def _say(path: str, steps: Sequence[StepSummary], terminal: Terminal) -> None:
-    terminal.say(path)
+def _say(path: str, steps: Sequence[StepSummary], load: float | None, terminal: Terminal) -> None:
+    terminal.say(path if load is None else f"{path}, under {quantity(load, 'N')} as given")
     rows = [["run", "step", "rows", "duration", "started"]]
     for step in steps:
         length = DASH if step.duration is None else quantity(step.duration, "s")

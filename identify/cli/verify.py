@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from data_io.digest import file_sha256
 from data_io.whereabouts import digest_of, log_is_at
@@ -18,7 +18,9 @@ from identify.log_numbers import places_of
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
 ALLOWED = 0.01  # difference in standard errors that other library versions may make
+NO_ENDS = (None, None)
 FIXED = 1e-9  # relative difference of what was not estimated
+END = 0.01  # relative difference of the closed end of an interval of what has no standard error
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -39,6 +41,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.asked import Asked
     from identify.cli.progress import Progress
     from identify.identification import fit
+    from identify.search.starts import Sources
 
     scene = scene_of(stored, path)
     check_unedited(path)
@@ -48,22 +51,24 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         replace(entry, path=unchanged(entry.path, log["sha256"], moved))
         for entry, log in zip(scene.logs, first, strict=True)
     ]
-    seed, asked = stored["provenance"].get("seed"), Asked.again(stored["provenance"].get("asked"))
+    made = stored["provenance"]
+    seed, starts = made.get("seed"), made.get("starts")
     with Progress(terminal.notes) as progress:
         found = fit(
             replace(scene, logs=tuple(logs)),
             progress=progress,
+            starts=starts if starts in get_args(Sources) else None,
             seed=seed if isinstance(seed, int) else 0,
-            asked=asked,
+            asked=Asked.again(made.get("asked")),
         )
     again = found.result
-    for words in other_versions(stored["provenance"], again["provenance"]):
+    for words in other_versions(made, again["provenance"]):
         terminal.note(words)
     differences = compare(stored, again)
     for words in differences:
         terminal.say(words)
     if not differences:
-        terminal.say(f"reproduced: {again['status']}, every value within {ALLOWED} standard errors")
+        terminal.say(reproduced(stored))
     status = "differs" if differences else "reproduced"
     return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
 
@@ -136,6 +141,41 @@ def compare(stored: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
             off = (value - before["value"]) / error
             if not abs(off) <= ALLOWED:
                 sentences.append(f"{name} was {before['value']:.6g} and is {value:.6g} ({off:+.2g} standard errors)")
-        elif before["verdict"] == "fixed" and abs(value - before["value"]) > FIXED * abs(before["value"]):
-            sentences.append(f"{name} was fixed at {before['value']:.9g} and is fixed at {value:.9g} now")
+        elif before["verdict"] == "fixed":
+            if abs(value - before["value"]) > FIXED * abs(before["value"]):
+                sentences.append(f"{name} was fixed at {before['value']:.9g} and is fixed at {value:.9g} now")
+        else:
+            sentences += _ends_differ(name, before.get("interval") or NO_ENDS, now["interval"])
     return sentences
+
+
+def _ends_differ(name: str, before: Sequence[float | None], now: Sequence[float | None]) -> list[str]:
+    """What differs in the ends of an interval of a parameter that has no standard error: whether they are open, and
+    where they lie. Its value may be anywhere between them and is not compared."""
+    out = []
+    for word, old, new in zip(("lower", "upper"), before, now, strict=True):
+        if not _same_end(old, new):
+            was, is_ = ("open" if end is None else f"{end:.6g}" for end in (old, new))
+            out.append(f"the {word} end of {name} was {was} and is {is_} now")
+    return out
+
+
+def _same_end(old: float | None, new: float | None) -> bool:
+    if old is None or new is None:
+        return old is new
+    return abs(new - old) <= END * max(abs(old), abs(new))
+
+
+def reproduced(stored: Mapping[str, Any]) -> str:
+    """What was compared, in words, where nothing differs."""
+    entries = stored["parameters"].values()
+    compared = []
+    if any(entry["standard_error"] for entry in entries):
+        compared.append(f"every value that has a standard error within {ALLOWED} of it")
+    if any(_by_its_ends(entry) for entry in entries):
+        compared.append("what has none with the same verdict and the same open and closed ends")
+    return f"reproduced: {stored['status']}; {'; '.join(compared) or 'a result without values to compare'}"
+
+
+def _by_its_ends(entry: Mapping[str, Any]) -> bool:
+    return entry["value"] is not None and not entry["standard_error"] and entry["verdict"] != "fixed"

@@ -1,4 +1,4 @@
-"""Contact ageing at constant sliding speed, closed form (eqs. 2-4; EQUATIONS section 3)."""
+"""Contact ageing at constant sliding speed, closed form (eqs. 2-4; docs/equations.md, section 3)."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Rig quantities at which steady sliding loses stability, closed forms for a V << 1 (EQUATIONS section 6).
+"""Rig quantities at which steady sliding loses stability, closed forms for a V << 1 (docs/equations.md, section 6).
 
 G = (mu_s - mu_k0) F_n t_cr / D [N s/m] is the weakening that ageing brings; the limit is
 G = c (1 + k t_cr^2 / (m + c t_cr)) with the damping constant c [N s/m] held fixed. The printed eq. (25) reads 2 zeta as
-zeta (EQUATIONS E23, E25), so its limits are those of half the damping: `form="printed"`.
+zeta (docs/printed_errors.md, E23 and E25), so its limits are those of half the damping: `form="printed"`.
 """
 
 from __future__ import annotations

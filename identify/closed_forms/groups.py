@@ -1,4 +1,4 @@
-"""Dimensionless groups of a rig and a friction law at a drive speed and normal force (EQUATIONS section 1)."""
+"""Dimensionless groups of a rig and a friction law at a drive speed and normal force (docs/equations.md, section 1)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""One cycle of the paper's closed forms in SI, for a rig and a friction law (eqs. 8-18; EQUATIONS sections 1, 4).
+"""One cycle of the paper's closed forms in SI, for a rig and a friction law (eqs. 8-18).
 
-The linearised slip from the exact breakaway (damper force included), from a stick that saturates the contact only as
-far as it lasts. Exact in its own right; of use where a V_max << 1 (`Jump.validity`).
+The linearised slip (docs/equations.md, sections 1 and 4) from the exact breakaway (damper force included), from a stick
+that saturates the contact only as far as it lasts. Exact in its own right; of use where a V_max << 1 (`Jump.validity`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""At which speed, stiffness, damping, mass or normal force the closed forms change their answer (EQUATIONS 5, 6).
+"""At which speed, stiffness, damping, mass or normal force the closed forms change their answer.
 
-Two limits: of the slip, whether the mass sticks again (eqs. 17-18, Phi against Phi_cr), and of steady sliding, whether
-small disturbances die out (eqs. 19-25, Pi against Pi_fc). Everything but the one quantity is held, the damping h too,
-so that zeta = h/2k falls with the stiffness. Either limit may be crossed several times, or never.
+Two limits (docs/equations.md, sections 5 and 6): of the slip, whether the mass sticks again (eqs. 17-18, Phi against
+Phi_cr), and of steady sliding, whether small disturbances die out (eqs. 19-25, Pi against Pi_fc). Everything but the
+one quantity is held, the damping h too, so that zeta = h/2k falls with the stiffness. Either limit may be crossed
+several times, or never.
 """
 
 from __future__ import annotations

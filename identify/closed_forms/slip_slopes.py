@@ -1,4 +1,4 @@
-"""Exact derivatives of a whole slip by alpha and overshoot (EQUATIONS section 4), by implicit differentiation.
+"""Exact derivatives of a whole slip by alpha and overshoot (docs/equations.md, section 4), by implicit differentiation.
 
 Growth exp(-alpha tau) is divided out where it can be: for alpha near -1 it overflows long before the times do.
 """

@@ -1,7 +1,8 @@
-"""Does the mass stick again, and does steady sliding lose stability: closed forms (eqs. 17-25; EQUATIONS 5-6).
+"""Does the mass stick again, and does steady sliding lose stability: closed forms (eqs. 17-25).
 
-`critical_loading` belongs to the linearised slip (a V_max << 1). `critical_friction`, `critical_frequency` and
-`eigenvalues` are local, about steady sliding; the last keeps the slope of kinetic friction.
+Derived in docs/equations.md, sections 5 and 6. `critical_loading` belongs to the linearised slip (a V_max << 1).
+`critical_friction`, `critical_frequency` and `eigenvalues` are local, about steady sliding; the last keeps the slope
+of kinetic friction.
 """
 
 from __future__ import annotations
@@ -139,10 +140,10 @@ def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived"
     """Critical friction parameter Pi_fc (eqs. 21-25): steady sliding is stable below it.
 
     Derived: z (1 + T^2/(1 + z T)) with z = 2 zeta, T = tau_cr. Printed eq. (25) has z = zeta in its
-    determinant and is up to a factor 2 too low (EQUATIONS E23, E25).
+    determinant and is up to a factor 2 too low (docs/printed_errors.md, E23 and E25).
 
     Args:
-        zeta: damping ratio h/2k; where sliding friction depends on speed, half of z of EQUATIONS section 6.
+        zeta: damping ratio h/2k; where sliding friction depends on speed, half of z of docs/equations.md, section 6.
         tau_cr: dimensionless creep time omega_n t_cr, positive.
         form: "derived", or "printed" for the paper's own.
         derivatives: also return {"zeta": ..., "tau_cr": ...}.

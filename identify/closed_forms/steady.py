@@ -1,4 +1,4 @@
-"""Steady sliding of the four-effect model and its eigenvalues, closed form (eqs. 19-24; EQUATIONS section 6).
+"""Steady sliding of the four-effect model and its eigenvalues, closed form (eqs. 19-24; docs/equations.md, section 6).
 
 The coupling kept here in full: the slope of kinetic friction (z) and its level (Pi) at the drive speed.
 """

@@ -1,4 +1,4 @@
-"""Direct effect: friction that rises at once with sliding speed (rate-and-state friction; ESTIMATION_NOTES 4.11)."""
+"""Direct effect: friction that rises at once with sliding speed (docs/equations.md, section 7)."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ class DrivenDamping(Effect):
 
     name = "driven_damping"
     says = "damper beside the spring, h over a given excitation frequency"
-    source = "eq. (1), h/omega with omega of the excitation; EQUATIONS E1"
+    source = "eq. (1), h/omega with omega of the excitation; docs/equations.md, section 1"
     parameters = (
         Parameter("damping", "N/m", 0.0, 1e8, 147.0, "h", "hysteresis damping; c = h/omega", spread=0.3, kind="rig"),
         Parameter("damping_frequency", "1/s", 1e-6, 1e6, 13.645, "f_d", "frequency at which h acts", kind="given"),

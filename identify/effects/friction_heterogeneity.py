@@ -22,14 +22,14 @@ def _wave_numbers() -> tuple[float, ...]:
 
 
 class FrictionHeterogeneity(Effect):
-    """Level: a sum of MODES harmonics of position with the spectrum of an Ornstein-Uhlenbeck field (ESTIMATION_NOTES
-    4.1): standard deviation field_sd, correlation length field_length. Each stick has its own strength factor
+    """Level: a sum of MODES harmonics of position with the spectrum of an Ornstein-Uhlenbeck field: standard deviation
+    field_sd, correlation length field_length (docs/equations.md, section 7). Each stick has its own strength factor
     (lognormal) and its own loading rate. All draws follow from `field_seed`: the same seed is the same track.
     """
 
     name = "friction_heterogeneity"
     says = "friction level a random field along the track, strength and loading rate scatter per stick"
-    source = "ESTIMATION_NOTES section 4; random Fourier features of the Ornstein-Uhlenbeck spectrum"
+    source = "docs/equations.md, section 7; random Fourier features of the Ornstein-Uhlenbeck spectrum"
     parameters = (
         Parameter(
             "field_sd",

@@ -17,7 +17,7 @@ class HysteresisDamping(Effect):
     says = "damper beside the spring, h over the natural frequency"
     role = "damping of the rig"
     needs = ("inertia",)
-    source = "eq. (1), h/omega_n; EQUATIONS section 1 (damper between mass and drive)"
+    source = "eq. (1), h/omega_n; damper between mass and drive: docs/equations.md, section 1"
     parameters = (
         Parameter("damping", "N/m", 0.0, 1e8, 147.0, "h", "hysteresis damping; zeta = h/(2k)", spread=0.3, kind="rig"),
     )

@@ -20,7 +20,7 @@ class PressureDependence(Effect):
 
     name = "pressure_dependence"
     says = "the friction coefficient falls with contact pressure (measured: finger on wet smooth glass)"
-    source = "eq. (7), 57.9 p^-0.526; Derler and Rotaru, Wear 301 (2013) 324; area law: EQUATIONS section 2"
+    source = "eq. (7), 57.9 p^-0.526; Derler and Rotaru, Wear 301 (2013) 324; area law: docs/equations.md, section 2"
     parameters = (
         Parameter("pressure_exponent", "", -2.0, 2.0, 0.526, "n_p", "exponent of contact pressure", "linear", 0.1),
         Parameter(

@@ -17,7 +17,7 @@ class SkinCompliance(Effect):
 
     name = "skin_compliance"
     says = "tangential give of the skin in series with the rig"
-    source = "Kelvin-Voigt element in series; ESTIMATION_NOTES section 4"
+    source = "Kelvin-Voigt element in series; docs/equations.md, section 7"
     parameters = (
         Parameter("skin_stiffness", "N/m", 1.0, 1e12, 4400.0, "k_skin", "tangential stiffness of the skin"),
         Parameter(

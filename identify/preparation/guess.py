@@ -49,11 +49,11 @@ class LogData:
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
     normal_force_sd [N] (0: exact), over time sd_course (None: the same throughout), tremor_sd [N] of it in fast rhythms
-    (0: none), calm: these were taken out, expected [N]: where the normal force then lies about its course at the onset
-    and at the end of a slip; loose [N]: by how much more it may be off at an onset, before which the mass may have
-    moved unseen; pull (None: no cycles were seen); the fitted window [s]; groups (n_p): the group of logs
-    it shares each parameter with, "" for none; programme: the drive where it changes its speed within the window (None:
-    drive_speed throughout).
+    (0: none), calm: these were taken out, blurred: for the reason that the measurement blurs them, expected [N]: where
+    the normal force then lies about its course at the onset and at the end of a slip; loose [N]: by how much more it
+    may be off at an onset, before which the mass may have moved unseen; pull (None: no cycles were seen); the fitted
+    window [s]; groups (n_p): the group of logs it shares each parameter with, "" for none; programme: the drive where
+    it changes its speed within the window (None: drive_speed throughout).
     """
 
     time: Array
@@ -70,6 +70,7 @@ class LogData:
     programme: Drive | None = None
     tremor_sd: float = 0.0
     calm: bool = False
+    blurred: bool = False
     sd_course: NormalForce | None = None
     loose: float = 0.0
     expected: tuple[float, float] = (0.0, 0.0)

@@ -282,7 +282,7 @@ def as_far_as_told(log: LogData) -> LogData:
     if calm is log or pull is None:
         return log
     if log.tremor_sd > BLURRED * calm.tremor_sd:
-        return calm
+        return replace(calm, blurred=True)
     times, values = np.asarray(log.normal_force.times), np.asarray(log.normal_force.values)
     steps = np.diff(times)
     rates = np.diff(values - calm.normal_force.at(times)) / steps

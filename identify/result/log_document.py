@@ -91,14 +91,21 @@ def load_varies(log: Prepared) -> str:
 
 def load_trembles(log: Prepared) -> str:
     """What a tremor of the normal force does to the fit, and what would help."""
-    outruns = log.data.loose > 0.0
-    size = 1e3 * (log.data.loose if outruns else log.data.tremor_sd)
-    told, remedy = (
-        ("faster than the drive pulls: at the onset of a slip it is counted as unknown", "drive faster")
-        if outruns
-        else ("seen too badly to be followed: it is counted as unknown", "measure the normal force with less noise")
-    )
+    size = 1e3 * (log.data.tremor_sd if log.data.calm else log.data.loose)
+    told, remedy = _untold_tremor(log)
     return (
         f"the normal force trembles by {size:.2g} mN (standard deviation), {told} from slip to slip; "
         f"for more certainty {remedy}, or let the hand rest"
     )
+
+
+def _untold_tremor(log: Prepared) -> tuple[str, str]:
+    """Why a tremor counts as unknown, and what would help."""
+    if log.data.blurred:
+        return "seen too badly to be followed: it is counted as unknown", "measure the normal force with less noise"
+    if log.data.calm:
+        return (
+            "and no motion was found that follows it: it is counted as unknown",
+            "cut the log to where the load is calmer (window), drive faster",
+        )
+    return "faster than the drive pulls: at the onset of a slip it is counted as unknown", "drive faster"

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.model.model import RIG_PARAMETERS
 from identify.outcome import Status
 from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
+from identify.preparation.unknowns import RIG_REACH, Unknowns
 from identify.search.attempt import Attempt
 from identify.search.inward import AT_BOUND
 
@@ -17,13 +18,22 @@ Array = NDArray[np.float64]
 
 
 def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
-    """A sentence per free parameter that sits on a bound of the scene."""
+    """A sentence per free parameter that sits on a bound: the scene's own can be widened, the model's can not."""
     out = {}
     for i in np.flatnonzero(unknowns.free).tolist():
-        for word, bound in (("lower", unknowns.lower[i]), ("upper", unknowns.upper[i])):
-            if abs(theta[i] - bound) < AT_BOUND * unknowns.spread[i]:
-                name = unknowns.names[i]
+        name = unknowns.names[i]
+        for side, (word, bound) in enumerate((("lower", unknowns.lower[i]), ("upper", unknowns.upper[i]))):
+            if abs(theta[i] - bound) >= AT_BOUND * unknowns.spread[i]:
+                continue
+            if unknowns.walls[side, i]:
                 out[name] = f"{name} sits at its {word} bound; widen it in [parameters], or fix {name}"
+            elif name in RIG_PARAMETERS and abs(bound) == RIG_REACH:
+                out[name] = f"{name} sits a factor of three from what [rig] states, and may go no farther; check it"
+            else:
+                out[name] = (
+                    f"{name} sits at the {word} end of what the model admits: these logs do not tell it; fix {name} in "
+                    "[parameters], or add a log that tells it"
+                )
     return out
 
 

@@ -9,10 +9,14 @@ import numpy as np
 from identify.preparation.guess import Guess
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
+from identify.uncertainty.coloured import Colour
+from identify.uncertainty.sliding_levels import levels, listed, speed_words, steady
 from identify.uncertainty.uncertainty import Estimate
 
 RESOLVED = 12  # samples of a slip from which on its shape can be read
 WANTED = 25  # samples of a slip to ask for
+MOST_LEVELS = 6  # that are told one by one
+SLOWER = "slower, with a softer spring or at a higher load"
 
 
 def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns, theta: np.ndarray) -> dict[str, str]:
@@ -69,31 +73,41 @@ def untold(found: list[Estimate], guesses: Sequence[Guess], told: Mapping[str, s
     return out
 
 
-def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess]) -> str:
-    """What logs hold of which none sticks, in a sentence; "" where one does."""
+def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess], colours: Sequence[Colour]) -> str:
+    """What logs hold of which none sticks, in a sentence; "" where one does, or none slides steadily.
+
+    Args:
+        colours: of the noise of each log.
+    """
     if onsets(guesses):
         return ""
-    told = []
-    for log, guess in zip(logs, guesses, strict=True):
-        data, steady = log.data, [stretch for stretch in guess.tail if stretch.steady]
-        mine = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
-        coefficient = data.force[mine] / data.normal_force.at(data.time[mine])
-        level, error = float(np.mean(coefficient)), float(np.std(coefficient) / np.sqrt(coefficient.size))
-        if steady:
-            told.append(f"{level:.4g} ± {2.0 * error:.1g} at {1e3 * data.speed_at(data.end):.3g} mm/s ({log.name})")
-    return (
-        f"sliding throughout: what these logs hold is the friction coefficient, {', '.join(told)}, and nothing else; "
-        "add a log that sticks and slips (slower, with a softer spring or at a higher load)"
-    )
+    held = [levels(log.data, guess, noise) for log, guess, noise in zip(logs, guesses, colours, strict=True)]
+    found = [(log.name, level) for log, of_log in zip(logs, held, strict=True) for level in of_log]
+    if not found:
+        return ""
+    told = listed([f"{level.words} ({name})" for name, level in found], MOST_LEVELS)
+    if len({level.speed for _, level in found}) == 1:
+        held_words = f"what these logs hold is the friction coefficient, {told}, and nothing else"
+    else:
+        steps = ", and how it follows a step of the speed" if any(len(of_log) > 1 for of_log in held) else ""
+        held_words = f"what these logs hold is the friction coefficient at each speed, {told}{steps}"
+    rests = any(stretch.kind == "rest" for guess in guesses for stretch in guess.tail)
+    slides = "sliding, with no stick that ends" if rests else "sliding throughout"
+    return f"{slides}: {held_words}; add a log that sticks and slips ({SLOWER})"
 
 
 def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns) -> dict[str, str]:
     """Of logs that slide, or stick once: what they hold, and what would tell more."""
-    sticks = sum(stretch.ended_by == "onset" for guess in guesses for stretch in guess.tail)
-    speeds = sorted({1e3 * log.data.speed_at(log.data.end) for log in logs})
-    told = " and ".join(f"{speed:.3g} mm/s" for speed in speeds[:3])
-    level = f"a log that slides holds the friction level at its speed ({told}) and no more"
-    slower = "add a log that sticks and slips: slower, with a softer spring or at a higher load"
+    sticks = onsets(guesses)
+    slides = [speed for log, guess in zip(logs, guesses, strict=True) for _, _, speed in steady(log.data, guess)]
+    speeds = sorted(set(slides or [log.data.speed_at(log.data.end) for log in logs]))
+    told = listed([speed_words(speed) for speed in speeds], MOST_LEVELS)
+    level = (
+        f"a log that slides holds the friction level at its speed ({told}) and no more"
+        if len(speeds) == 1
+        else f"logs that slide hold the friction level at their speeds ({told}) and little more"
+    )
+    slower = f"add a log that sticks and slips: {SLOWER}"
     out = dict.fromkeys(("mu_k0", "delta_mu_k", "a"), f"{level}: {slower}, and logs that slide at other speeds")
     out |= dict.fromkeys(("mu_s", "t_cr", "D"), f"{level}: {slower}")
     if sticks:
