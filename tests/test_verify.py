@@ -100,6 +100,6 @@ def test_verify_searches_from_the_recorded_starts(monkeypatch, recorded, taken):
     monkeypatch.setattr(verify, "read_result", lambda _: result)
     monkeypatch.setattr(verify, "scene_of", lambda *_: scene)
     monkeypatch.setattr(verify, "unchanged", lambda path, *_: path)
-    monkeypatch.setattr(verify, "place_of", lambda *_: 0)
+    monkeypatch.setattr(verify, "places_of", lambda *_: [0])
     assert cli.main(["verify", "result.json"]) == 0
     assert asked == [(taken, 7)]
