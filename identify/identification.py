@@ -37,7 +37,7 @@ from identify.search.attempt import Attempt, Clock, solve_from
 from identify.search.grouped import search_grouped
 from identify.search.shaken import shaken
 from identify.search.starts import Sources
-from identify.search.status_words import at_bounds, ended, untried
+from identify.search.status_words import at_bounds, ended, underivable, untried
 from identify.telling import Progress, to_nobody
 from identify.uncertainty.hints import what_is_held
 
@@ -210,8 +210,7 @@ def _findings(
     if sure is None:
         return Findings(
             Status.SOLVER_FAILED,
-            f"the answer ends where the model has no derivatives (misfit {attempt.gate.chi2_per_sample:.3g} times the "
-            "noise variance); check the units of the forces, and mass, stiffness and drive speed",
+            underivable(attempt),
             unknowns,
             attempt,
             None,

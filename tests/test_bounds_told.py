@@ -1,14 +1,20 @@
 """A parameter at a bound: whose bound it is decides what to do."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from experiments.record_kinds import Kind, Log
+from experiments.study_problem import DEMO
+from experiments.study_problem import RIG as TRUE_RIG
 from identify.effects import MAIN
+from identify.identification import fit
+from identify.outcome import Status
 from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.status_words import at_bounds
+from identify.search.status_words import at_bounds, underivable
 
 RIG = {"mass": {"value": 0.2, "tolerance": 0.02}, "stiffness": 1470.0, "damping": 147.0}
 
@@ -42,3 +48,20 @@ def test_the_models_bound_can_not_and_says_that_the_logs_do_not_tell(side, end, 
 def test_a_rig_quantity_far_from_what_is_stated_is_to_be_checked():
     said = _told("mass", 1, {})
     assert "a factor of three from what [rig] states" in said and "check it" in said and "widen" not in said
+
+
+def test_an_answer_without_derivatives_names_a_misfit_only_where_there_is_one():
+    def said(chi2):
+        return underivable(SimpleNamespace(gate=SimpleNamespace(chi2_per_sample=chi2)))
+
+    assert "(misfit 3.5 times the noise variance)" in said(3.5)
+    assert "nan" not in said(np.nan) and "drive speed and when it changes" in said(np.nan)
+
+
+def test_a_log_that_no_start_reproduces_is_not_said_to_stick_and_slip_where_it_slides():
+    """Speed steps so fast that the friction changes no more: a level, and nothing that tells where it was reached."""
+    stated = ((0.0, 5e-2), (2.0, 1e-1), (5.0, 2e-1))
+    log = Log(((0.0, 5e-2), (5.0, 1e-1), (8.0, 2e-1)), 12.0, 2000.0, begins=3.0, said=stated)
+    result = fit(*Kind("fast", (log,), (), DEMO, TRUE_RIG).made(0)).result
+    assert result["status"] == Status.MODEL_MISFIT.value and "stick-slip" not in result["message"]
+    assert "take a window of one speed" in result["message"]

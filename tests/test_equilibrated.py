@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from identify.numerics.equilibrated import Factors, _Bordered
+from identify.numerics.equilibrated import Factors, _Bordered, solve_equilibrated
 
 
 def _bordered(random, size, crowded):
@@ -45,3 +45,12 @@ def test_a_singular_border_is_told_by_the_answer_alone():
         warnings.simplefilter("error")
         found = Factors(sp.csc_matrix(matrix)).solve(np.ones(size + 1))
     assert not np.all(np.isfinite(found))
+
+
+def test_an_exactly_singular_matrix_has_no_solution_and_no_error():
+    """A log of which the model tells nothing: SuperLU raises there, and the fit ended as a defect."""
+    matrix = np.diag([1.0, 0.0, 2.0])
+    found = solve_equilibrated(sp.csc_matrix(matrix), np.ones((3, 2)))
+    assert found.shape == (3, 2) and not np.any(np.isfinite(found))
+    with pytest.raises(RuntimeError):
+        Factors(sp.csc_matrix(matrix))

@@ -91,5 +91,8 @@ def optimality_matrix(hessian_upper: sp.csc_matrix, jacobian: sp.csc_matrix) -> 
 
 
 def solve_equilibrated(matrix: sp.csc_matrix, right: Array) -> Array:
-    """Solve one symmetric indefinite system (n, n) for right sides (n, k)."""
-    return Factors(matrix).solve(right)
+    """Solve one symmetric indefinite system (n, n) for right sides (n, k); not finite where it is singular."""
+    try:
+        return Factors(matrix).solve(right)
+    except RuntimeError:  # SuperLU's only word for a pivot of zero
+        return np.full(right.shape, np.nan)

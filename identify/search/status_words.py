@@ -41,7 +41,14 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
     """Status and sentence where no start could even be placed on the data."""
     if uneven := _uneven(prepared):
         return Status.MODEL_MISFIT, f"{uneven}; see the cycle scatter and the classical table in the report"
-    if any(log.left_out is None for log in prepared):
+    taken = [log for log in prepared if log.left_out is None]
+    if taken and all(log.manner.name != "cycles" for log in taken):
+        return Status.MODEL_MISFIT, (
+            "no start reproduces how these logs move: check that the drive speed of each, and the times at which it "
+            "changes, are as stated, and mass, stiffness and damping; where the force does not change with the speed, "
+            "take a window of one speed of each log"
+        )
+    if taken:
         return Status.MODEL_MISFIT, (
             "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
             "slides steadily; check the rig values, or estimate them under [parameters]"
@@ -51,6 +58,16 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
     slower = ", and record slower, with a softer spring or at a higher load"
     remedy = slower if any(log.never_slips for log in prepared) else ""
     return Status.NO_CYCLES, f"there is nothing to fit: {reason}; see the classical table{remedy}"
+
+
+def underivable(attempt: Attempt) -> str:
+    """Sentence where an answer has no derivatives, so that nothing can be said of how sure it is."""
+    misfit = attempt.gate.chi2_per_sample
+    size = f" (misfit {misfit:.3g} times the noise variance)" if np.isfinite(misfit) else ""
+    return (
+        f"the answer ends where the model has no derivatives{size}; check the units of the forces, the drive speed and "
+        "when it changes, mass and stiffness"
+    )
 
 
 def ended(attempt: Attempt, bounds: Mapping[str, str]) -> tuple[Status, str]:
