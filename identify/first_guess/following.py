@@ -34,6 +34,7 @@ LONGEST = 120  # half periods of one slide that are followed
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
 BRIEF_LOADING = 4.0  # half periods: a first stick that is shorter has no peak of its own
 FIRST_SWINGS = 8.0  # half periods
+ABOUT, PLACES = 2.0, 33  # half periods about the place of a first slide, and onsets in them that are tried
 TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
@@ -196,35 +197,41 @@ class _Course:
         x[model.clamped] = 0.5
         if np.nanmin(onsets, initial=np.inf) - log.begin < BRIEF_LOADING * self.half:
             # Its peak is one swing among others: the first slide as a whole tells how aged the contact was.
-            x[model.clamped] = candidates[int(np.argmin([self.misfit_of_first(x, g) for g in candidates[::2]])) * 2]
+            until = min(log.begin + FIRST_SWINGS * self.half, self.data.change_after(log.begin))
+            misfits = [self.misfit_of_first(x, g, log.begin, until) for g in candidates[::2].tolist()]
+            x[model.clamped] = candidates[int(np.argmin(misfits)) * 2]
         elif np.any(np.isfinite(onsets)) and np.ptp(onsets[np.isfinite(onsets)]) > 1e-3 * (peak - log.begin):
             x[model.clamped] = candidates[int(np.nanargmin(np.abs(onsets - peak)))]
             x[model.clamped] = self.aged_until_seen(x, candidates, onsets)
         return x
 
     def aged_until_seen(self, x: Array, candidates: Array, onsets: Array) -> float:
-        """The ageing (a candidate, or between two) of the contact at the begin for which the first onset comes where
-        the whole slide from x lies on the data: of a slow slip the force is highest long after the mass began to move.
+        """The ageing (a candidate, or between two) of the contact at the begin with which the first slips lie on the
+        data: of a slow slip the force is highest long after the mass began to move, and how the mass comes to rest
+        after it hangs on when it began. Looked for about the place where the slide from x does.
 
         Args:
             candidates, onsets: ageings (k,) and the onset of each (k,) [s], NaN where there is none.
         """
-        log, found = self.log, np.isfinite(onsets)
+        log, found, aged = self.log, np.isfinite(onsets), float(x[self.model.clamped])
         onset, at_onset, _ = self.onset(log.begin, x)
         try:
             seen = self.placed(log.begin, onset, at_onset)
         except SimulationError:
-            return float(x[self.model.clamped])
+            return aged
         order = np.argsort(onsets[found])
-        return float(np.interp(seen, onsets[found][order], candidates[found][order]))
+        places = seen + self.half * np.linspace(-ABOUT, ABOUT, PLACES)
+        ages = np.unique(np.interp([seen, *places], onsets[found][order], candidates[found][order]))
+        since, until = float(places[0]), min(seen + FIRST_SWINGS * self.half, self.data.change_after(log.begin))
+        misfits = [self.misfit_of_first(x, age, since, until) for age in ages.tolist()]
+        return float(ages[int(np.argmin(misfits))]) if np.any(np.isfinite(misfits)) else aged
 
-    def misfit_of_first(self, x: Array, gamma: float) -> float:
-        """Mean square of the residuals in noise variances over the first swings, from a contact this aged."""
+    def misfit_of_first(self, x: Array, gamma: float, since: float, until: float) -> float:
+        """Mean square of the residuals in noise variances between two times [s], from a contact this aged."""
         log, model = self.log, self.model
         x = x.copy()
         x[model.clamped] = gamma
-        until = min(log.begin + FIRST_SWINGS * self.half, self.data.change_after(log.begin))
-        mine = np.flatnonzero((log.time >= log.begin) & (log.time < until) & (log.weight > 0))
+        mine = np.flatnonzero((log.time >= max(since, log.begin)) & (log.time < until) & (log.weight > 0))
         if mine.size == 0:
             return np.inf
         try:
