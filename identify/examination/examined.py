@@ -24,7 +24,7 @@ from identify.search.inward import at_own_bounds
 from identify.telling import Progress
 from identify.uncertainty.hints import hints, onsets, untold
 from identify.uncertainty.profile import Profiles, profile
-from identify.uncertainty.profile_line import ProfilePoint
+from identify.uncertainty.profile_ground import ProfilePoint
 from identify.uncertainty.uncertainty import Estimate, Information, Interval, estimates
 from identify.uncertainty.widened import widened
 
