@@ -12,7 +12,7 @@ from identify.examination.fine_enough import information_at
 from identify.preparation.prepare import prepare
 from identify.preparation.unknowns import from_scene
 from identify.search.search import search
-from identify.uncertainty import profile_line
+from identify.uncertainty import profile_ground
 from identify.uncertainty.profile_line import ProfileLine
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
@@ -36,14 +36,14 @@ def fitted():
 @pytest.fixture
 def line(fitted):
     attempt, unknowns, size = fitted
-    return ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    return ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
 
 
 def held(line, name, off):
     """Index of a parameter and its value so many standard errors off the answer."""
     index = line.unknowns.names.index(name)
     place = np.flatnonzero(line.unknowns.free).tolist().index(index)
-    return index, float(line.best.theta[index] + off * line.size[place])
+    return index, float(line.best.theta[index] + off * line.ground.size[place])
 
 
 @pytest.mark.parametrize("name", ["mu_k0", "D", "t_cr", "delta_mu_k", "a", "mass"])
@@ -63,8 +63,8 @@ def test_a_prior_of_what_is_held_counts(line):
     index, value = held(line, "mass", OFF)
     mean, sd = line.unknowns.prior_mean[index], line.unknowns.prior_sd[index]
     with_it = line._from_theta(line.best, index, value)
-    line.unknowns = replace(line.unknowns, prior_sd=np.full_like(line.unknowns.prior_sd, np.inf))
-    without = line._from_theta(line.best, index, value)
+    untold = replace(line.unknowns, prior_sd=np.full_like(line.unknowns.prior_sd, np.inf))
+    without = replace(line, ground=replace(line.ground, unknowns=untold))._from_theta(line.best, index, value)
     prior = 0.5 * ((value - mean) / sd) ** 2
     assert prior > 0.1
     assert with_it.cost - without.cost == pytest.approx(prior, rel=1e-6)
@@ -73,9 +73,9 @@ def test_a_prior_of_what_is_held_counts(line):
 def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monkeypatch):
     index, value = held(line, "mu_k0", OFF)
     near = line._warm(line.best, index, value)
-    monkeypatch.setattr(profile_line, "MOVED", 1e-4)
+    monkeypatch.setattr(profile_ground, "MOVED", 1e-4)
     attempt, unknowns, size = fitted
-    at = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    at = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
     moved = at._warm(at.best, index, value)
     assert near.home is line.best.home
     assert moved is not None and moved.home is not at.best.home
@@ -84,9 +84,9 @@ def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monke
 
 
 def test_homes_are_let_go_and_made_anew(fitted, monkeypatch):
-    monkeypatch.setattr(profile_line, "MOVED", 1e-4)
+    monkeypatch.setattr(profile_ground, "MOVED", 1e-4)
     attempt, unknowns, size = fitted
-    line = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
     index, value = held(line, "mu_k0", OFF)
     first = line._warm(line.best, index, value)
     for off in (-OFF, 0.5 * OFF, -0.5 * OFF):
@@ -101,12 +101,12 @@ def test_where_newtons_steps_have_no_factors_the_solver_is_asked(fitted, monkeyp
         raise RuntimeError("Factor is exactly singular")
 
     attempt, unknowns, size = fitted
-    line = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
     index, value = held(line, "mu_k0", OFF)
     warm = line.best.home().warm
     monkeypatch.setattr("identify.shooting.warm.Factors", singular)
     assert warm.settle(line.best.z, held=(0, 2.0 * line.best.z[0])) is None
-    without = ProfileLine(attempt.prepared, attempt.solved, unknowns, size)
+    without = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
     found = without.point(without.best, index, value)
     assert without.best.home is None and found is not None and found.home is None
     assert 2 * (found.cost - without.best.cost) == pytest.approx(OFF**2, rel=0.3)

@@ -11,7 +11,7 @@ import pytest
 
 from identify.uncertainty import profile_side
 from identify.uncertainty.profile import _walks
-from identify.uncertainty.profile_line import FREE
+from identify.uncertainty.profile_ground import FREE
 from identify.uncertainty.profile_side import CRITICAL
 
 NEAR, FAR = 0.19, 0.75  # of a logarithm: the data begin to object, and no longer do

@@ -245,7 +245,7 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
     import identify.examination.examined as room
     from identify.asked import Asked
     from identify.uncertainty.profile import Profiles
-    from identify.uncertainty.profile_line import FREE, ProfilePoint
+    from identify.uncertainty.profile_ground import FREE, ProfilePoint
 
     kind = _kind(SLOW, FAST)
     prepared, unknowns = _prepared(kind)

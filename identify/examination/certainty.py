@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identify.asked import Asked
 from identify.examination.agreeing import agreeing
-from identify.examination.examined import AtBound, Examination, Question
+from identify.examination.examined import AtBound, Question, examine
 from identify.examination.fine_enough import fine_enough
 from identify.examination.hanging import hanging
 from identify.examination.letting_go import let_go
@@ -86,7 +86,7 @@ def certainty(
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None
-    seen = Examination(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
+    seen = examine(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
     attempt, view = seen.attempt, seen.view
     if seen.accepted and not view.bounds:  # at a bound the pulls of the logs do not cancel
         held = hanging(attempt.solved, [log.name for log in attempt.prepared])

@@ -24,7 +24,7 @@ from identify.search.inward import at_own_bounds
 from identify.telling import Progress
 from identify.uncertainty.hints import hints, onsets, untold
 from identify.uncertainty.profile import Profiles, profile
-from identify.uncertainty.profile_line import ProfilePoint
+from identify.uncertainty.profile_ground import ProfilePoint
 from identify.uncertainty.uncertainty import Estimate, Information, Interval, estimates
 from identify.uncertainty.widened import widened
 
@@ -73,137 +73,167 @@ class View:
         return any(e.verdict == "not identifiable" for e in self.found)
 
 
-class Examination:
-    """An answer, the information at it, and the profiles walked from it; all change where the answer moves."""
+@dataclass(frozen=True)
+class Trail:
+    """What was met on the way to an answer: valleys beside it; points of the last walk, which was of so many samples;
+    mirrored: whether the other sign of friction's change with the speed was tried."""
 
-    def __init__(self, attempt: Attempt, known: Information, question: Question) -> None:
-        self._q = question
-        self._mirrored = False
-        self._valleys: list[Attempt] = []
-        self._met: tuple[ProfilePoint, ...] = ()  # by the walk before, of so many samples
-        self._samples = 0
-        self._stand(attempt, known, None)
-        self.view = self._seen()
-        self._look_around()
-        for tries in range(BETTER_TRIES):
-            if not (self._elsewhere() or self._walk(last=tries + 1 == BETTER_TRIES)):
-                break
-            self.view = self._seen()
+    valleys: tuple[Attempt, ...] = ()
+    met: tuple[ProfilePoint, ...] = ()
+    samples: int = 0
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
+class Examined:
+    """An answer, the information known at it, the profiles walked from it (None: none were), what is seen from it."""
+
+    attempt: Attempt
+    known: Information
+    walked: Profiles | None
+    view: View
+    trail: Trail
 
     @property
     def accepted(self) -> bool:
         """Whether the answer still is one."""
         return self.attempt.gate.status is Status.CONVERGED
 
-    def _seen(self) -> View:
-        q, solved = self._q, self.attempt.solved
-        bounds = q.at_bound(solved.theta)
-        told = hints(self.attempt.prepared, solved.guesses, q.unknowns, solved.theta)
-        joint, f = self._allowed.joint.copy(), len(self._allowed.white)
-        if self.walked is not None:
-            joint[:f, :f] = widened(self._allowed.covariance, self.walked.likely, self.walked.objection)
-        ends = {} if self.walked is None else self.walked.ends
-        intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
-        found = estimates(
-            q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals
-        )
-        return View(bounds, told, self._allowed, joint, untold(found, solved.guesses, told))
 
-    def _elsewhere(self) -> bool:
-        """Whether the answer moved: to friction that rises instead of falling, or from the ends of a ridge to another
-        course of the motion."""
-        if not (self.accepted and self.view.leaves_open):
-            return False
-        other: Attempt | None = None
-        if not self._mirrored:
-            self._mirrored = True
-            other = other_sign(self.attempt, self._q.unknowns)
-        if other is None and self.walked is not None:
-            other = better_course(self.attempt, self._q.unknowns, self.walked.likely)
-        if other is None:
-            return False
-        self._move(other, None)
-        return True
+def examine(attempt: Attempt, known: Information, question: Question) -> Examined:
+    """The answer with the walks along its ridges that are worth while, or the better one to which these, thrown starts
+    or another course of the motion lead.
 
-    def _look_around(self) -> None:
-        """Where the data hardly tell some parameter, the lowest of the valleys about the answer takes its place."""
-        q = self._q
-        if not (self.accepted and self._doubtful()):
-            return
-        q.progress("looking for other valleys", None)
-        lowest, self._valleys = lowest_valley(self.attempt, q.unknowns, q.seed)
-        if lowest is not self.attempt:
-            self._move(lowest, None)
-            self.view = self._seen()
+    Args:
+        known: at the answer that is given.
+    """
+    here = _lowest_about(_standing(attempt, known, question, Trail()), question)
+    for tries in range(BETTER_TRIES):
+        tried = _elsewhere(here, question)
+        moved = tried.attempt is not here.attempt
+        there = tried if moved else _walked(tried, question, last=tries + 1 == BETTER_TRIES)
+        if there is None:
+            break
+        here = there
+    return here
 
-    def _move(self, attempt: Attempt, walked: Profiles | None) -> None:
-        self._stand(attempt, information_at(attempt, self._q.unknowns), walked)
 
-    def _stand(self, attempt: Attempt, known: Information, walked: Profiles | None) -> None:
-        self.attempt, self.known, self.walked = attempt, known, walked
-        self._allowed = allowed(attempt, known, self._q.speed_tolerance)  # walks do not change it
+def _standing(
+    attempt: Attempt, known: Information, q: Question, trail: Trail, walked: Profiles | None = None
+) -> Examined:
+    """At an answer at which nothing was looked at yet."""
+    view = _view(attempt, allowed(attempt, known, q.speed_tolerance), walked, q)
+    return Examined(attempt, known, walked, view, trail)
 
-    def _along(self) -> list[int] | None:
-        """The parameters that a walk is worth while for; None: all."""
-        q, view, solved = self._q, self.view, self.attempt.solved
-        if q.asked.profile or view.bounds or self._doubtful():
-            return None
-        return ridge(q.unknowns, view.covariance, solved.theta, q.base) if self._tells else []
 
-    @property
-    def _tells(self) -> bool:
-        """Whether there is more than one peak or one level: what these do not tell, no walk will find an end of."""
-        return onsets(self.attempt.solved.guesses) > 1
+def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None = None) -> Examined:
+    """At another answer."""
+    return _standing(attempt, information_at(attempt, q.unknowns), q, trail, walked)
 
-    def _doubtful(self) -> bool:
-        return self._tells and doubtful(self._q.unknowns, self.view.covariance, self.view.found)
 
-    def _walk(self, last: bool) -> bool:
-        """Whether a walk along the ridges was worth while, once at each answer; where it meets a better place, the
-        answer moves there.
+def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question) -> View:
+    """What is seen from an answer; seen: what is allowed for there, which walks do not change."""
+    solved = attempt.solved
+    bounds = q.at_bound(solved.theta)
+    told = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
+    joint, f = seen.joint.copy(), len(seen.white)
+    if walked is not None:
+        joint[:f, :f] = widened(seen.covariance, walked.likely, walked.objection)
+    ends = {} if walked is None else walked.ends
+    intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
+    found = estimates(q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals)
+    return View(bounds, told, seen, joint, untold(found, solved.guesses, told))
 
-        Args:
-            last: no other walk will follow.
-        """
-        if self.walked is not None or not self.accepted:
-            return False
-        along = self._along()
-        if along == []:
-            return False
-        q, solved = self._q, self.attempt.solved
-        self.walked = profile(
-            self.attempt.prepared,
-            solved,
-            q.unknowns,
-            self.view.allowed.white,
-            q.progress,
-            memory=self.view.allowed.memory,
-            steps=CURVE_STEPS if q.asked.profile else 1,
-            only=along,
-            valleys=[valley.solved for valley in self._valleys],
-            before=self._met if self._samples == solved.problem.samples else (),
-        )
-        self._samples, self._met = solved.problem.samples, self.walked.met
-        if self.walked.better is not None:
-            self._to_better(self.walked, self.walked.better, last)
-        return True
 
-    def _to_better(self, walked: Profiles, better: ProfilePoint, last: bool) -> None:
-        """The answer moves to the better place that a walk met, where the solver settles there."""
-        q, solved = self._q, self.attempt.solved
-        moved = resolve_firmly(self.attempt, q.unknowns, better.theta, better.guesses)
-        inside = walked.gain < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
-        converged = moved.gate.status is Status.CONVERGED
-        if inside and (not converged or np.any(at_own_bounds(q.unknowns, moved.solved.theta))):
-            # Inside the joint region: another point of the same ridge, at which the solver finds no end, or which has
-            # none within the model.
-            self.walked = walked.seen_from(q.unknowns, solved.theta)
-            return
-        if not converged:
-            moved = replace(moved, gate=_another_start(moved, q.unknowns, walked.gain, better, q.base))
-        if inside:  # the data hardly prefer the one to the other
-            self._valleys.append(self.attempt)
-        self._move(moved, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
+def _lowest_about(here: Examined, q: Question) -> Examined:
+    """Where the data hardly tell some parameter, the lowest of the valleys about the answer takes its place."""
+    if not (here.accepted and _doubtful(here, q)):
+        return here
+    q.progress("looking for other valleys", None)
+    lowest, valleys = lowest_valley(here.attempt, q.unknowns, q.seed)
+    trail = replace(here.trail, valleys=tuple(valleys))
+    return replace(here, trail=trail) if lowest is here.attempt else _moved(lowest, q, trail)
+
+
+def _elsewhere(here: Examined, q: Question) -> Examined:
+    """At the answer that is met with friction that rises instead of falling, or from the ends of a ridge with another
+    course of the motion; where there is none, at the same."""
+    if not (here.accepted and here.view.leaves_open):
+        return here
+    other = None if here.trail.mirrored else other_sign(here.attempt, q.unknowns)
+    if other is None and here.walked is not None:
+        other = better_course(here.attempt, q.unknowns, here.walked.likely)
+    trail = replace(here.trail, mirrored=True)
+    return replace(here, trail=trail) if other is None else _moved(other, q, trail)
+
+
+def _tells(attempt: Attempt) -> bool:
+    """Whether there is more than one peak or one level: what these do not tell, no walk will find an end of."""
+    return onsets(attempt.solved.guesses) > 1
+
+
+def _doubtful(here: Examined, q: Question) -> bool:
+    return _tells(here.attempt) and doubtful(q.unknowns, here.view.covariance, here.view.found)
+
+
+def _along(here: Examined, q: Question) -> list[int] | None:
+    """The parameters that a walk is worth while for; None: all."""
+    if q.asked.profile or here.view.bounds or _doubtful(here, q):
+        return None
+    theta = here.attempt.solved.theta
+    return ridge(q.unknowns, here.view.covariance, theta, q.base) if _tells(here.attempt) else []
+
+
+def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
+    """After a walk along the ridges, once at each answer, at the better place where one was met; None where no walk is
+    worth while.
+
+    Args:
+        last: no other walk will follow.
+    """
+    if here.walked is not None or not here.accepted:
+        return None
+    along = _along(here, q)
+    if along == []:
+        return None
+    attempt, seen, trail = here.attempt, here.view.allowed, here.trail
+    samples = attempt.solved.problem.samples
+    walked = profile(
+        attempt.prepared,
+        attempt.solved,
+        q.unknowns,
+        seen.white,
+        q.progress,
+        memory=seen.memory,
+        steps=CURVE_STEPS if q.asked.profile else 1,
+        only=along,
+        valleys=[valley.solved for valley in trail.valleys],
+        before=trail.met if trail.samples == samples else (),
+    )
+    here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
+    return _with_walk(here, walked, q) if walked.better is None else _at_better(here, walked, walked.better, q, last)
+
+
+def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:
+    """At the same answer, with the walk from it."""
+    return replace(here, walked=walked, view=_view(here.attempt, here.view.allowed, walked, q))
+
+
+def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Question, last: bool) -> Examined:
+    """At the better place that a walk met, where the solver settles there."""
+    theta, trail = here.attempt.solved.theta, here.trail
+    moved = resolve_firmly(here.attempt, q.unknowns, better.theta, better.guesses)
+    inside = walked.gain < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
+    converged = moved.gate.status is Status.CONVERGED
+    if inside and (not converged or np.any(at_own_bounds(q.unknowns, moved.solved.theta))):
+        # Inside the joint region: another point of the same ridge, at which the solver finds no end, or which has
+        # none within the model.
+        return _with_walk(here, walked.seen_from(q.unknowns, theta), q)
+    if not converged:
+        moved = replace(moved, gate=_another_start(moved, q.unknowns, walked.gain, better, q.base))
+    if inside:  # the data hardly prefer the one to the other
+        trail = replace(trail, valleys=(*trail.valleys, here.attempt))
+    return _moved(moved, q, trail, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
 
 
 def _another_start(moved: Attempt, unknowns: Unknowns, gain: float, better: ProfilePoint, base: Array) -> Gate:

@@ -9,18 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import kept, shown, thinned
+from data_io.thinned import kept
 from identify.detection.judgement import Judgement, judge
 from identify.detection.segment import Segmentation, segment
 from identify.detection.slip_quality import Part
 from identify.errors import FitError
 from identify.motion.drive import Drive, NormalForce
 from identify.preparation import window
-from identify.preparation.cutting import Account, account, cut_and_correct, refuse_too_few
+from identify.preparation.cutting import Account, account
 from identify.preparation.guess import LogData, Pull
 from identify.preparation.loads import Course, as_far_as_told, as_modelled
 from identify.preparation.manner import FEW, Manner, manner_of, moving_pieces
 from identify.preparation.parting import name_of
+from identify.preparation.segmented import Segmented, segmented
 from identify.preparation.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
@@ -127,94 +128,106 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         FitError: no drive speed, a drive that turns, or a log of which nothing is left.
         SceneError: an effect outside its measured range.
     """
-    rig = scene.rig_for(entry)
-    name = name_of(entry)
-    drive = _drive(rig, entry, record, name)
-    speed = max(drive.speeds)
-    corrected = cut_and_correct(entry, record)
-    raw, record = record, corrected.record
-    force = np.asarray(record.friction_force, float)
-    used = corrected.used & np.isfinite(force) & np.isfinite(record.normal_force)
-    refuse_too_few(entry, record, used, name)
-    sign = _sign(entry, kept(force, used))
-    force = sign * force
-    measured = shown(force, used)
-    inside = np.flatnonzero(used)
-    first, last = int(inside[0]), int(inside[-1]) + 1
-    found = segment(record.time[first:last], measured[first:last], half_period=rig.half_period or None, noise=rig.noise)
-    spikes = np.ones(record.time.size, bool)
-    spikes[first:last] = found.spikes
-    noise = rig.noise or found.noise
-    sound = kept(force, used)
-    floor = 1e-6 * float(max(sound.max(), -sound.min()))
-    weight = np.where(used & ~spikes, 1.0 / max(noise, floor, 1e-12) ** 2, 0.0)
-    falls = found.cycles.fall[entry.skip_cycles :]
-    soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
-    expected = None if soft or not drive.constant else speed * rig.stiffness
-    part = Part(record.time[first:last], measured[first:last], found, expected)
-    judgement = judge(record, [part], scene.thresholds, used)
-    inner = slice(first, last)
-    half_period = rig.half_period or 0.0
+    log = segmented(entry, record, scene.rig_for(entry))
+    judgement = _judged(log, scene, unknowns)
     manner = manner_of(
-        found, record.time[inner], measured[inner], falls, noise=noise, half_period=half_period, drive=drive
+        log.found,
+        log.time,
+        log.measured,
+        log.falls,
+        noise=log.noise,
+        half_period=log.half_period,
+        drive=log.drive,
     )
+    begin, end = _window(log, manner)
+    reason = _rejected(judgement, log.name) or _reason(manner, log.falls, log.found.count, entry, log.name)
+    course, hidden = _load(log, (begin, end), judgement, scene, unknowns)
+    made = Prepared(
+        record=log.record,
+        entry=entry,
+        rig=log.rig,
+        sign=log.sign,
+        force=log.force,
+        used=log.counted,
+        segmentation=log.found,
+        data=as_far_as_told(_data(log, course, (begin, end), unknowns)),
+        falls=log.falls,
+        left_out=reason,
+        noise_estimated=log.rig.noise is None,
+        account=account(entry, record, log.corrected, log.sign, float(log.time[0]), begin),
+        judgement=judgement,
+        hidden_swing=hidden,
+        manner=manner,
+    )
+    return replace(made, pieces=_pieces(made, log.noise, log.half_period)) if manner.name == "course" else made
+
+
+def _judged(log: Segmented, scene: Scene, unknowns: Unknowns) -> Judgement:
+    """What the quality gate says of a log."""
+    soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
+    expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
+    part = Part(log.time, log.measured, log.found, expected)
+    return judge(log.record, [part], scene.thresholds, log.used)
+
+
+def _window(log: Segmented, manner: Manner) -> tuple[float, float]:
+    """Begin and end of what is fitted [s]."""
+    time, force, found, noise = log.time, log.measured, log.found, log.noise
     if manner.name == "cycles":
-        begin, end = window.of_cycles(record.time[inner], measured[inner], found, noise, entry.skip_cycles)
-    else:
-        begin, end = window.of_a_course(record.time[inner], measured[inner], found, noise, manner, drive, half_period)
-    reason = _rejected(judgement, name) or _reason(manner, falls, found.count, entry, name)
+        return window.of_cycles(time, force, found, noise, log.entry.skip_cycles)
+    return window.of_a_course(time, force, found, noise, manner, log.drive, log.half_period)
+
+
+def _load(
+    log: Segmented, fitted: tuple[float, float], judgement: Judgement, scene: Scene, unknowns: Unknowns
+) -> tuple[Course, float]:
+    """The normal force as the model takes it, and the swing that its mean hides; fitted: the window [s].
+
+    Raises:
+        FitError: a normal force that is none, of a log that is not rejected.
+        SceneError: an effect outside its measured range.
+    """
+    follows, name, cycles = unknowns.model.follows_load, log.name, log.found.count
     try:
-        course, hidden = as_modelled(
-            record, used, (begin, end), follows=unknowns.model.follows_load, name=name, cycles=found.count
-        )
+        course, hidden = as_modelled(log.record, log.used, fitted, follows=follows, name=name, cycles=cycles)
     except FitError:
         if judgement.verdict != "reject":
             raise
-        course, hidden = UNTOLD, 0.0  # the log is left out: nothing is computed with it
-    else:
-        programme = speed if drive.constant else tuple(zip(drive.starts, drive.speeds, strict=True))
-        scene.check_ranges(entry, programme, (min(course.force.values), max(course.force.values)))
+        return UNTOLD, 0.0  # the log is left out: nothing is computed with it
+    programme = log.speed if log.drive.constant else tuple(zip(log.drive.starts, log.drive.speeds, strict=True))
+    scene.check_ranges(log.entry, programme, (min(course.force.values), max(course.force.values)))
+    return course, hidden
+
+
+def _data(log: Segmented, course: Course, fitted: tuple[float, float], unknowns: Unknowns) -> LogData:
+    """The log as the estimator sees it; fitted: the window [s]."""
+    rig, (begin, end) = log.rig, fitted
     repeatable = float(REPEATABLE * np.mean(course.force.values))
-    load_sd = float(np.hypot(course.sd, repeatable))
-    data = LogData(
-        np.ascontiguousarray(record.time),
-        np.where(np.isfinite(force), force, 0.0),
-        weight,
-        unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
-        speed,
-        course.force,
-        load_sd,
-        begin,
-        end,
-        np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
-        tuple("" if by is None or by == EACH_LOG else entry.labels[by] for by in unknowns.per),
-        None if drive.constant else drive,
-        course.tremor_sd if course.tremor_sd > SWINGS * repeatable else 0.0,
+    labels = log.entry.labels
+    return LogData(
+        time=np.ascontiguousarray(log.record.time),
+        force=np.where(np.isfinite(log.force), log.force, 0.0),
+        weight=_weight(log),
+        base=unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
+        drive_speed=log.speed,
+        normal_force=course.force,
+        normal_force_sd=float(np.hypot(course.sd, repeatable)),
+        begin=begin,
+        end=end,
+        own=np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
+        groups=tuple("" if by is None or by == EACH_LOG else labels[by] for by in unknowns.per),
+        programme=None if log.drive.constant else log.drive,
+        tremor_sd=course.tremor_sd if course.tremor_sd > SWINGS * repeatable else 0.0,
         sd_course=_sd_over_time(course, repeatable),
-        pull=_pull(found, course, rig, speed),
+        pull=_pull(log.found, course, rig, log.speed),
     )
-    data = as_far_as_told(data)
-    told = account(entry, raw, corrected, sign, float(record.time[first]), begin)
-    counted = used & ~spikes
-    estimated = rig.noise is None
-    made = Prepared(
-        record,
-        entry,
-        rig,
-        sign,
-        force,
-        counted,
-        found,
-        data,
-        falls,
-        reason,
-        estimated,
-        told,
-        judgement,
-        hidden,
-        manner,
-    )
-    return replace(made, pieces=_pieces(made, noise, half_period)) if manner.name == "course" else made
+
+
+def _weight(log: Segmented) -> Array:
+    """1/variance [1/N^2] of every sample (n,), 0 where it does not count."""
+    sound = kept(log.force, log.used)
+    floor = 1e-6 * float(max(sound.max(), -sound.min()))
+    return np.where(log.counted, 1.0 / max(log.noise, floor, 1e-12) ** 2, 0.0)
 
 
 def _sd_over_time(course: Course, repeatable: float) -> NormalForce | None:
@@ -233,31 +246,6 @@ def _pull(found: Segmentation, course: Course, rig: Rig, speed: float) -> Pull |
         return None
     # Rig and skin together are as soft as the sticks show.
     return Pull(coefficient, rate, LONGER * rig.half_period * float(np.sqrt(rig.stiffness * speed / rate)))
-
-
-def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
-    """How the drive goes while the record counts: one speed, or a programme that goes one way."""
-    if rig.drive_speed is None:
-        raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
-    whole = Drive.of(rig.drive_speed)
-    start, stop = entry.window or (0.0, float(record.time[-1]))
-    starts = [t for t in whole.starts if start < t < stop]
-    speeds = [whole.at(max(start, 0.0)), *(whole.at(t) for t in starts)]
-    if all(speed == 0.0 for speed in speeds):
-        raise FitError(f"{name} has a drive speed of 0 m/s; expected a moving drive: a hold alone cannot be fitted")
-    if min(speeds) < 0.0 < max(speeds):
-        raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
-    kept = [(0.0, abs(speeds[0]))]
-    for t, speed in zip(starts, speeds[1:], strict=True):
-        if abs(speed) != kept[-1][1]:
-            kept.append((t, abs(speed)))
-    return Drive.of(tuple(kept))
-
-
-def _sign(entry: LogEntry, force: Array) -> int:
-    if entry.flip_sign is not None:
-        return -1 if entry.flip_sign else 1
-    return -1 if float(np.nanmedian(thinned(force))) < 0.0 else 1
 
 
 def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, ...]:

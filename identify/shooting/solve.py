@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -14,10 +15,37 @@ from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
 
-
 STANDSTILL = 1e-3  # of half chi^2 per iteration
 QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
 OUT_OF_ORDER = "Events_Out_Of_Order"
+ALWAYS: Mapping[str, Any] = MappingProxyType(
+    {
+        "print_time": False,
+        "show_eval_warnings": False,  # IPOPT steps back from where a function is not defined: nothing to tell a user
+        "no_nlp_grad": True,
+        "calc_lam_p": False,
+        "calc_lam_x": False,
+        "calc_f": False,
+        "calc_g": False,
+        "ipopt.sb": "yes",
+        "ipopt.print_level": 0,
+        "ipopt.constr_viol_tol": 1e-9,
+        "ipopt.dual_inf_tol": 1e-2,
+        # On a ridge that the data hardly bend, Gauss-Newton creeps: stop where creeping gains nothing.
+        "ipopt.acceptable_iter": 4,
+        "ipopt.acceptable_tol": 1e10,
+        "ipopt.acceptable_dual_inf_tol": 1e10,
+        "ipopt.acceptable_constr_viol_tol": 1e-8,
+        "ipopt.acceptable_compl_inf_tol": 1e-2,
+        "ipopt.nlp_scaling_method": "none",
+        # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
+        "ipopt.mumps_pivot_order": QAMD,
+        "ipopt.mumps_permuting_scaling": 0,
+        "ipopt.bound_push": 1e-8,
+        "ipopt.bound_frac": 1e-8,
+    }
+)
+"""Options of every solve."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +146,20 @@ def _not_begun(problem: Problem) -> Solution:
     return Solution(problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf)
 
 
+def _left_by(problem: Problem, z: Array, stats: Mapping[str, Any]) -> Solution:
+    """What the solver left: its last z (n,) scaled, and what it says of it."""
+    point = problem.evaluate(z, derivatives=False)
+    return Solution(
+        z=z,
+        x=z * problem.layout.scale,
+        words=str(stats["return_status"]),
+        success=bool(stats["success"]),
+        iterations=int(stats["iter_count"]),
+        cost=point.cost,
+        infeasibility=float(np.max(np.abs(point.rows), initial=0.0)),
+    )
+
+
 def solve(
     problem: Problem,
     *,
@@ -144,55 +186,16 @@ def solve(
     if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=False).cost):
         return _not_begun(problem)
     ports = _ports(problem, exact)
-    options: dict[str, Any] = {
-        "print_time": False,
-        "show_eval_warnings": False,  # IPOPT steps back from where a function is not defined: nothing to tell a user
-        "no_nlp_grad": True,
-        "calc_lam_p": False,
-        "calc_lam_x": False,
-        "calc_f": False,
-        "calc_g": False,
+    options = dict(ALWAYS) | {
         "grad_f": ports["grad_f"],
         "jac_g": ports["jac_g"],
         "hess_lag": ports["hess_lag"],
-        "ipopt.sb": "yes",
-        "ipopt.print_level": 0,
         "ipopt.tol": tolerance,
-        "ipopt.constr_viol_tol": 1e-9,
-        "ipopt.dual_inf_tol": 1e-2,
-        # On a ridge that the data hardly bend, Gauss-Newton creeps: stop where creeping gains nothing.
-        "ipopt.acceptable_iter": 4,
-        "ipopt.acceptable_tol": 1e10,
-        "ipopt.acceptable_dual_inf_tol": 1e10,
-        "ipopt.acceptable_constr_viol_tol": 1e-8,
-        "ipopt.acceptable_compl_inf_tol": 1e-2,
         "ipopt.acceptable_obj_change_tol": STANDSTILL / max(1.0, problem.samples / 2),
         "ipopt.mu_init": barrier,
-        "ipopt.nlp_scaling_method": "none",
-        # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
-        "ipopt.mumps_pivot_order": QAMD,
-        "ipopt.mumps_permuting_scaling": 0,
-        "ipopt.bound_push": 1e-8,
-        "ipopt.bound_frac": 1e-8,
         "ipopt.max_iter": iterations,
     }
     solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
-    result = solver(
-        x0=first,
-        lbx=layout.lower / layout.scale,
-        ubx=layout.upper / layout.scale,
-        lbg=0.0,
-        ubg=0.0,
-    )
-    z = np.array(result["x"]).ravel()
-    stats = solver.stats()
-    point = problem.evaluate(z, derivatives=False)
-    return Solution(
-        z,
-        z * layout.scale,
-        str(stats["return_status"]),
-        bool(stats["success"]),
-        int(stats["iter_count"]),
-        point.cost,
-        float(np.max(np.abs(point.rows), initial=0.0)),
-    )
+    lower, upper = layout.lower / layout.scale, layout.upper / layout.scale
+    result = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+    return _left_by(problem, np.array(result["x"]).ravel(), solver.stats())

@@ -18,7 +18,8 @@ from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 from identify.shooting.passes import Solved
 from identify.telling import Progress
-from identify.uncertainty.profile_line import ProfileLine, ProfilePoint
+from identify.uncertainty.profile_ground import ProfilePoint
+from identify.uncertainty.profile_line import ProfileLine
 from identify.uncertainty.profile_side import (
     CRITICAL,
     Side,
@@ -102,8 +103,8 @@ def profile(
         before: points met by walks from another answer of the same samples.
     """
     sizes = np.sqrt(np.diag(covariance))
-    line = ProfileLine(logs, solved, unknowns, sizes)
-    line.seen += before
+    line = ProfileLine.at(logs, solved, unknowns, sizes)
+    line.seen.extend(before)
     for valley in valleys:
         line.settled(valley.theta, valley.guesses)
     beside, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from identify.numerics.level import LEVEL
 from identify.numerics.quantiles import chi_square
 from identify.preparation.unknowns import Unknowns
-from identify.uncertainty.profile_line import ProfileLine, ProfilePoint
+from identify.uncertainty.profile_ground import ProfilePoint
+from identify.uncertainty.profile_line import ProfileLine
 from identify.uncertainty.uncertainty import WEAK
 
 Array = NDArray[np.float64]
