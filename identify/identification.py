@@ -35,6 +35,7 @@ from identify.result.result import document
 from identify.scene import Scene
 from identify.search.attempt import Attempt, Clock, solve_from
 from identify.search.grouped import search_grouped
+from identify.search.search import disowned, plenty
 from identify.search.shaken import shaken
 from identify.search.starts import Sources
 from identify.search.status_words import at_bounds, ended, underivable, untried
@@ -150,7 +151,7 @@ def find(
         findings, better = looked_into(findings, scene, read, prepared, progress)
         if better is None:
             break
-        attempt = better
+        attempt = disowned(better, prepared, plenty(prepared))
     clock.add("intervals", since)
     return prepared, findings
 

@@ -197,7 +197,7 @@ def _judge(
     if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
         others = np.delete(np.abs(z), worst)
         typical = float(np.median(others)) if others.size else 0.0
-        if z[worst] > max(JUMP, ALONE * typical):
+        if z[worst] > max(JUMP, ALONE * typical) and typical < PER_CYCLE:
             return Status.WRONG_EVENT_COUNT, (
                 f"{where} misfits by {z[worst]:.0f} standard deviations while the others fit: a slip was missed "
                 "or invented there; look at it in the report and exclude that stretch"

@@ -149,7 +149,7 @@ def _from_logs(
         if way.thorough and not unequal and best is not None and best.gate.status is not Status.CONVERGED:
             told(say, 0.7)
             best = _better(best, _again_from(stage, wandered[:most], prepared, first, able, unknowns, clock))
-    return None if best is None else _disowned(best, prepared, first)
+    return None if best is None else disowned(best, prepared, first)
 
 
 def _attempted(
@@ -233,9 +233,20 @@ def alike(prepared: Sequence[Prepared]) -> bool:
     return not any(log.unlike for log in prepared)
 
 
-def _disowned(best: Attempt, prepared: list[Prepared], first: list[int]) -> Attempt:
-    """An answer that leaves out a log with plenty of cycles does not describe the data, well as it fits the rest."""
-    missing = [prepared[i].name for i in first if i not in best.logs]
+def plenty(prepared: Sequence[Prepared]) -> list[int]:
+    """Numbers of the logs that an answer has to describe: they are not left out, and show enough cycles."""
+    return [
+        i for i, log in enumerate(prepared) if log.left_out is None and log.typical >= LEAST[1] and not log.manner.faint
+    ]
+
+
+def disowned(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:
+    """An answer that leaves out a log with plenty of cycles does not describe the data, well as it fits the rest.
+
+    Args:
+        needed: numbers of these logs.
+    """
+    missing = [prepared[i].name for i in needed if i not in best.logs]
     if not missing or best.gate.status is not Status.CONVERGED:
         return best
     message = (
