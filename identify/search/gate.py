@@ -26,6 +26,7 @@ NOISE_ERROR = 0.015  # relative error of an estimated noise level
 QUIETEST = 0.7  # of the variance measured in the sticks: less is no error of measuring noise
 JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong,
 ALONE = 20.0  # if the others are this many times better: a missed slip spoils its neighbours a little
+OR_ELSE = "; or friction differs from cycle to cycle, or the drive moves otherwise than stated"
 
 
 @dataclass(frozen=True)
@@ -197,10 +198,15 @@ def _judge(
     if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
         others = np.delete(np.abs(z), worst)
         typical = float(np.median(others)) if others.size else 0.0
-        if z[worst] > max(JUMP, ALONE * typical) and typical < PER_CYCLE:
+        if z[worst] > max(JUMP, ALONE * typical):
+            # Where the others misfit too, other causes than a slip are as likely.
+            fit = typical < PER_CYCLE
+            beside, or_else = (
+                ("while the others fit", "") if fit else (f"where the others do by {typical:.0f}", OR_ELSE)
+            )
             return Status.WRONG_EVENT_COUNT, (
-                f"{where} misfits by {z[worst]:.0f} standard deviations while the others fit: a slip was missed "
-                "or invented there; look at it in the report and exclude that stretch"
+                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}: a slip was missed "
+                f"or invented there; look at it in the report and exclude that stretch{or_else}"
             )
         failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
         return Status.MODEL_MISFIT, (
