@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.effect_choice.fitted import Fitted
+from identify.number_words import three_figures
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import stated_rig
 from identify.scene import Scene
@@ -107,9 +108,10 @@ def _as_sticks_rise(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
 
 def _stated(name: str, unit: str, remedy: str) -> Callable[[float, float], str]:
     def words(value: float, stated: float) -> str:
+        found = f"{three_figures(value)} {unit}"
         return (
-            f"a {name} of {value:.3g} {unit} instead of {stated:.3g} {unit} "
-            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{value:.3g} {unit}" }})'
+            f"a {name} of {found} instead of {three_figures(stated)} {unit} "
+            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{found}" }})'
         )
 
     return words
@@ -127,7 +129,9 @@ GROSS: tuple[Suspect, ...] = (
     Suspect(
         "skin_stiffness",
         _effect("skin_compliance", "skin_stiffness", lambda scene: 5.0 * float(scene.rig.stiffness)),
-        lambda value, _stated: f"something of {value:.3g} N/m in series with the rig (add skin_compliance to effects)",
+        lambda value, _stated: (
+            f"something of {three_figures(value)} N/m in series with the rig (add skin_compliance to effects)"
+        ),
     ),
     Suspect(
         "drive_speed",
