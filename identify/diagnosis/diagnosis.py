@@ -2,7 +2,8 @@
 logs within their noise is named.
 
 A suspect explains a misfit where it alone takes it down to noise, or nearly all of it. What explains it is said,
-never silently taken over: the answer stays a misfit until the user mends the scene.
+never silently taken over: the answer stays a misfit until the user mends the scene. Where no suspect does, it may be
+that one log does not agree with the others.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.diagnosis.by_log import misfits_of_logs
+from identify.diagnosis.cause import Cause
+from identify.diagnosis.disagreement import disagreement
 from identify.diagnosis.held import Held
 from identify.diagnosis.log_speeds import log_speeds
 from identify.diagnosis.refined import refined
@@ -68,15 +71,6 @@ def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Cause:
-    """What alone explains a misfit: a sentence; better: an answer of the model as it is stated that lies nearer to the
-    data, met on the way: the misfit was at least in part the search's own."""
-
-    sentence: str
-    better: Attempt | None = None
-
-
 def diagnose(
     scene: Scene,
     records: Sequence[Record],
@@ -104,7 +98,7 @@ def diagnose(
         tried = _tried((*beside, *GROSS), scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
         found = _explanations(_refined(tried, ended, records), scene, ended)
     if not found:
-        return None
+        return disagreement(scene, records, ended)
     found.sort(key=lambda each: each.fitted.excess)
     sentence = "; or ".join(e.words for e in found if e.fitted.excess < found[0].fitted.excess + TOLD)
     # What was set free may explain nothing but have led the search elsewhere.
