@@ -9,6 +9,7 @@ from identify.calculators.outlook_words import amplitude_text, said, stability_t
 from identify.cli import main as cli
 from identify.cli.common import Terminal
 from identify.cli.summary import say_fit
+from identify.number_words import three_figures
 from identify.outcome import Fit
 from identify.report.answers import answer_table, said_once
 from identify.report.page import render_page
@@ -163,3 +164,21 @@ def test_a_log_that_is_not_there_is_said_before_anything_else(tmp_path, capsys, 
         assert "gone.csv: there is no such log" in err and "drive speed" not in err
     assert cli.main(["fit", "gone.csv", "--scene", "none.toml"]) == 2
     assert "no such scene file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("value", "said_as"),
+    [
+        (1800.0, "1800"),
+        (2163.2, "2160"),
+        (999.6, "1000"),
+        (999999.0, "1e+06"),
+        (-1234.0, "-1230"),
+        (0.298, "0.298"),
+        (1.5e-5, "1.5e-05"),
+        (0.0, "0"),
+        (float("inf"), "inf"),
+    ],
+)
+def test_a_number_is_written_out_where_that_is_soon_read(value, said_as):
+    assert three_figures(value) == said_as

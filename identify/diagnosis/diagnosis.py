@@ -2,7 +2,8 @@
 logs within their noise is named.
 
 A suspect explains a misfit where it alone takes it down to noise, or nearly all of it. What explains it is said,
-never silently taken over: the answer stays a misfit until the user mends the scene.
+never silently taken over: the answer stays a misfit until the user mends the scene. Where no suspect does, it may be
+that one log does not agree with the others.
 """
 
 from __future__ import annotations
@@ -14,7 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.diagnosis.by_log import misfits_of_logs
+from identify.diagnosis.cause import Cause
+from identify.diagnosis.disagreement import disagreement
 from identify.diagnosis.held import Held
+from identify.diagnosis.log_speeds import log_speeds
+from identify.diagnosis.refined import refined
 from identify.diagnosis.restraints import restraints
 from identify.diagnosis.suspects import GROSS, SLIGHT, Suspect, found_and_stated
 from identify.effect_choice.fitted import Fitted, as_it_ended, described, fits
@@ -31,6 +37,7 @@ from identify.uncertainty.uncertainty import sizes
 Array = NDArray[np.float64]
 
 REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
+PROMISING = 0.5  # share that may remain with a value that is only about right
 CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
 UNITS = 30.0  # factor by which sticks rise too slowly where a unit is wrong: nothing soft in series does that
@@ -64,15 +71,6 @@ def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Cause:
-    """What alone explains a misfit: a sentence; better: an answer of the model as it is stated that lies nearer to the
-    data, met on the way: the misfit was at least in part the search's own."""
-
-    sentence: str
-    better: Attempt | None = None
-
-
 def diagnose(
     scene: Scene,
     records: Sequence[Record],
@@ -89,15 +87,18 @@ def diagnose(
     if fits(ended):
         return None
     found: list[_Explanation] = []
-    beside = restraints(scene, () if attempt is None else at_bounds(unknowns, attempt.solved.theta))
+    beside = (
+        *restraints(scene, () if attempt is None else at_bounds(unknowns, attempt.solved.theta)),
+        *log_speeds(scene, prepared, misfits_of_logs(ended)),
+    )
     if attempt is not None and ended.excess < NEAR * ended.samples:
         tried = _tried((*beside, *SLIGHT), scene, prepared, lambda freed: _from_values(ended, freed, records))
-        found = _explanations(tried, scene, ended)
+        found = _explanations(_refined(tried, ended, records), scene, ended)
     if not found:
         tried = _tried((*beside, *GROSS), scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
-        found = _explanations(tried, scene, ended)
+        found = _explanations(_refined(tried, ended, records), scene, ended)
     if not found:
-        return None
+        return disagreement(scene, records, ended)
     found.sort(key=lambda each: each.fitted.excess)
     sentence = "; or ".join(e.words for e in found if e.fitted.excess < found[0].fitted.excess + TOLD)
     # What was set free may explain nothing but have led the search elsewhere.
@@ -137,6 +138,18 @@ def _tried(
     return out
 
 
+def _refined(
+    tried: list[tuple[Suspect, Fitted]], ended: Fitted, records: Sequence[Record]
+) -> list[tuple[Suspect, Fitted]]:
+    """Every suspect with its fit, of those that promise to explain the misfit with the value that does so best."""
+    return [
+        (suspect, refined(suspect, fitted, lambda near, scene: fit_from_values(near, scene, records)))
+        if fitted.excess < PROMISING * ended.excess
+        else (suspect, fitted)
+        for suspect, fitted in tried
+    ]
+
+
 @dataclass(frozen=True)
 class _Explanation:
     """A suspect that explains a misfit: the fit with it free, and the words that name it."""
@@ -146,10 +159,11 @@ class _Explanation:
 
 
 def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, ended: Fitted) -> list[_Explanation]:
-    """Every suspect that explains a misfit, in all its logs: without one of them less is left in any case."""
+    """Every suspect that explains a misfit, in all its logs: without one of them less is left in any case. What is of
+    one log alone has to explain it whole."""
     found, excess = [], ended.excess
     for suspect, fitted in tried:
-        nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess
+        nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess and not suspect.logs
         if not (fits(fitted) or nearly) or not set(fitted.logs) >= set(ended.logs):
             continue
         value, stated = found_and_stated(suspect, fitted, scene)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from identify.diagnosis.suspects import Suspect
 from identify.model.model import RIG_PARAMETERS
+from identify.number_words import three_figures
 from identify.preparation.prepare import Prepared
 from identify.quantities import Parameter
 from identify.scene import Scene
@@ -66,4 +67,4 @@ def _words(p: Parameter, restraint: str) -> Callable[[float, float], str]:
 
 
 def _said(value: float, p: Parameter) -> str:
-    return f"{value:.3g} {p.unit}".rstrip()
+    return f"{three_figures(value)} {p.unit}".rstrip()

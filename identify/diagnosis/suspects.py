@@ -1,6 +1,7 @@
 """What may be wrong with rig or sensor, or lack in a model: one table; a suspect is a scene with one thing more free.
 
-Those of `GROSS` explain misfits; those of `SLIGHT` too, and hide in answers that fit.
+Those of `GROSS` explain misfits; those of `SLIGHT` too, and hide in answers that fit. Beside them stand what a scene
+says of its parameters (`restraints.py`) and the drive speeds of single logs (`log_speeds.py`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.effect_choice.fitted import Fitted
+from identify.number_words import three_figures
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import stated_rig
 from identify.scene import Scene
@@ -26,18 +28,22 @@ Freed = Callable[[Scene, Sequence[Prepared]], Scene | None]
 @dataclass(frozen=True)
 class Suspect:
     """What may be wrong: its parameter, the scene with it free (None where it is free already, or cannot be it), and
-    the sentence that names it, given the value found and the one stated (0 where none is)."""
+    the sentence that names it, given the value found and the one stated (0 where none is). logs: numbers of those it is
+    of alone (empty: all); nearby: of what no fit can search, the scene with its value times a factor."""
 
     parameter: str
     freed: Freed
     words: Callable[[float, float], str]
+    logs: tuple[int, ...] = ()
+    nearby: Callable[[Scene, float], Scene] | None = None
 
 
 def found_and_stated(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:
     """Value that a fit found and value that the scene states of a suspect (0 where none is stated)."""
     assert fitted.attempt is not None
     if suspect.parameter == "drive_speed":
-        return _speeds(fitted.scene)[0], _speeds(scene)[0]
+        first = (suspect.logs or (0,))[0]
+        return constant_speed(fitted.scene, first) or 0.0, constant_speed(scene, first) or 0.0
     names = fitted.unknowns.names
     base = fitted.unknowns.base(stated_rig(scene))
     value = fitted.unknowns.values(fitted.attempt.solved.theta, base)[names.index(suspect.parameter)]
@@ -85,31 +91,43 @@ def _by_load(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
     return replace(made, parameters={**made.parameters, "reference_force": given})
 
 
-def _speeds(scene: Scene) -> list[float]:
-    """The constant drive speeds [m/s] a scene states, one per log; empty where one is a programme or not stated."""
-    said = [scene.rig_for(log).drive_speed for log in scene.logs]
-    constant = [float(speed) for speed in said if speed is not None and not isinstance(speed, tuple)]
-    return constant if len(constant) == len(said) else []
+def constant_speed(scene: Scene, log: int) -> float | None:
+    """The drive speed [m/s] that a scene states for a log; None where it is a programme or not stated."""
+    said = scene.rig_for(scene.logs[log]).drive_speed
+    return None if said is None or isinstance(said, tuple) else float(said)
+
+
+def with_speeds(scene: Scene, logs: Sequence[int], times: float) -> Scene:
+    """The scene with the drive speeds of these logs, constant ones, times a factor."""
+    changed = list(scene.logs)
+    for log in logs:
+        speed = constant_speed(scene, log)
+        assert speed is not None
+        changed[log] = replace(changed[log], drive_speed=times * speed)
+    return replace(scene, logs=tuple(changed))
 
 
 def _as_sticks_rise(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
     """A scene with the drive speeds that its sticks tell with the stated stiffness, all changed by one factor."""
-    speeds = _speeds(scene)
     slopes = [part.slope for log in prepared for part in log.judgement.slips if part.slope is not None]
-    if not speeds or not slopes or abs(float(np.median(slopes))) < SHIFTED:
+    if not slopes or abs(float(np.median(slopes))) < SHIFTED:
         return None
     times = 1.0 + float(np.median(slopes))
-    if not 1.0 / REACH < times < REACH:
+    if not 1.0 / REACH < times < REACH or any(constant_speed(scene, i) is None for i in range(len(scene.logs))):
         return None
-    logs = tuple(replace(log, drive_speed=times * v) for log, v in zip(scene.logs, speeds, strict=True))
-    return replace(scene, logs=logs)
+    return _all_speeds(scene, times)
+
+
+def _all_speeds(scene: Scene, times: float) -> Scene:
+    return with_speeds(scene, range(len(scene.logs)), times)
 
 
 def _stated(name: str, unit: str, remedy: str) -> Callable[[float, float], str]:
     def words(value: float, stated: float) -> str:
+        found = f"{three_figures(value)} {unit}"
         return (
-            f"a {name} of {value:.3g} {unit} instead of {stated:.3g} {unit} "
-            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{value:.3g} {unit}" }})'
+            f"a {name} of {found} instead of {three_figures(stated)} {unit} "
+            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{found}" }})'
         )
 
     return words
@@ -127,7 +145,9 @@ GROSS: tuple[Suspect, ...] = (
     Suspect(
         "skin_stiffness",
         _effect("skin_compliance", "skin_stiffness", lambda scene: 5.0 * float(scene.rig.stiffness)),
-        lambda value, _stated: f"something of {value:.3g} N/m in series with the rig (add skin_compliance to effects)",
+        lambda value, _stated: (
+            f"something of {three_figures(value)} N/m in series with the rig (add skin_compliance to effects)"
+        ),
     ),
     Suspect(
         "drive_speed",
@@ -136,6 +156,7 @@ GROSS: tuple[Suspect, ...] = (
             f"a drive speed {value / stated:.3g} times the stated one in all logs (look at the position of the drive, "
             "or time it over a known way)"
         ),
+        nearby=_all_speeds,
     ),
 )
 SLIGHT: tuple[Suspect, ...] = (

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.number_words import three_figures
 from identify.preparation.loads import swing
 from identify.preparation.prepare import Prepared
 from identify.preparation.rhythms import Rhythm
@@ -147,7 +148,7 @@ def _skin(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
         )
     rig = float(np.mean([log.rig.stiffness for log in prepared]))
     skin = rig * ratio / (1.0 - ratio)
-    said = f"the sticks rise with {100 * ratio:.3g} % of k v_0: something of {skin:.3g} N/m gives in series"
+    said = f"the sticks rise with {100 * ratio:.3g} % of k v_0: something of {three_figures(skin)} N/m gives in series"
     sure = ratio < 1.0 - SURE * error
     if not sure:
         said = f"the sticks rise with {100 * ratio:.3g} ± {100 * error:.2g} % of k v_0: too unlike to tell"

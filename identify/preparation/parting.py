@@ -22,6 +22,28 @@ def name_of(entry: LogEntry) -> str:
     return ", ".join([entry.path.name, *said])
 
 
+def recordings(scene: Scene) -> list[list[int]]:
+    """The numbers of the logs of a parted scene, those that are parts of one log together."""
+    out: list[list[int]] = []
+    for number, entry in enumerate(scene.logs):
+        whole = next((some for some in out if _of_one_log(scene.logs[some[0]], entry)), None)
+        if whole is None:
+            out.append([number])
+        else:
+            whole.append(number)
+    return out
+
+
+def name_of_recording(scene: Scene, numbers: Sequence[int]) -> str:
+    """Short name in sentences of what these logs are parts of."""
+    entry = scene.logs[numbers[0]]
+    return name_of(entry) if len(numbers) == 1 else entry.path.name
+
+
+def _of_one_log(one: LogEntry, other: LogEntry) -> bool:
+    return _read_as(one) == _read_as(other) and any(w in one.labels and w in other.labels for w in (STROKE, PART))
+
+
 def parts_of(scene: Scene, entries: Sequence[LogEntry]) -> list[int | None]:
     """For each log of a parted scene the number (from 1) of the log of `scene` it is a part of, None where it is whole.
 

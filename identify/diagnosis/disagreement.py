@@ -1,0 +1,90 @@
+"""A log that does not agree with the others: without it they fit, it fits alone, and all together do not.
+
+Logs that fit together are held against each other at their answer (`uncertainty/agreement.py`); where they do not fit
+there is none. A log in which something else is wrong, a slip that was missed say, does not fit alone either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from data_io import Record
+from identify.diagnosis.by_log import misfits_of_logs
+from identify.diagnosis.cause import Cause
+from identify.effect_choice.fitted import Fitted, described
+from identify.effect_choice.nested import fit_from_values, fit_model
+from identify.errors import FitError, SceneError
+from identify.preparation.parting import name_of_recording, recordings
+from identify.scene import Scene
+from identify.search.attempt import usable
+from identify.search.events import misfit_of_start
+from identify.search.gate import PER_CYCLE
+
+OTHERS = 2  # logs that have to be left: one is described by many answers
+TELLING = 5  # cycles of a log that mean something if they fit alone
+TRIED = 4  # logs that are left out, each once
+FAR = 2.0  # times the noise variance: nearer the answer of the others is for any log that took no part in it
+
+
+def disagreement(scene: Scene, records: Sequence[Record], ended: Fitted) -> Cause | None:
+    """Which log does not agree with the others; None where none does, or the logs do not say which.
+
+    Args:
+        ended: where the fit of all logs ended, which does not describe them.
+    """
+    able, misfits = set(usable(list(ended.prepared))), misfits_of_logs(ended)
+    logs = [[i for i in some if i in able] for some in recordings(scene)]
+    logs = sorted((some for some in logs if some), key=lambda some: -max(misfits[i] for i in some))
+    if len(logs) <= OTHERS:
+        return None
+    asked = [some for some in logs if max(misfits[i] for i in some) > PER_CYCLE and _tells(ended, some)][:TRIED]
+    named = []
+    for some in asked:
+        rest = sorted(i for other in logs if other is not some for i in other)
+        others = _fit(scene, records, rest)
+        if others is None or _fit(scene, records, some) is None:
+            continue
+        back = fit_from_values(others, scene, records)
+        if back.complete and described(back):
+            return Cause("another answer of the same model", back.attempt)
+        off = _off(back, others, some)
+        if off > FAR:
+            named.append((name_of_recording(scene, some), off))
+    if not named or len(named) == len(logs):
+        return None
+    return Cause(_sentence(named))
+
+
+def _tells(ended: Fitted, log: Sequence[int]) -> bool:
+    return max(ended.prepared[i].typical for i in log) >= TELLING
+
+
+def _fit(scene: Scene, records: Sequence[Record], some: Sequence[int]) -> Fitted | None:
+    """The model on some of the logs alone; None where it does not describe them all."""
+    try:
+        part = replace(scene, logs=tuple(scene.logs[i] for i in some))
+        fitted = fit_model(part, [records[i] for i in some], thorough=False)
+    except (FitError, SceneError):
+        return None
+    return fitted if fitted.complete and described(fitted) else None
+
+
+def _off(all_logs: Fitted, others: Fitted, log: Sequence[int]) -> float:
+    """How badly the answer of the others describes a log, in noise variances; infinite where it has no such slips."""
+    assert others.attempt is not None
+    at_answer = replace(all_logs.unknowns, start=others.attempt.solved.theta)
+    return max(misfit_of_start(all_logs.prepared[i], at_answer) for i in log)
+
+
+def _sentence(named: Sequence[tuple[str, float]]) -> str:
+    names = " or ".join(name for name, _ in named)
+    off = named[0][1]
+    miss = f"misses it by {off:.3g} times the noise variance" if np.isfinite(off) else "has no such slips"
+    return (
+        f"{names} does not agree with the others: without it they fit within the noise, and their answer {miss}, while "
+        "it fits alone; check whether it is of the same pair, its normal force, its drive speed and what else differs "
+        "in it, or fit it apart"
+    )
