@@ -89,7 +89,7 @@ def steps_of(time: FloatArray, speed: FloatArray) -> SpeedSteps:
     if not any(speeds):
         return SpeedSteps(None, "is 0 within its noise", stands=True)
     starts = [0.0, *(float(time[level.start]) for level in levels[1:])]
-    return SpeedSteps(tuple(zip(starts, speeds, strict=True)))
+    return SpeedSteps(tuple((start, float(f"{speed:.9g}")) for start, speed in zip(starts, speeds, strict=True)))
 
 
 def evened(speeds: list[float]) -> list[float]:

@@ -41,6 +41,11 @@ class ToldDrive:
     stands: bool = False
 
     @property
+    def place(self) -> str:
+        """Where it stands, as a noun."""
+        return self.source.removeprefix("from ") if self.source.startswith("from ") else "the drive speed of the log"
+
+    @property
     def speed(self) -> float | None:
         """The one speed [m/s]; None where it changes or is not told."""
         return self.programme[0][1] if self.programme is not None and len(self.programme) == 1 else None
