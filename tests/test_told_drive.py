@@ -148,9 +148,11 @@ def test_a_log_that_slides_stays_in_the_draft_and_a_rejected_one_is_told(tmp_pat
     base = {"Time [s]": time, "Friction force [N]": level, "Normal force [N]": np.ones(time.size)}
     slides = write(tmp_path / "slides.csv", base)
     hangs = write(tmp_path / "hangs.csv", {**base, "Normal force [N]": noise})
-    scene, text = drafted(tmp_path, sticks, slides, hangs)
+    rests = write(tmp_path / "rests.csv", {**base, "Friction force [N]": noise})
+    scene, text = drafted(tmp_path, sticks, slides, hangs, rests)
     assert [entry["path"] for entry in scene["logs"]] == ["sticks.csv", "slides.csv"]
-    assert "# it slides throughout" in text
+    assert "# it slides: it tells" in text
     assert float(scene["rig"]["stiffness"]["value"].split()[0]) == pytest.approx(STIFFNESS, rel=0.01)
     out = capsys.readouterr().out
     assert "left out: hangs.csv: rejected by the quality gate: " in out and "# left out: hangs.csv" in text
+    assert "left out: rests.csv: 0 stick-slip cycles, and it does not slide" in out

@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 EFFECTS = (*MAIN, "varying_normal_force")
 FEWEST_CYCLES = 2
 FEWEST_ROWS = 20  # of a stretch of one speed in which sticks are looked for
-MOSTLY = 0.5  # share of the samples that slide from which on a log without cycles is one of sliding
+MOSTLY = 0.5  # share of the samples that slide from which on a log with hardly a cycle is one of sliding
+RUBS = 5.0  # times its noise: a smaller force is that of a drive at rest
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class Piece:
 @dataclass(frozen=True)
 class Told:
     """What one piece tells, SI. stiffnesses [N/m]: of every stick, its slope over the speed that holds in it, empty
-    where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: throughout; rejected: why
-    the quality gate rejects it, "" where it does not."""
+    where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly throughout; rejected:
+    why the quality gate rejects it, "" where it does not."""
 
     piece: Piece
     drive: ToldDrive
@@ -115,12 +116,14 @@ def look(piece: Piece) -> Told:
     whole = _phases(record, 0, len(record))
     parts = [(whole, drive.speed)] if drive.programme is None or drive.speed else _parts(record, drive.programme)
     force = record.friction_force * (np.sign(np.nanmedian(record.friction_force)) or 1.0)
-    slides = not sum(found.count for found, _ in parts) and whole.share(SLIDING) > MOSTLY
+    cycles = sum(found.count for found, _ in parts)
+    rubs = abs(float(np.nanmedian(force))) > RUBS * whole.noise
+    slides = cycles < FEWEST_CYCLES and whole.share(SLIDING) > MOSTLY and rubs
     slopes, stiffnesses = ([], []) if slides else _sticks(parts)  # a first rise into sliding bends
     return Told(
         piece,
         drive,
-        sum(found.count for found, _ in parts),
+        cycles,
         float(np.median(slopes)) if slopes else None,
         tuple(stiffnesses),
         whole.noise,
@@ -177,7 +180,7 @@ def _log_lines(told: Told, folder: Path, said: Mapping[str, Any]) -> list[str]:
     path = os.path.relpath(piece.path.absolute(), folder.absolute()).replace(os.sep, "/")
     lines = [f"# {_facts(told)}", "[[logs]]", f"path = {json.dumps(path, ensure_ascii=False)}"]
     if told.slides:
-        lines.insert(1, "# it slides throughout: it tells the friction at its speed, with slower logs a and delta_mu_k")
+        lines.insert(1, "# it slides: it tells the friction at its speed, and with slower logs a and delta_mu_k")
     lines.append(_drive_line(told))
     options = dict(said) if piece.step is None else {**said, "step": piece.step}
     lines += [f"{key} = {_toml(value)}" for key, value in options.items()]

@@ -17,7 +17,8 @@ from data_io.speed_steps import MOST, Programme, SpeedSteps, evened, steps_of
 Array = NDArray[np.float64]
 
 SPEED_NAMES = (
-    "drivespeed", "drivevelocity", "stagespeed", "stagevelocity", "slidingspeed", "slidingvelocity", "velocity",
+    "drivespeed", "drivevelocity", "stagespeed", "stagevelocity", "slidingspeed", "slidingvelocity", "linearspeed",
+    "linearvelocity", "geschwindigkeit", "gleitgeschwindigkeit", "velocity",
     "speed", "v", "v1", "v2",
 )  # fmt: skip
 POSITION_NAMES = ("stageposition", "driveposition", "position", "pos", "y", "x")
