@@ -95,7 +95,8 @@ def fit(
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
-    result["notes"] = [*drives, *result["notes"]]
+    if drives:
+        result["notes"] = [*drives, *result["notes"]]
     result["provenance"] |= {"starts": starts, "asked": asked.document()}
     return Fit(result, curves)
 
