@@ -13,8 +13,10 @@ from data_io.record import Record
 
 _POINTS: Final = 4000
 """Means over rows in which the motion is looked at; a turn is found to the row afterwards."""
-_AT_REST: Final = 0.05
+_AT_REST: Final = 0.01
 """Share of the fast speed below which the drive rests."""
+_UNSURE: Final = 0.05
+"""Share of it below which it rests where the noise hides how fast it is, and that a stated speed may be off."""
 _SAME_SPEED: Final = 0.10
 """Share by which the speeds of two pieces that follow each other differ if they are two."""
 _FEWEST: Final = 4
@@ -120,7 +122,7 @@ def check_drive(
     meant = np.abs(stated[np.clip(np.searchsorted(edges, middle, side="right") - 1, 0, None)])
     largest = max(float(meant.max()), float(told.max()))
     moving = told > 0  # a scene with one speed says nothing of rests
-    wrong = np.flatnonzero(moving & (np.abs(told - meant) > _DISAGREES * np.maximum(meant, _AT_REST * largest)))
+    wrong = np.flatnonzero(moving & (np.abs(told - meant) > _DISAGREES * np.maximum(meant, _UNSURE * largest)))
     if wrong.size == 0:
         return []
     piece = motion.pieces[int(wrong[0])]
@@ -161,7 +163,9 @@ def _of_step(time: FloatArray, position: FloatArray, step: Step) -> list[Piece]:
     pieces = []
     for a, b in pairwise(bounds):
         speed = _slope(time, position, a, b)
-        pieces.append(Piece(a, b, float(time[a]), 0.0 if abs(speed) <= _AT_REST * fast else speed))
+        error = noise * float(np.sqrt(12.0 * width / (b - a))) / max(float(time[b - 1] - time[a]), 1e-300)
+        slow = max(_AT_REST, min(_CLEAR * error / fast, _UNSURE)) * fast if fast else 0.0
+        pieces.append(Piece(a, b, float(time[a]), 0.0 if abs(speed) <= slow else speed))
     return _refined(time, position, _joined(pieces), width)
 
 

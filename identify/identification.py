@@ -25,6 +25,7 @@ from identify.examination.certainty import Certainty, certainty
 from identify.first_guess.vibration import tuned
 from identify.numerics.heap import keep_freed_memory
 from identify.outcome import Fit, LogCurves, Status
+from identify.preparation.drives import with_drives
 from identify.preparation.loads import calmed
 from identify.preparation.parting import parted
 from identify.preparation.prepare import Prepared, prepare
@@ -76,6 +77,7 @@ def fit(
     clock, began = Clock(), time.perf_counter()
     told = progress or to_nobody
     choice: Choice | None = None
+    scene, drives = with_drives(scene, records)
     if scene.effects == "auto":
         scene, records = with_records(scene, records)
         since = time.perf_counter()
@@ -94,6 +96,8 @@ def fit(
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
+    if drives:
+        result["notes"] = [*drives, *result["notes"]]
     result["provenance"] |= {"starts": starts, "asked": asked.document()}
     return Fit(result, curves)
 

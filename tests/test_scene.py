@@ -183,7 +183,6 @@ COMPLAINTS = {
     "no mass": ("mass =", "# mass =", ["[rig] has no mass"]),
     "no damping": ("damping = ", "# damping = ", ["no damping", "zeta"]),
     "two dampings": ("damping = ", "zeta = 0.05\ndamping = ", ["2 times", "keep one"]),
-    "no drive speed": ('drive_speed = "0.1 mm/min"', "", ["slow.csv", "no drive speed"]),
     "unit": ('"1.47 N/mm"', '"1.47 mm"', ["[rig] stiffness", "mm"]),
     "no unit": ('"1.47 N/mm"', '"1470"', ["[rig] stiffness", "without a unit", '"1470 N/m"', "without quotes"]),
     "no unit of a time": ('"5 s", "1 min"', '"5", "1 min"', ["number 1 window", "without a unit"]),

@@ -9,10 +9,10 @@ import pytest
 from data_io import Record, write_csv
 from identify import examples
 from identify.cli import main as cli
-from identify.detection.draft import told_speed
 from identify.detection.judgement import judge
 from identify.detection.segment import segment
 from identify.detection.slip_quality import Part
+from identify.detection.told_drive import told_drive
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.motion.simulate import run
@@ -121,7 +121,8 @@ def test_a_position_that_stands_still_is_no_drive():
     def told(*names):
         units = dict.fromkeys(names, "m")
         shown = {name: channels[name] for name in names}
-        return told_speed(replace(good, channels=shown, channel_units=units))
+        drive = told_drive(replace(good, channels=shown, channel_units=units))
+        return drive.speed, drive.source
 
     assert told("Z", "W", "X") == (pytest.approx(2e-3), "from the slope of column X")
     assert told("Z") == (None, "")

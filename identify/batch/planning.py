@@ -122,7 +122,9 @@ class _Check:
         for key, text in _shared(rows, own).items():
             put(document, f"{key}={text}")
         document |= {"name": name, "logs": [entry for row in rows for entry in self._entries(row, own)]}
-        return Scene.from_document(document, self._scene.parent)
+        scene = Scene.from_document(document, self._scene.parent)
+        _refuse_no_drive(scene)
+        return scene
 
     def _entries(self, row: Row, own: Sequence[str]) -> list[Document]:
         """The [[logs]] of a row: what the scene lists for that file, if it does, and what the row says otherwise."""
@@ -138,6 +140,20 @@ class _Check:
             entry["labels"] = {**(said if isinstance(said, Mapping) else {}), **row.labels}
             entry["path"] = str(path)
         return made
+
+
+def _refuse_no_drive(scene: Scene) -> None:
+    """Refuse a log without a drive speed that does not name the column that tells it: before hours, not after.
+
+    Raises:
+        SceneError: there is one.
+    """
+    for number, log in enumerate(scene.logs, 1):
+        if scene.rig_for(log).drive_speed is None and "drive_speed" not in (log.columns or {}):
+            raise SceneError(
+                f"log {number} ({log.path.name}) has no drive speed; give drive_speed in the manifest or under [rig], "
+                'or name the column that tells it: columns = { drive_speed = "…" } in its [[logs]]'
+            )
 
 
 def _place(log: Mapping[str, Any], scene: Path) -> Path | None:

@@ -172,6 +172,7 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | N
     from identify.cli.counsel import with_counsel
     from identify.cli.folder import result_folder
     from identify.cli.progress import Progress
+    from identify.cli.results import scene_of
     from identify.cli.summary import say_files, say_fit
     from identify.identification import fit
     from identify.numerics.mapped import keep
@@ -180,7 +181,7 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | N
     with Progress(terminal.notes) as progress:
         outcome = fit(scene, progress=progress, asked=asked or NOTHING_MORE)
         progress("what to change, and how sure that is")
-        outcome = with_counsel(scene, outcome)
+        outcome = with_counsel(scene_of(outcome.result, out), outcome)  # with the drives that columns told
         with result_folder(out) as folder:
             progress("writing the report")
             write_report(outcome, folder)

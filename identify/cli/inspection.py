@@ -14,11 +14,12 @@ from identify.cli.common import Terminal
 from identify.cli.scene import only
 from identify.cli.summary import columns, wrapped
 from identify.detection.classical import classical_table
-from identify.detection.draft import told_speed
 from identify.detection.judgement import Judgement, judge
 from identify.detection.segment import SLIDING, SLIP, STICK, Segmentation, segment
 from identify.detection.slip_quality import Part
+from identify.detection.told_drive import UNTOLD, ToldDrive, told_drive
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
+from identify.speeds import programme_text
 
 HEADINGS = ("run", "step", "stroke")
 MOST_STROKES = 2  # fit beside each other in 80 columns
@@ -42,8 +43,7 @@ class Inspection:
     judgement: Judgement
     steps: tuple[StepSeen, ...]
     classical: Mapping[str, Any]
-    drive_speed: float | None
-    speed_source: str
+    drive: ToldDrive
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,11 @@ class Rig:
 def inspection(path: str, record: Record, rig: Rig = Rig(), thresholds: Thresholds = DEFAULTS) -> Inspection:
     """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
     steps = tuple(_seen(record, step) for step in record.steps)
-    told, source = told_speed(record)
-    if rig.drive_speed is not None:
-        told, source = rig.drive_speed, "given"
-    parts = [_part(record, step, told, rig.stiffness) for step in steps]
+    given = rig.drive_speed
+    told = told_drive(record) if given is None else ToldDrive(((0.0, given),), "given")
+    parts = [_part(record, step, told.speed, rig.stiffness) for step in steps]
     table = classical_table(record, drive_speed=record.drive_speed if rig.drive_speed is None else rig.drive_speed)
-    return Inspection(path, record, judge(record, parts, thresholds), steps, table, told, source)
+    return Inspection(path, record, judge(record, parts, thresholds), steps, table, told)
 
 
 def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> Part:
@@ -104,14 +103,19 @@ def say(seen: Inspection, terminal: Terminal) -> None:
 
 
 def _speed(seen: Inspection) -> str:
-    if seen.drive_speed is None:
-        alone = [
-            (s.step.number, *told_speed(part)) for s in seen.steps if (part := only(seen.record, s.step)) is not None
-        ]
-        told = [f"step {number}: {speed(value)}, {source}" for number, value, source in alone if value is not None]
-        return "; ".join(told) if len(seen.steps) > 1 and told else "not in the log"
-    source = "" if seen.record.drive_speed is not None else f", {seen.speed_source}"
-    return f"{speed(seen.drive_speed)}{source}"
+    if seen.drive.speed is None and len(seen.steps) > 1:
+        parts = [(s.step.number, only(seen.record, s.step)) for s in seen.steps]
+        alone = [(number, told_drive(part)) for number, part in parts if part is not None]
+        told = [f"step {number}: {_drive(drive)}, {drive.source}" for number, drive in alone if drive.programme]
+        return "; ".join(told) or "not in the log"
+    if seen.drive.programme is None:
+        return f"not in the log ({seen.drive.trouble})" if seen.drive.trouble != UNTOLD else "not in the log"
+    source = "" if seen.record.drive_speed is not None else f", {seen.drive.source}"
+    return f"{_drive(seen.drive)}{source}"
+
+
+def _drive(drive: ToldDrive) -> str:
+    return speed(drive.speed) if drive.speed is not None else programme_text(drive.programme or ())
 
 
 def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
@@ -155,6 +159,7 @@ def _cell(value: float | None, sd: float | None, unit: str) -> str:
 def document(seen: Inspection) -> dict[str, Any]:
     """The inspection as a JSON-able document, SI."""
     record, quality = seen.record, seen.judgement.quality
+    programme = seen.drive.programme
     return {
         "path": seen.path,
         "format": record.metadata.get("format"),
@@ -162,8 +167,9 @@ def document(seen: Inspection) -> dict[str, Any]:
         "rows": len(record),
         "duration_s": float(record.time[-1]),
         "columns": dict(record.units()),
-        "drive_speed_m_per_s": seen.drive_speed,
-        "drive_speed_source": seen.speed_source,
+        "drive_speed_m_per_s": seen.drive.speed,
+        "drive_speed_programme": None if programme is None else [list(pair) for pair in programme],
+        "drive_speed_source": seen.drive.source,
         "sampling": asdict(quality.sampling),
         "quality": {
             **seen.judgement.document(),

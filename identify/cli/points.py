@@ -204,7 +204,9 @@ def _places(document: Mapping[str, Any] | None, number: int, entry: LogEntry | N
 def _speeds(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float]) -> list[float]:
     """The drive speeds [m/s] of a log: one, or those of its programme that move."""
     speed = changes.get("drive_speed", (scene.rig_for(entry) if entry else scene.rig).drive_speed)
-    speeds = [v for _, v in speed] if isinstance(speed, tuple) else [] if speed is None else [speed]
+    if speed is None:
+        raise CommandLineError('the scene gives no drive speed; give one: --at drive_speed="1 mm/s"')
+    speeds = [v for _, v in speed] if isinstance(speed, tuple) else [speed]
     moving = list(dict.fromkeys(abs(v) for v in speeds if v))
     if not moving:
         raise CommandLineError('the drive speed is zero; give one that moves: --at drive_speed="1 mm/s"')

@@ -30,6 +30,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from identify.cli.progress import Progress
     from identify.cli.summary import columns, wrapped
     from identify.effect_choice.selection import LOOKED_AT
+    from identify.preparation.drives import with_drives
     from identify.preparation.scene_records import with_records
     from identify.report.draw_preview import draw_preview
     from identify.report.quantity_text import quantity
@@ -40,6 +41,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     file = preview_file(out)
     with Progress(terminal.notes) as progress:
         progress("reading the logs", 0.0)
+        scene, drives = with_drives(scene)
         scene, records = with_records(scene, None)
         if scene.effects == "auto":
             scene = scene_with(scene, LOOKED_AT, {})
@@ -48,6 +50,8 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
         progress("drawing", 0.8)
         with drawing_style(), atomic_path(file) as temporary:
             draw_preview(seen).savefig(temporary, format="png", dpi=130)
+    for sentence in drives:
+        terminal.say(wrapped(sentence))
     for log in seen.logs:
         terminal.say(wrapped(f"{log.name}: {log.told}"))
     terminal.say(f"the start: {seen.source}")

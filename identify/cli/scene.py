@@ -36,14 +36,17 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.detection.draft import draft
 
     said = {key: value for key, value in log_options(arguments).items() if value is not None}
-    text, missing = draft([piece for log in arguments.logs for piece in pieces(log, said)], out.parent, said)
+    made = draft([piece for log in arguments.logs for piece in pieces(log, said)], out.parent, said)
+    missing = list(made.to_fill_in)
     with atomic_write(out) as handle:
-        handle.write(text)
+        handle.write(made.text)
     terminal.say(f"{out}: written from {len(arguments.logs)} log(s)")
+    for sentence in made.left_out:
+        terminal.say(f"left out: {sentence}")
     if missing:
         terminal.say(f"still to fill in (marked TODO): {', '.join(missing)}")
     terminal.say(f"then: stickslip fit --scene {out}")
-    return Answer(document={"status": "done", "out": str(out), "to_fill_in": missing})
+    return Answer(document={"status": "done", "out": str(out), "to_fill_in": missing, "left_out": made.left_out})
 
 
 def pieces(log: str, said: Mapping[str, Any]) -> list[Piece]:

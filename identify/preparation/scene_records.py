@@ -9,6 +9,7 @@ from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.motion import check_drive
 from identify.errors import FitError
 from identify.preparation.counted_twice import refuse_counted_twice
+from identify.preparation.drive_doubts import held_against_column
 from identify.preparation.partly_read import read_partly
 from identify.scene import Scene
 from identify.scene.values import LogEntry
@@ -18,22 +19,24 @@ def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene,
     """A scene and the records of its logs: those given, else read, of a log larger than memory only what is used.
 
     Raises:
-        FitError: no logs, not a record for each, or samples that two of them share. LogError: one that cannot be read.
+        FitError: no logs, not a record for each, samples that two of them share, or one drive speed where a column
+            changes it. LogError: one that cannot be read.
     """
     if not scene.logs:
         raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
     if records is None:
-        read = [_read(scene, i) for i in range(len(scene.logs))]
+        read = [read_entry(scene, i) for i in range(len(scene.logs))]
         logs = tuple(entry for entry, _ in read)
         refuse_counted_twice(logs, [record for _, record in read])
-        return (scene if logs == scene.logs else replace(scene, logs=logs)), [record for _, record in read]
+        made = scene if logs == scene.logs else replace(scene, logs=logs)
+        return made, [held_against_column(made, entry, record) for entry, record in read]
     if len(records) != len(scene.logs):
         raise FitError(f"{len(records)} records were given for {len(scene.logs)} logs of the scene; give one each")
     refuse_counted_twice(scene.logs, records)
-    return scene, list(records)
+    return scene, [held_against_column(scene, *pair) for pair in zip(scene.logs, records, strict=True)]
 
 
-def _read(scene: Scene, index: int) -> tuple[LogEntry, Record]:
+def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
     """Read one log; the normal force of [rig] only where the log has none of its own."""
     entry = scene.logs[index]
     units, columns = (dict(said) if said else None for said in (entry.units, entry.columns))

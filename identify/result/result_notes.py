@@ -5,6 +5,7 @@ from __future__ import annotations
 from identify.diagnosis.findings import Findings
 from identify.model.model import RIG_PARAMETERS
 from identify.outcome import Status
+from identify.preparation.drive_doubts import DISAGREES
 from identify.preparation.prepare import Prepared
 from identify.result.depth import noise_note
 from identify.result.log_document import load_varies
@@ -26,6 +27,8 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
     if exact and found.status is Status.CONVERGED:
         named = ", ".join(name.replace("_", " ") for name in exact)
         notes.append(f"Taken as exact: {named}; the table of rig errors shows what 1 % would do.")
+    doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
+    notes += [f"{name}: {message}." for name, message in dict.fromkeys(doubts)]
     notes += [f"{log.name}: {load_varies(log)}." for log in prepared if log.hidden_swing]
     notes += _events(prepared, found)
     for index, reason in sorted(found.left_out.items()):

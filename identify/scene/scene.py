@@ -57,12 +57,6 @@ class Scene:
         check_groups(self)
         check_rig_bounds(self)
         check_coefficients(self)
-        for number, log in enumerate(self.logs, 1):
-            if self.rig_for(log).drive_speed is None:
-                raise SceneError(
-                    f"log {number} ({log.path.name}) has no drive speed; "
-                    'give drive_speed = "… mm/s" in its [[logs]] or under [rig]'
-                )
         if not self.logs and self.rig.drive_speed is None:
             raise SceneError('the scene has no drive speed; give drive_speed = "… mm/s" under [rig]')
         if self.effects != "auto":

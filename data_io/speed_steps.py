@@ -1,0 +1,223 @@
+"""Steps of a speed column: the programme of constant speeds behind it, or why it is none."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from data_io.frozen import FloatArray
+
+Programme = tuple[tuple[float, float], ...]
+
+MOST: Final = 200
+"""Steps of a programme at most."""
+SAME: Final = 0.05
+"""Share of the larger by which the speeds of two pieces that follow each other differ if they are two."""
+_RAMP: Final = 10
+"""Rows that a drive may always take from one speed to the next; fewer than that are no piece of their own."""
+_RAMP_SHARE: Final = 0.1
+"""Share of the shorter neighbour that it may take as well."""
+_SHORT: Final = 0.002
+"""Share of all rows that a piece lasts at least."""
+_CLEAR: Final = 6.0
+"""Standard errors by which two means differ if the rows are halved between them."""
+_SURE: Final = 4.0
+"""Standard errors by which they differ in the end if there is a step."""
+_SLIGHT: Final = 0.002
+"""Share of the largest speed below which nothing is looked at."""
+_AT_REST: Final = 0.005
+"""Share of the largest speed below which the drive rests."""
+_AS_LARGE: Final = 0.01
+"""Share by which speeds that are one on the dial differ from piece to piece."""
+_SHARP: Final = 0.5
+"""Share of a step that the rows beside it show: a sine or a long ramp shows a third."""
+_CLIMBS: Final = 0.3
+"""Share of its steps that a level goes on by; a sine cut into stairs does so by about all of it."""
+_UNDECIDED: Final = 10 * MOST
+"""Pieces beyond which it is no programme, before any are joined."""
+
+
+@dataclass(frozen=True)
+class SpeedSteps:
+    """The programme ((start [s], speed [m/s]), ...), signed, from 0 s on; None where there is none, and `trouble` says
+    why, as what follows the name of the column; stands: it says that the drive does not move."""
+
+    programme: Programme | None
+    trouble: str = ""
+    stands: bool = False
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Rows [start, stop) of one speed [m/s]."""
+
+    start: int
+    stop: int
+    speed: float
+
+    @property
+    def rows(self) -> int:
+        return self.stop - self.start
+
+
+def steps_of(time: FloatArray, speed: FloatArray) -> SpeedSteps:
+    """Tell the programme of a speed column; time [s] and speed [m/s] (n,), gaps are NaN.
+
+    Noise is averaged out, a change takes a few rows, and a fall of a few rows that comes back is none.
+    """
+    finite = np.isfinite(speed)
+    if np.count_nonzero(finite) < max(2, 0.9 * speed.size):
+        return SpeedSteps(None, "has gaps")
+    values = speed if finite.all() else np.interp(time, time[finite], speed[finite])
+    fast = float(np.quantile(np.abs(values), 0.99)) or float(np.abs(values).max())
+    if fast == 0.0:
+        return SpeedSteps(None, "is 0 throughout", stands=True)
+    noise = max(_noise(values), _SLIGHT * fast)
+    found = _split(values, noise, fast)
+    if found is None:
+        return SpeedSteps(None, _gradual(values))
+    levels = _without_ramps(values, _joined(found, fast, noise))
+    if levels is None:
+        return SpeedSteps(None, _gradual(values))
+    levels = _joined(levels, fast, noise)
+    if len(levels) > MOST:
+        return SpeedSteps(None, f"has {len(levels)} steps, more than {MOST}")
+    if not _sharp(values, levels, noise):
+        return SpeedSteps(None, _gradual(values))
+    speeds = evened([0.0 if _rests(level, fast, noise) else level.speed for level in levels])
+    if not any(speeds):
+        return SpeedSteps(None, "is 0 within its noise", stands=True)
+    starts = [0.0, *(float(time[level.start]) for level in levels[1:])]
+    return SpeedSteps(tuple((start, float(f"{speed:.9g}")) for start, speed in zip(starts, speeds, strict=True)))
+
+
+def evened(speeds: list[float]) -> list[float]:
+    """The speeds with sizes that hardly differ made equal, as they are on the dial."""
+    sizes = sorted(abs(speed) for speed in speeds if speed)
+    groups: list[list[float]] = []
+    for size in sizes:
+        if groups and size - groups[-1][0] <= _AS_LARGE * size:
+            groups[-1].append(size)
+        else:
+            groups.append([size])
+    middle = {size: float(np.median(group)) for group in groups for size in group}
+    return [float(np.copysign(middle[abs(speed)], speed)) if speed else 0.0 for speed in speeds]
+
+
+def _gradual(values: FloatArray) -> str:
+    return f"goes gradually from {1e3 * values.min():.4g} to {1e3 * values.max():.4g} mm/s, not in steps"
+
+
+def _noise(values: FloatArray) -> float:
+    """Standard deviation of the noise, from the differences of neighbours; the largest of them may be steps."""
+    jumps = np.abs(np.diff(values))
+    return float(np.sqrt(np.mean(jumps[jumps <= np.quantile(jumps, 0.98)] ** 2) / 2.0)) if jumps.size else 0.0
+
+
+def _split(values: FloatArray, noise: float, fast: float) -> list[_Level] | None:
+    """Halve the rows where the means to both sides differ most, until they do not; None with too many pieces."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    waiting = [(0, values.size)]
+    done: list[_Level] = []
+    while waiting:
+        a, b = waiting.pop()
+        if len(done) + len(waiting) > _UNDECIDED:
+            return None
+        cut = None if _is_level(total, a, b, fast) else _cut(total, a, b, noise)
+        if cut is None:
+            done.append(_Level(a, b, float((total[b] - total[a]) / (b - a))))
+        else:
+            waiting += [(cut, b), (a, cut)]
+    return done
+
+
+def _is_level(total: FloatArray, a: int, b: int, fast: float) -> bool:
+    """Whether means over a few rows stay within what counts as one speed."""
+    width = min(_RAMP // 2, b - a)
+    means = (total[a + width : b + 1] - total[a : b + 1 - width]) / width
+    return bool(np.ptp(means) <= SAME * max(abs(float(means.mean())), _AS_LARGE * fast))
+
+
+def _cut(total: FloatArray, a: int, b: int, noise: float) -> int | None:
+    if b - a < 2:
+        return None
+    left = np.arange(1, b - a)
+    right = b - a - left
+    apart = (total[a + 1 : b] - total[a]) / left - (total[b] - total[a + 1 : b]) / right
+    clear = np.abs(apart) * np.sqrt(left * right / (b - a))
+    best = int(np.argmax(clear))
+    return a + 1 + best if clear[best] > _CLEAR * noise else None
+
+
+def _joined(levels: list[_Level], fast: float, noise: float) -> list[_Level]:
+    """Put neighbours of one speed together, the most alike first."""
+    kept = list(levels)
+    while len(kept) > 1:
+        speed, rows = np.array([level.speed for level in kept]), np.array([level.rows for level in kept])
+        size = np.maximum(np.maximum(np.abs(speed[1:]), np.abs(speed[:-1])), _AS_LARGE * fast)
+        error = noise * np.sqrt(1.0 / rows[1:] + 1.0 / rows[:-1])
+        apart = np.abs(np.diff(speed)) / np.maximum(SAME * size, _SURE * error)
+        i = int(np.argmin(apart))
+        if apart[i] > 1.0:
+            break
+        a, b = kept[i], kept[i + 1]
+        kept[i : i + 2] = [_Level(a.start, b.stop, (a.rows * a.speed + b.rows * b.speed) / (a.rows + b.rows))]
+    return kept
+
+
+def _without_ramps(values: FloatArray, levels: list[_Level]) -> list[_Level] | None:
+    """The levels that last, each border where the speed passes the middle; None where a way between two takes long."""
+    least = max(_RAMP, int(_SHORT * values.size))
+    lasting = [level for level in levels if level.rows >= least]
+    if not lasting:
+        return None
+    borders = [0]
+    for a, b in pairwise(lasting):
+        way = values[a.stop : b.start]
+        if way.size > max(_RAMP, _RAMP_SHARE * min(a.rows, b.rows)):
+            return None
+        borders.append(a.stop + int(np.count_nonzero(np.abs(way - a.speed) < np.abs(way - b.speed))))
+    first, last = lasting[0], lasting[-1]
+    for way_rows, level in ((first.start, first), (values.size - last.stop, last)):
+        if way_rows > max(_RAMP, _RAMP_SHARE * level.rows):
+            return None
+    borders.append(values.size)
+    return [_Level(a, b, level.speed) for level, (a, b) in zip(lasting, pairwise(borders), strict=True)]
+
+
+def _sharp(values: FloatArray, levels: list[_Level], noise: float) -> bool:
+    """Whether the speed steps from level to level within a few rows, as far as the noise shows it."""
+    for a, b in pairwise(levels):
+        shown, rows = _beside(values, a, b)
+        if abs(shown) + 3.0 * noise * float(np.sqrt(2.0 / rows)) < _SHARP * abs(b.speed - a.speed):
+            return False
+    return not _climbs(values, levels, noise)
+
+
+def _climbs(values: FloatArray, levels: list[_Level], noise: float) -> bool:
+    """Whether the levels themselves go on as their steps do, all of them together: stairs cut out of a sine."""
+    steps = [b.speed - a.speed for a, b in pairwise(levels)]
+    likely = known = 0.0
+    for level, before, after in zip(levels, [*steps[:1], *steps], [*steps, *steps[-1:]], strict=False):
+        if level.rows < _RAMP:
+            continue
+        place = np.linspace(-0.5, 0.5, level.rows)
+        rise = float(place @ values[level.start : level.stop]) / float(place @ place)
+        expected = 0.5 * (before + after)
+        likely += level.rows * expected * rise
+        known += level.rows * expected**2
+    return known > 0.0 and likely / known > _CLIMBS + 2.0 * noise * float(np.sqrt(12.0 / known))
+
+
+def _beside(values: FloatArray, a: _Level, b: _Level) -> tuple[float, int]:
+    """By how much the speed differs right after and right before a border, and the rows of each mean."""
+    rows = min(a.rows, b.rows)
+    width, gap = max(rows // 5, 1), min(rows // 10, _RAMP // 2)
+    before, after = values[b.start - gap - width : b.start - gap], values[b.start + gap : b.start + gap + width]
+    return float(after.mean() - before.mean()), width
+
+
+def _rests(level: _Level, fast: float, noise: float) -> bool:
+    unsure = min(4.0 * noise / float(np.sqrt(level.rows)), SAME * fast)
+    return abs(level.speed) <= max(_AT_REST * fast, unsure)

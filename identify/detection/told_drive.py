@@ -1,0 +1,194 @@
+"""What a log tells of its drive: a speed or a programme of speeds, from which column, or why nothing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from data_io.motion import Motion, motion_of
+from data_io.speed_steps import MOST, Programme, SpeedSteps, evened, steps_of
+
+Array = NDArray[np.float64]
+
+SPEED_NAMES = (
+    "drivespeed", "drivevelocity", "stagespeed", "stagevelocity", "slidingspeed", "slidingvelocity", "linearspeed",
+    "linearvelocity", "geschwindigkeit", "gleitgeschwindigkeit", "velocity",
+    "speed", "v", "v1", "v2",
+)  # fmt: skip
+POSITION_NAMES = ("stageposition", "driveposition", "position", "pos", "y", "x")
+UNTOLD = "the log does not tell it"
+STEADY = 0.02  # relative scatter up to which a recorded speed counts as one speed
+ROUNDED = 1e-9  # of its values: a position that varies by less stands still
+EVEN = 0.05  # by how much the halves of a stretch of even motion may differ
+HALF = 20  # rows of a half that tells its speed
+
+
+@dataclass(frozen=True)
+class ToldDrive:
+    """programme: ((start [s], speed [m/s]), ...), one pair where it is one speed, which then is positive; None where
+    the log tells none. source: where it stands, in words; trouble: where it is None, why, in words; named: the name of
+    the column says that it is the drive; stands: a column of the drive says that it does not move."""
+
+    programme: Programme | None
+    source: str = ""
+    trouble: str = ""
+    named: bool = False
+    stands: bool = False
+
+    @property
+    def place(self) -> str:
+        """Where it stands, as a noun."""
+        return self.source.removeprefix("from ") if self.source.startswith("from ") else "the drive speed of the log"
+
+    @property
+    def speed(self) -> float | None:
+        """The one speed [m/s]; None where it changes or is not told."""
+        return self.programme[0][1] if self.programme is not None and len(self.programme) == 1 else None
+
+
+def told_drive(record: Record) -> ToldDrive:
+    """What a record tells of its drive.
+
+    A drive speed of the record counts first, then a column with a unit of speed or of length whose name says that it
+    is the drive; where there is none, any other that moves evenly throughout.
+    """
+    if isinstance(record.drive_speed, np.ndarray):
+        return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as the log says")
+    if record.drive_speed is not None:
+        speed = abs(float(record.drive_speed))
+        return ToldDrive(((0.0, speed),) if speed else None, "as the log says", "it is 0 in the log", True, not speed)
+    speeds, positions = _named(record, "m/s", SPEED_NAMES), _named(record, "m", POSITION_NAMES)
+    tried = [
+        *(_of_speed(record, name) for name in speeds),
+        *(_of_position(record, name) for name in positions),
+    ]
+    told = next((drive for drive in tried if drive.programme is not None), None)
+    if not tried:
+        told = _unnamed(record)
+    if told is not None:
+        return told
+    words = "; ".join(drive.trouble for drive in tried) or _unused(record)
+    return ToldDrive(None, trouble=words, stands=bool(speeds) and all(drive.stands for drive in tried))
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[\W_]+", "", _shown(name).casefold())
+
+
+def _shown(name: str) -> str:
+    """A column as the file calls it: one that has the name of a role was numbered when it was read."""
+    return re.sub(r"^(drive_speed) \(\d+\)$", r"\1", name)
+
+
+def _named(record: Record, unit: str, names: Sequence[str]) -> list[str]:
+    """The channels of a unit whose names say that they are the drive, the clearest first."""
+    there = [name for name, own in record.channel_units.items() if own == unit and _key(name) in names]
+    return sorted(there, key=lambda name: names.index(_key(name)))
+
+
+def _of_speed(record: Record, name: str) -> ToldDrive:
+    return _of_steps(steps_of(record.time, record.channels[name]), _shown(name), f"from column {_shown(name)}")
+
+
+def _of_steps(found: SpeedSteps, name: str, source: str) -> ToldDrive:
+    if found.programme is None:
+        return ToldDrive(None, trouble=f"column {name} {found.trouble}", named=True, stands=found.stands)
+    return ToldDrive(_one_way(found.programme), source, named=True)
+
+
+def _one_way(programme: Programme) -> Programme:
+    """A programme that never goes forth is one that never goes back: the sign of a column is a choice."""
+    if max(speed for _, speed in programme) > 0.0:
+        return programme
+    return tuple((start, abs(speed)) for start, speed in programme)
+
+
+def _of_position(record: Record, name: str) -> ToldDrive:
+    """What a position tells: pieces of even speed."""
+    values = record.channels[name]
+    if not np.isfinite(values).all():
+        return ToldDrive(None, trouble=f"column {name} has gaps", named=True)
+    motion = motion_of(record, name) if _travels(values) else None
+    if motion is None:
+        return ToldDrive(None, trouble=f"column {name} stands still", named=True, stands=True)
+    if len(motion.pieces) > MOST:
+        return ToldDrive(None, trouble=f"column {name} has {len(motion.pieces)} pieces, more than {MOST}", named=True)
+    if not _even(record.time, values, motion):
+        rate = _rate(record.time, values)
+        if rate is not None:
+            return ToldDrive(((0.0, rate),), f"from the slope of column {name}", named=True)
+        return ToldDrive(None, trouble=f"column {name} does not move evenly between its turns and rests", named=True)
+    speeds = evened([piece.speed for piece in motion.pieces])
+    pairs = [(piece.time, speed) for piece, speed in zip(motion.pieces, speeds, strict=True)]
+    kept = [(0.0, pairs[0][1])]
+    kept += [b for a, b in pairwise(pairs) if a[1] != b[1]]
+    return ToldDrive(_one_way(tuple(kept)), f"from the slope of column {name}", named=True)
+
+
+def _even(time: Array, position: Array, motion: Motion) -> bool:
+    """Whether every stretch moves at one speed: its halves do."""
+    fast = max(abs(piece.speed) for piece in motion.pieces)
+    noise = float(np.median(np.abs(np.diff(position, 2)))) / 1.65
+    for piece in motion.pieces:
+        inset = (piece.stop - piece.start) // 10
+        first, last = piece.start + inset, piece.stop - inset
+        half = (last - first) // 2
+        if half < HALF:
+            continue
+        a, b = (float(np.polyfit(time[i : i + half], position[i : i + half], 1)[0]) for i in (first, last - half))
+        error = noise * float(np.sqrt(24.0 / half)) / float(time[first + half] - time[first])
+        if abs(a - b) > EVEN * max(abs(piece.speed), EVEN * fast) + 4.0 * error:
+            return False
+    return True
+
+
+def _unnamed(record: Record) -> ToldDrive | None:
+    """Other columns, where one moves evenly throughout: the first speed, else the fastest position."""
+    for name, unit in record.channel_units.items():
+        values = record.channels[name]
+        middle = abs(float(np.median(values)))
+        if unit == "m/s" and middle > 0 and np.all(np.isfinite(values)) and np.std(values) < STEADY * middle:
+            return ToldDrive(((0.0, middle),), f"from column {name}")
+    rates = {}
+    for name, unit in record.channel_units.items():
+        if unit == "m" and _travels(record.channels[name]):
+            rate = _rate(record.time, record.channels[name])
+            if rate is not None:
+                rates[name] = rate
+    if not rates:
+        return None
+    fastest = max(rates, key=lambda name: rates[name])  # others creep or wear while the drive moves
+    return ToldDrive(((0.0, rates[fastest]),), f"from the slope of column {fastest}")
+
+
+def _travels(position: Array) -> bool:
+    return bool(np.all(np.isfinite(position)) and np.ptp(position) > ROUNDED * np.max(np.abs(position)))
+
+
+def _rate(time: Array, position: Array) -> float | None:
+    """The speed [m/s] of a position that moves evenly throughout; None where it does not."""
+    rate, start = np.polyfit(time, position, 1)
+    return abs(float(rate)) if np.std(position - (start + rate * time)) < STEADY * np.std(position) else None
+
+
+def _unused(record: Record) -> str:
+    """Why the columns that are there tell no drive: what they would need."""
+    for name, unit in record.channel_units.items():
+        if unit not in ("m/s", "m") and _key(name) in SPEED_NAMES:
+            return (
+                f"column {_shown(name)} is there and unused, because no unit of speed stands beside it; if it is the "
+                f'drive: --columns "drive_speed={_shown(name)}" --units drive_speed=mm/s'
+            )
+    for name, unit in record.channel_units.items():
+        if unit == "m/s":
+            return (
+                f"column {name} is there and unused, because its name does not say that it is the drive; if it is: "
+                f'--columns "drive_speed={name}"'
+            )
+    return UNTOLD
