@@ -250,8 +250,9 @@ def disowned(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int])
     if not missing or best.gate.status is not Status.CONVERGED:
         return best
     message = (
-        f"the answer of the other logs does not stick-slip as {', '.join(missing)} does: check drive speed, "
-        "stiffness and mass of that log, or fit it alone"
+        f"the answer of the other logs does not stick-slip as {', '.join(missing)} does: drive speed, stiffness or "
+        "mass of that log are not as stated, or the others tell too little to lead to it: check these, give start "
+        "values, or fit it alone"
     )
     return replace(best, gate=replace(best.gate, status=Status.MODEL_MISFIT, message=message))
 
