@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from data_io.checks import rising
 from data_io.frozen import LONGEST_GAP, Finding, FloatArray
-from data_io.rows import longest_run
 from data_io.source import Source
+from data_io.true_runs import longest_run
 
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _TIME = re.compile(r"(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?")

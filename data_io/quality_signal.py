@@ -10,6 +10,7 @@ from data_io.frozen import Finding, FloatArray
 from data_io.record import Record
 from data_io.thinned import kept, thinned
 from data_io.thresholds import Thresholds
+from data_io.true_runs import longest_run
 
 _CLIPPED_RUN: Final = 10
 """Rows in a row at the very same extreme value before a sensor is said to stand at its end."""
@@ -75,7 +76,7 @@ def _clipped_rows(values: FloatArray) -> int:
     high = float(values.max())
     at_end = values == high
     count = int(np.count_nonzero(at_end))
-    if count < _CLIPPED_RUN or _longest(at_end) < _CLIPPED_RUN:
+    if count < _CLIPPED_RUN or longest_run(at_end) < _CLIPPED_RUN:
         return 0
     below, counts = np.unique(values[(values < high) & (values > high - 0.1 * np.ptp(values))], return_counts=True)
     if below.size < 2:
@@ -84,11 +85,6 @@ def _clipped_rows(values: FloatArray) -> int:
         return 0
     usual = max(float(np.mean(counts[-5:])), 1.0)
     return count if count > _CLIPPED_EXCESS * usual else 0
-
-
-def _longest(mask: npt.NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 def smallest_step(values: FloatArray) -> float:

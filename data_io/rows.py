@@ -4,7 +4,7 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Sequence, Set
+from collections.abc import Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, cast
@@ -19,6 +19,7 @@ from data_io.layout import Head
 from data_io.segments import Run
 from data_io.source import Source
 from data_io.text import BLANKS, to_number
+from data_io.true_runs import longest_run
 
 # pandas rounds every number correctly by default since 3.1 and warns about the option since
 _EXACT: Final[dict[str, Any]] = (
@@ -289,9 +290,3 @@ def _slow_column(
         text = f"column {name!r} holds {tokens[row]!r:.40} near line {first_line + row} instead of a number "
         remarks.append(Finding("text_in_rows", "warning", text + f"({int(bad.sum())} such there)"))
     return np.array([np.nan if value is None else value for value in parsed], dtype=np.float64)
-
-
-def longest_run(flags: Sequence[bool] | np.ndarray[Any, Any]) -> int:
-    """Return the length of the longest run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))

@@ -15,10 +15,10 @@ def speed_scale(speed: float | None) -> tuple[str, float]:
     return "mm/s", 1e-3
 
 
-def speed_text(speed: float) -> str:
+def speed_text(speed: float, figures: int = 4) -> str:
     """A speed [m/s] as it stands on the dial: "0.1 mm/min", "5 mm/s"."""
     unit, size = speed_scale(speed)
-    return f"{speed / size:.4g} {unit}"
+    return f"{speed / size:.{figures}g} {unit}"
 
 
 def programme_text(programme: Sequence[tuple[float, float]]) -> str:

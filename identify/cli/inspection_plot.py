@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from data_io.atomic import atomic_path
 from data_io.quality_load import UNLOADED
 from data_io.rest import Rest
+from data_io.true_runs import true_runs
 from identify.detection.segment import SLIDING, SLIP
 from identify.report.envelope import envelope
 
@@ -85,7 +86,7 @@ def _phases(axes: Axes, steps: Sequence[StepSeen], times: Array, span: tuple[flo
     for seen in steps:
         time = times[seen.step.start : seen.step.stop]
         for phase, colour, label in SHADES:
-            spans = [(float(time[a]), float(time[b - 1])) for a, b in _runs(seen.phases.phase == phase)]
+            spans = [(float(time[a]), float(time[b - 1])) for a, b in true_runs(seen.phases.phase == phase)]
             spans = [(a, b) for a, b in spans if b >= span[0] and a <= span[1]]
             for begin, end in spans[:: max(len(spans) // MOST_SHADED, 1)]:
                 # an edge, so that a slip narrower than a dot of the picture is still seen
@@ -130,7 +131,7 @@ def _gaps(axes: Axes, item: Inspection, inside: slice) -> None:
 
 def _unloaded(axes: Axes, item: Inspection, inside: slice) -> None:
     time, normal = item.record.time[inside], item.record.normal_force[inside]
-    for a, b in _runs(normal < UNLOADED * item.judgement.quality.load):
+    for a, b in true_runs(normal < UNLOADED * item.judgement.quality.load):
         axes.axvspan(float(time[a]), float(time[b - 1]), color="0.85", lw=0, zorder=0)
 
 
@@ -154,9 +155,3 @@ def _legend(axes: Axes) -> None:
     axes.set_ylim(low, high + LEGEND_ROOM * (high - low))
     if named:
         axes.legend(named.values(), named.keys(), frameon=False, fontsize=8, loc="upper right", ncols=4)
-
-
-def _runs(mask: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """Half-open index ranges in which the mask is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
-    yield from ((int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True))

@@ -87,8 +87,8 @@ class _Course:
         self.stretches: list[Stretch] = []
         self.sure = 0  # of these, up to the last slip that shows for sure
         self.start = np.array([s.start for s in model.states])
-        starts = () if log.programme is None else log.programme.starts
-        self.data = DataSide(log, self.half, tuple(t for t in starts if log.begin < t < log.end))
+        changes = [] if log.programme is None else log.programme.changes(log.begin, log.end)
+        self.data = DataSide(log, self.half, tuple(changes))
 
     def guess(self, start: Array) -> Guess:
         """The motion so far, from a state at the begin of the window."""

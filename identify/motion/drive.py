@@ -52,6 +52,14 @@ class Drive:
             return self.speeds[0]
         return self.speeds[int(np.searchsorted(self.starts, t, side="right")) - 1]
 
+    def changes(self, begin: float, end: float) -> list[float]:
+        """When the speed changes between two times [s], neither of them counted."""
+        return [t for t in self.starts if begin < t < end]
+
+    def within(self, begin: float, end: float) -> list[tuple[float, float]]:
+        """(since [s], speed [m/s]) of what holds at `begin` (before 0 s: the first speed) and from each change on."""
+        return [(begin, self.at(max(begin, 0.0))), *((t, self.at(t)) for t in self.changes(begin, end))]
+
 
 @dataclass(frozen=True)
 class NormalForce:

@@ -11,6 +11,7 @@ from data_io import Record
 from data_io.frozen import Finding
 from data_io.motion import motion_of
 from data_io.speed_steps import SAME
+from data_io.true_runs import true_runs
 from identify.detection.told_drive import ToldDrive, told_drive
 from identify.errors import FitError
 from identify.motion.drive import Drive
@@ -57,7 +58,7 @@ def _refuse_change(entry: LogEntry, stated: float, record: Record, told: ToldDri
     """Refuse one speed where the column has several, rests in between, or turns where no position tells the strokes."""
     start, stop = entry.window or (0.0, float(record.time[-1]))
     drive = Drive.of(told.programme or stated)
-    inside = [drive.at(max(start, 0.0)), *(drive.at(t) for t in drive.starts if start < t < stop)]
+    inside = [speed for _, speed in drive.within(start, stop)]
     moving = [i for i, speed in enumerate(inside) if speed]
     if not moving:
         return
@@ -96,7 +97,8 @@ def _apart(entry: LogEntry, stated: DriveSpeed, record: Record, told: ToldDrive)
     wrong = np.abs(meant - seen) > APART * np.maximum(larger, SAME * larger.max())
     if drives[0].constant:
         wrong &= seen > 0.0  # one speed says nothing of rests
-    first, rows = _longest(wrong)
+    first, stop = max(true_runs(wrong).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    rows = stop - first
     shortest = min(int(np.min(np.unique(_piece(drive, time), return_counts=True)[1])) for drive in drives)
     if rows <= max(LEAST, SHARE * shortest):
         return None
@@ -111,13 +113,3 @@ def _apart(entry: LogEntry, stated: DriveSpeed, record: Record, told: ToldDrive)
 def _piece(drive: Drive, time: Array) -> NDArray[np.int64]:
     """Which piece of a drive holds at each time (n,)."""
     return np.clip(np.searchsorted(drive.starts, time, side="right") - 1, 0, None)
-
-
-def _longest(wrong: NDArray[np.bool_]) -> tuple[int, int]:
-    """First index and length of the longest run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], wrong.astype(np.int8), [0]])))
-    if not edges.size:
-        return 0, 0
-    lengths = edges[1::2] - edges[::2]
-    i = int(np.argmax(lengths))
-    return int(edges[2 * i]), int(lengths[i])

@@ -106,7 +106,7 @@ def _slides(time: Array, force: Array, since: float, noise: float, stick_slope: 
 
 def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:
     """(start [s], stop [s], speed [m/s]) of the stretches of a window in which the drive moves."""
-    edges = [begin, *(t for t in drive.starts if begin < t < end), end]
+    edges = [begin, *drive.changes(begin, end), end]
     return [(a, b, drive.at(0.5 * (a + b))) for a, b in pairwise(edges) if drive.at(0.5 * (a + b)) > 0.0]
 
 

@@ -33,7 +33,7 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     if drive is None or record.time.size == 0:
         return [entry]
     start, stop = entry.window or (0.0, float(record.time[-1]))
-    edges = [start, *(t for t in drive.starts if start < t < stop), stop]
+    edges = [start, *drive.changes(start, stop), stop]
     spans: list[tuple[float, float, float]] = []  # sign, start, stop
     for first, last in pairwise(edges):
         sign = float(np.sign(drive.at(0.5 * (first + last))))

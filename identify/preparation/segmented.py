@@ -112,14 +112,14 @@ def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
         raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
     whole = Drive.of(rig.drive_speed)
     start, stop = entry.window or (0.0, float(record.time[-1]))
-    starts = [t for t in whole.starts if start < t < stop]
-    speeds = [whole.at(max(start, 0.0)), *(whole.at(t) for t in starts)]
+    pieces = whole.within(start, stop)
+    speeds = [speed for _, speed in pieces]
     if all(speed == 0.0 for speed in speeds):
         raise FitError(f"{name} has a drive speed of 0 m/s; expected a moving drive: a hold alone cannot be fitted")
     if min(speeds) < 0.0 < max(speeds):
         raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
     kept = [(0.0, abs(speeds[0]))]
-    for t, speed in zip(starts, speeds[1:], strict=True):
+    for t, speed in pieces[1:]:
         if abs(speed) != kept[-1][1]:
             kept.append((t, abs(speed)))
     return Drive.of(tuple(kept))

@@ -202,8 +202,9 @@ def _followed(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns, cl
         return attempt
     having = [log.as_course if i in doubted else log for i, log in enumerate(prepared)]
     found = solve_from(having, list(attempt.logs), replace(unknowns, start=attempt.solved.theta), clock)
-    fits = found is not None and found.gate.status is Status.CONVERGED and set(found.logs) == set(attempt.logs)
-    return found if found is not None and fits else attempt
+    if found is None or found.gate.status is not Status.CONVERGED or set(found.logs) != set(attempt.logs):
+        return attempt
+    return found
 
 
 def _again_from(

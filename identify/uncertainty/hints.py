@@ -9,8 +9,9 @@ import numpy as np
 from identify.preparation.guess import Guess
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
+from identify.speeds import speed_text
 from identify.uncertainty.coloured import Colour
-from identify.uncertainty.sliding_levels import levels, listed, speed_words, steady
+from identify.uncertainty.sliding_levels import FIGURES, first_of, levels, steady
 from identify.uncertainty.uncertainty import Estimate
 
 RESOLVED = 12  # samples of a slip from which on its shape can be read
@@ -85,7 +86,7 @@ def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess], colours: Se
     found = [(log.name, level) for log, of_log in zip(logs, held, strict=True) for level in of_log]
     if not found:
         return ""
-    told = listed([f"{level.words} ({name})" for name, level in found], MOST_LEVELS)
+    told = first_of([f"{level.words} ({name})" for name, level in found], MOST_LEVELS)
     if len({level.speed for _, level in found}) == 1:
         held_words = f"what these logs hold is the friction coefficient, {told}, and nothing else"
     else:
@@ -101,7 +102,7 @@ def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns
     sticks = onsets(guesses)
     slides = [speed for log, guess in zip(logs, guesses, strict=True) for _, _, speed in steady(log.data, guess)]
     speeds = sorted(set(slides or [log.data.speed_at(log.data.end) for log in logs]))
-    told = listed([speed_words(speed) for speed in speeds], MOST_LEVELS)
+    told = first_of([speed_text(speed, FIGURES) for speed in speeds], MOST_LEVELS)
     level = (
         f"a log that slides holds the friction level at its speed ({told}) and no more"
         if len(speeds) == 1

@@ -8,10 +8,12 @@ from itertools import groupby
 
 import numpy as np
 
+from identify.calculators.outlook_words import listed
 from identify.preparation.guess import Guess, LogData
-from identify.speeds import speed_scale
+from identify.speeds import speed_text
 from identify.uncertainty.coloured import Colour
 
+FIGURES = 3  # of a speed in a sentence
 FEWEST = 2  # samples from which on a level has a scatter
 WHITE = Colour(np.empty(0), 1.0)
 
@@ -27,7 +29,7 @@ class Level:
     @property
     def words(self) -> str:
         """As "0.6 ± 0.003 at 1 mm/s", with two standard errors."""
-        return f"{self.coefficient:.4g} ± {2.0 * self.error:.1g} at {speed_words(self.speed)}"
+        return f"{self.coefficient:.4g} ± {2.0 * self.error:.1g} at {speed_text(self.speed, FIGURES)}"
 
 
 def levels(data: LogData, guess: Guess, colour: Colour = WHITE) -> list[Level]:
@@ -68,13 +70,6 @@ def steady(data: LogData, guess: Guess) -> list[tuple[float, float, float]]:
     return out
 
 
-def speed_words(speed: float) -> str:
-    """A speed [m/s] in words."""
-    unit, scale = speed_scale(speed)
-    return f"{speed / scale:.3g} {unit}"
-
-
-def listed(words: Sequence[str], most: int) -> str:
+def first_of(words: Sequence[str], most: int) -> str:
     """Several things in words, no more than `most` of them by name."""
-    told = [*words[:most], f"{len(words) - most} more"] if len(words) > most else list(words)
-    return told[0] if len(told) == 1 else f"{', '.join(told[:-1])} and {told[-1]}"
+    return listed([*words[:most], f"{len(words) - most} more"] if len(words) > most else words)
