@@ -1,11 +1,12 @@
-"""Random pairs: how often the fit finds the truth, from the data alone and from a user's start alone.
+"""Random pairs: how often the fit finds the truth: from the data alone, from a user's start alone, and from both, as
+the command does where a scene gives start values.
 
 Recovered: converged, no parameter called not identifiable, and all six within 5 % or joint distance
 (theta - truth)' C^-1 (theta - truth) <= 22.5. False success: converged while the joint distance exceeds 40 and
 a parameter is off by more than 10 %. Every case follows from the study and its number, so a study can be run in parts:
 one line of JSON per case goes to FILE, and the table is made of the file.
 
-    python experiments/run_recovery_study.py usual|wide data|user NOISE_FACTOR RATE_FACTOR FIRST LAST FILE
+    python experiments/run_recovery_study.py usual|wide data|user|both NOISE_FACTOR RATE_FACTOR FIRST LAST FILE
     python experiments/run_recovery_study.py table FILE...
 """
 
@@ -17,7 +18,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, get_args
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Study:
     """From which ranges the pairs come, where the fit starts, factors on noise and sampling rate."""
 
     ranges: str
-    sources: Literal["data", "user"] = "data"
+    sources: Sources = "data"
     noise: float = 1.0
     rate: float = 1.0
 
@@ -94,7 +95,7 @@ class Study:
         """Case, user's start and rejected draws of a number: the same pairs whatever the start."""
         random = np.random.default_rng([SEED, number])
         case, rejected = random_case(random, RANGES[self.ranges], noise=self.noise * NOISE, rate=self.rate)
-        return case, wrong_start(random, case.truth) if self.sources == "user" else None, rejected
+        return case, wrong_start(random, case.truth) if self.sources != "data" else None, rejected
 
     def run(self, first: int, last: int, file: Path | None = None) -> list[dict[str, Any]]:
         """Fit the cases first to last; prints a line for each."""
@@ -168,5 +169,5 @@ if __name__ == "__main__":
     elif said[0] == "table":
         table(read(said[1:]))
     else:
-        sources: Literal["data", "user"] = "user" if said[1] == "user" else "data"
+        sources = next(known for known in get_args(Sources) if known == said[1])
         Study(said[0], sources, float(said[2]), float(said[3])).run(int(said[4]), int(said[5]), Path(said[6]))

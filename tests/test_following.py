@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identify.effects import MAIN
-from identify.first_guess import following, onset_places
+from identify.first_guess import first_state, following, onset_places
 from identify.first_guess.following import follow
 from identify.model.model import assemble
 from identify.motion.drive import NormalForce
@@ -150,7 +150,7 @@ def test_a_first_stick_ends_before_the_force_is_highest(monkeypatch: pytest.Monk
 
     aged, share = followed()
     assert aged < 0.1 and share == pytest.approx(1.0, abs=0.2)  # it began fresh
-    monkeypatch.setattr(following._Course, "aged_until_seen", lambda self, x, *_: x[MODEL.clamped])
+    monkeypatch.setattr(first_state, "aged_until_seen", lambda along, x, *_: x[MODEL.clamped])
     aged, share = followed()
     assert aged > 0.15 and share < 0.5
 
@@ -175,5 +175,5 @@ def test_rests_of_a_few_samples_are_followed(monkeypatch: pytest.MonkeyPatch) ->
 
     assert arrests().size == motion.arrests.size == 52
     assert np.max(np.abs(arrests() - motion.arrests)) < 2e-3
-    monkeypatch.setattr(following._Course, "aged_until_seen", lambda self, x, *_: x[MODEL.clamped])
+    monkeypatch.setattr(first_state, "aged_until_seen", lambda along, x, *_: x[MODEL.clamped])
     assert arrests().size < 51  # the first slips are taken for one

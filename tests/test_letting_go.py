@@ -12,7 +12,7 @@ from experiments.study_problem import SPEEDS
 from identify.examination import letting_go
 from identify.examination.hanging import hanging
 from identify.examination.letting_go import let_go
-from identify.first_guess import following
+from identify.first_guess import first_state
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
 from identify.search.attempt import Attempt, Clock, resolve, solve_from
@@ -27,7 +27,7 @@ def held() -> tuple[Attempt, Unknowns]:
     case = Study("wide").case(9)[0]
     prepared, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(following._Course, "aged_until_seen", lambda self, x, *_: x[self.model.clamped])
+        patch.setattr(first_state, "aged_until_seen", lambda along, x, *_: x[along.model.clamped])
         found = solve_from(prepared, [0, 1, 2, 3], unknowns, Clock())
     assert found is not None
     return found, unknowns

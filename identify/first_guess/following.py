@@ -8,21 +8,16 @@ the shooting. A slide whose oscillation has faded goes on as steady sliding, whi
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.errors import SimulationError
-from identify.first_guess import lanes
-from identify.first_guess.onset_places import DataSide, Wave
+from identify.first_guess.along import Along
+from identify.first_guess.first_state import first_state
 from identify.first_guess.slide_parts import SlideParts
 from identify.model.model import Model
-from identify.motion.drive import NormalForce
-from identify.motion.phases import Phase, stick
-from identify.motion.simulate import run
-from identify.motion.situated import Situated
-from identify.motion.steadiness import Steadiness, steadiness
+from identify.motion.phases import Phase
 from identify.motion.trajectory import Trajectory
 from identify.preparation.guess import Guess, LogData, Stretch
 
@@ -32,10 +27,6 @@ CHUNK = 6.0  # half periods that are simulated at a time
 FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
 LONGEST = 120  # half periods of one slide that are followed
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
-BRIEF_LOADING = 4.0  # half periods: a first stick that is shorter has no peak of its own
-FIRST_SWINGS = 8.0  # half periods
-ABOUT, PLACES = 2.0, 33  # half periods about the place of a first slide, and onsets in them that are tried
-TOLERANCE = 1e-7  # of a simulation step
 MOST_STRETCHES = 400
 PIECES = 200  # of steady sliding, at most
 # Squared deviations of a slip from a level course, in noise variances: of one that shows, of one that does for sure;
@@ -68,7 +59,7 @@ def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Fol
 def glide(model: Model, log: LogData, p: Array) -> Guess | None:
     """Guess of a log that slides steadily from begin to end; None where the model has no such motion."""
     course = _Course(model, log, p)
-    end = course.steady(log.begin)
+    end = course.along.steady(log.begin)
     if end is None:
         return None
     course.glide(log.begin, log.end)
@@ -79,16 +70,10 @@ class _Course:
     """A motion as it is put together."""
 
     def __init__(self, model: Model, log: LogData, p: Array) -> None:
-        self.model, self.log, self.p = model, log, p
-        names = model.parameter_names
-        self.values = dict(zip(names, p.tolist(), strict=True))
-        self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
-        self.noise = log.noise
+        self.model, self.log, self.along = model, log, Along(model, log, p)
         self.stretches: list[Stretch] = []
         self.sure = 0  # of these, up to the last slip that shows for sure
         self.start = np.array([s.start for s in model.states])
-        changes = [] if log.programme is None else log.programme.changes(log.begin, log.end)
-        self.data = DataSide(log, self.half, tuple(changes))
 
     def guess(self, start: Array) -> Guess:
         """The motion so far, from a state at the begin of the window."""
@@ -101,16 +86,16 @@ class _Course:
         """Follow the motion to the end of the window."""
         t = self.log.begin
         if begins_sliding:
-            steady = self.steady(t)
+            steady = self.along.steady(t)
             if steady is None:
                 return None
             self.start = x = steady.state
-            t = self.data.change_after(t)
+            t = self.along.data.change_after(t)
             self.glide(self.log.begin, t)
             self.sure = len(self.stretches)
             sliding = True
         else:
-            self.start = x = self.first_state()
+            self.start = x = first_state(self.along)
             sliding = False
         hidden, train = 0, 0.0
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
@@ -139,16 +124,12 @@ class _Course:
         again = rest > 0 and made[rest - 1].ended_by == "arrest"
         length = made[-1].until - made[rest - 1].until if again else 2.0 * sliding  # a first slip has no cycle
         nodes = np.concatenate([made[rest].nodes[-1:], *(s.nodes for s in made[rest + 1 :])])
-        height = float(np.ptp([self.force(0.5 * (begun + made[-1].until), x) for x in nodes]))
-        return length / self.log.interval * (height / self.noise) ** 2 / 12.0
+        height = float(np.ptp([self.along.force(0.5 * (begun + made[-1].until), x) for x in nodes]))
+        return length / self.log.interval * (height / self.log.noise) ** 2 / 12.0
 
     def last_rest(self) -> int | None:
         """The place of the last rest; None where there is none."""
         return next((i for i in range(len(self.stretches) - 1, -1, -1) if self.stretches[i].kind == "rest"), None)
-
-    def force(self, t: float, x: Array, just_before: bool = False) -> float:
-        """The friction force that the load cell shows in a state [N]."""
-        return float(np.array(self.model.load_cell(x, self.p, self.inputs(t, just_before))).item())
 
     def so_far(self) -> Followed | None:
         """The motion up to where it cannot be followed further: the end of a slide that was steady, or the rest after
@@ -161,115 +142,13 @@ class _Course:
             return None
         end = made[-1].until
         if made[-1].ended_by == "arrest":
-            end = min(end + AFTER * (end - made[self.last_rest() or 0].until), self.data.change_after(end))
+            end = min(end + AFTER * (end - made[self.last_rest() or 0].until), self.along.data.change_after(end))
             made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
         return Followed(self.guess(self.start), end)
 
-    def inputs(self, t: float, just_before: bool = False) -> Array:
-        """Inputs (4,) of the model at a time [s]."""
-        speed = self.log.speed_at(np.nextafter(t, -np.inf) if just_before else t)
-        return np.array([speed, float(self.log.normal_force.at(t)), 1.0, t])
-
-    def steady(self, t: float, just_before: bool = False) -> Steadiness | None:
-        """The state of steady sliding at a time [s]."""
-        u = self.inputs(t, just_before)
-        return steadiness(self.model, self.p, u) if u[0] > 0.0 else None
-
-    def first_state(self) -> Array:
-        """State at the begin of the window: the elongation from the first samples, the contact half aged or such that
-        the first peak comes when it is seen."""
-        log, model = self.log, self.model
-        peak = self.data.first_peak(self.moving_from(log.begin))
-        until = self.data.first_rise(peak)
-        mine = (log.time >= log.begin) & (log.time <= until) & (log.weight > 0)
-        if not np.any(mine):
-            mine = np.arange(log.time.size) == np.searchsorted(log.time, log.begin)
-        moved = np.array([self.drive_motion(t) for t in log.time[mine]])
-        level = float(np.median(log.force[mine] - self.values["stiffness"] * moved))
-        x = lanes.at_force(model, np.array([level]), self.p[None], self.inputs(log.begin)[None])[0]
-        if model.clamped is None:
-            return x
-        candidates = np.linspace(0.0, 1.0, 41)
-        onsets = np.full(candidates.size, np.nan)
-        for i, value in enumerate(candidates):
-            x[model.clamped] = value
-            onsets[i] = self.onset(log.begin, x)[0]
-        x[model.clamped] = 0.5
-        if np.nanmin(onsets, initial=np.inf) - log.begin < BRIEF_LOADING * self.half:
-            # Its peak is one swing among others: the first slide as a whole tells how aged the contact was.
-            until = min(log.begin + FIRST_SWINGS * self.half, self.data.change_after(log.begin))
-            misfits = [self.misfit_of_first(x, g, log.begin, until) for g in candidates[::2].tolist()]
-            x[model.clamped] = candidates[int(np.argmin(misfits)) * 2]
-        elif np.any(np.isfinite(onsets)) and np.ptp(onsets[np.isfinite(onsets)]) > 1e-3 * (peak - log.begin):
-            x[model.clamped] = candidates[int(np.nanargmin(np.abs(onsets - peak)))]
-            x[model.clamped] = self.aged_until_seen(x, candidates, onsets)
-        return x
-
-    def aged_until_seen(self, x: Array, candidates: Array, onsets: Array) -> float:
-        """The ageing (a candidate, or between two) of the contact at the begin with which the first slips lie on the
-        data: of a slow slip the force is highest long after the mass began to move, and how the mass comes to rest
-        after it hangs on when it began. Looked for about the place where the slide from x does.
-
-        Args:
-            candidates, onsets: ageings (k,) and the onset of each (k,) [s], NaN where there is none.
-        """
-        log, found, aged = self.log, np.isfinite(onsets), float(x[self.model.clamped])
-        onset, at_onset, _ = self.onset(log.begin, x)
-        try:
-            seen = self.placed(log.begin, onset, at_onset)
-        except SimulationError:
-            return aged
-        order = np.argsort(onsets[found])
-        places = seen + self.half * np.linspace(-ABOUT, ABOUT, PLACES)
-        ages = np.unique(np.interp([seen, *places], onsets[found][order], candidates[found][order]))
-        since, until = float(places[0]), min(seen + FIRST_SWINGS * self.half, self.data.change_after(log.begin))
-        misfits = [self.misfit_of_first(x, age, since, until) for age in ages.tolist()]
-        return float(ages[int(np.argmin(misfits))]) if np.any(np.isfinite(misfits)) else aged
-
-    def misfit_of_first(self, x: Array, gamma: float, since: float, until: float) -> float:
-        """Mean square of the residuals in noise variances between two times [s], from a contact this aged."""
-        log, model = self.log, self.model
-        x = x.copy()
-        x[model.clamped] = gamma
-        mine = np.flatnonzero((log.time >= max(since, log.begin)) & (log.time < until) & (log.weight > 0))
-        if mine.size == 0:
-            return np.inf
-        try:
-            shown = self.motion(log.begin, x, until - log.begin).sample(log.time[mine] - log.begin)["force"]
-        except SimulationError:
-            return np.inf
-        return float(np.mean(log.weight[mine] * (log.force[mine] - shown) ** 2))
-
-    def drive_motion(self, t: float) -> float:
-        """How far the drive has gone since the begin of the window [m]."""
-        edges = [self.log.begin, *(c for c in self.data.changes if c < t), t]
-        return sum((b - a) * self.log.speed_at(0.5 * (a + b)) for a, b in pairwise(edges))
-
-    def moving_from(self, t: float) -> float:
-        """When the drive next moves, from t on [s]."""
-        return next((c for c in (t, *self.data.changes) if c >= t and self.log.speed_at(c) > 0.0), self.log.end)
-
-    def onset(self, t: float, x: Array) -> tuple[float, Array, list[tuple[float, Array]]]:
-        """When a rest from x at t ends [s] (NaN: not within the window), the state there, and time and state at each
-        change of the drive before it."""
-        legs: list[tuple[float, Array]] = []
-        while t < self.log.end:
-            until = self.data.change_after(t)
-            force, slope = self.log.normal_force.line(t)
-            speed = self.log.speed_at(t)
-            made = stick(self.model, x, Situated(self.p, speed, 1.0, force, slope, t), t, until - t)
-            t, x = made.start + made.duration, made.end
-            if made.ended_by is not None:
-                if made.pull < 0.0:
-                    raise SimulationError("the mass is pulled back")
-                return t, x, legs
-            t = until
-            legs.append((t, x))
-        return np.nan, x, legs
-
     def rest(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides."""
-        onset, at_onset, legs = self.onset(t, x)
+        onset, at_onset, legs = self.along.onset(t, x)
         before = x
         for until, after in legs:
             if np.isfinite(onset) or until < self.log.end:
@@ -278,35 +157,18 @@ class _Course:
         if not np.isfinite(onset):
             self.stretches.append(Stretch("rest", self.log.end, "time", np.stack([before, legs[-1][1]])))
             return self.log.end, x, False
-        found = self.placed(t, onset, at_onset)
+        found = self.along.placed(t, onset, at_onset)
         self.stretches.append(Stretch("rest", found, "onset", np.stack([before, at_onset])))
         return found, at_onset, True
 
-    def motion(self, t: float, x: Array, duration: float) -> Trajectory:
-        """The simulated motion from state x at t [s]."""
-        names = [s.name for s in self.model.states]
-        load = self.log.normal_force
-        inner = [c for c in load.times if t < c < t + duration]
-        times = np.array([t, *inner, t + duration])
-        course = NormalForce.of((times - t, load.at(times)))
-        start = dict(zip(names, x.tolist(), strict=True))
-        return run(self.model, self.values, self.log.speed_at(t), course, duration, start=start, rtol=TOLERANCE)
-
-    def placed(self, since: float, onset: float, x: Array) -> float:
-        """Where on the data a slide that starts at `onset` from x fits best; after `since` [s]."""
-        local = np.linspace(0.0, 2.0 * self.half, 200)
-        wave = self.motion(onset, x, float(local[-1])).sample(local)["force"]
-        slope = self.values["stiffness"] * self.log.speed_at(onset)
-        return self.data.placed(since, onset, Wave(local, wave, slope))
-
     def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""
-        until, begun = self.data.change_after(t), t
-        slide = SlideParts(self.model, begun, self.half)
+        until, begun = self.along.data.change_after(t), t
+        slide = SlideParts(self.model, begun, self.along.half)
         arrest: Phase | None = None
         faded = False
-        while t < until and t < begun + LONGEST * self.half:
-            motion = self.motion(t, x, min(CHUNK * self.half, until - t))
+        while t < until and t < begun + LONGEST * self.along.half:
+            motion = self.along.motion(t, x, min(CHUNK * self.along.half, until - t))
             arrest = slide.take(t, motion)
             if arrest is not None:
                 t, x = t + arrest.start + arrest.duration, arrest.end
@@ -321,28 +183,28 @@ class _Course:
             return t, x, False
         if faded:
             self.glide(t, until)
-            steady = self.steady(until, just_before=True)
+            steady = self.along.steady(until, just_before=True)
             assert steady is not None
             return until, steady.state, True
         return (until, x, True) if t >= until else (np.nan, x, True)
 
     def faded(self, t: float, motion: Trajectory) -> bool:
         """Whether the last period of a motion that ends at t is steady sliding but for a part of the noise."""
-        steady = self.steady(t, just_before=True)
-        if steady is None or motion.duration < 2.0 * self.half:
+        steady = self.along.steady(t, just_before=True)
+        if steady is None or motion.duration < 2.0 * self.along.half:
             return False
-        local = np.linspace(motion.duration - 2.0 * self.half, motion.duration, 60)
+        local = np.linspace(motion.duration - 2.0 * self.along.half, motion.duration, 60)
         shown = motion.sample(local)["force"]
-        level = self.force(t, steady.state, just_before=True)
+        level = self.along.force(t, steady.state, just_before=True)
         drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
-        return bool(np.max(np.abs(shown - level * drift)) < FADED * self.noise)
+        return bool(np.max(np.abs(shown - level * drift)) < FADED * self.log.noise)
 
     def glide(self, since: float, until: float) -> None:
         """Steady sliding between two times, in as many pieces as the course of the normal force has."""
         knots = [t for t in self.log.normal_force.times if since < t < until]
         count = min(max(2 * len(knots), 1), PIECES)
         edges = np.linspace(since, until, count + 1)
-        found = [self.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
+        found = [self.along.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
         if any(s is None for s in found):
             raise SimulationError("there is no steady sliding")
         states = [s for s in found if s is not None]
