@@ -177,3 +177,31 @@ def test_rests_of_a_few_samples_are_followed(monkeypatch: pytest.MonkeyPatch) ->
     assert np.max(np.abs(arrests() - motion.arrests)) < 2e-3
     monkeypatch.setattr(first_state, "aged_until_seen", lambda along, x, *_: x[MODEL.clamped])
     assert arrests().size < 51  # the first slips are taken for one
+
+
+# Slips of 4.4 mN in noise of 5 mN, 25 samples each, after one of 140 mN; they rest for 6 of 50 ms.
+TRAIN = {"mu_s": 0.959, "mu_k0": 0.8458, "delta_mu_k": -0.04465, "a": 40.58, "D": 9.015e-6, "t_cr": 3.806}
+TRAIN_RIG = {"mass": 0.1551, "stiffness": 2518.0, "damping": 131.6}
+
+
+@pytest.mark.parametrize("wrong", [1.0, 1.5])
+def test_slips_that_only_show_together_are_followed_through(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is placed by the noise; that each follows the one before keeps their number, at a wrong t_cr too."""
+    truth = TRAIN | TRAIN_RIG
+    motion = run(MODEL, truth, 1e-4, 1.0, 14.0)
+    time = np.arange(7001) / 500.0
+    force = motion.sample(time)["force"] + 5e-3 * np.random.default_rng(5).standard_normal(time.size)
+    p = np.array([(truth | {"t_cr": wrong * truth["t_cr"]})[n] for n in MODEL.parameter_names])
+    log = LogData(time, force, np.full(time.size, 5e-3**-2), p, 1e-4, NormalForce.of(1.0), 0.0, 0.0, 14.0)
+
+    def arrests() -> np.ndarray:
+        found = follow(MODEL, log, p, begins_sliding=False)
+        assert found is not None and found.end == 14.0
+        return np.array([s.until for s in found.guess.tail if s.ended_by == "arrest"])
+
+    assert motion.arrests.size == 200
+    through = arrests()
+    assert through.size == motion.arrests.size
+    assert np.max(np.abs(through - motion.arrests)) < 0.025  # half a cycle
+    monkeypatch.setattr(following, "UNSURE", np.inf)
+    assert arrests().size < motion.arrests.size

@@ -85,9 +85,10 @@ class Along:
         start = dict(zip(names, x.tolist(), strict=True))
         return run(self.model, self.values, self.log.speed_at(t), course, duration, start=start, rtol=TOLERANCE)
 
-    def placed(self, since: float, onset: float, x: Array) -> float:
-        """Where on the data a slide that starts at `onset` from x fits best; after `since` [s]."""
+    def placed(self, since: float, onset: float, x: Array, spread: float = np.inf) -> float:
+        """Where on the data a slide that starts at `onset` from x fits best; after `since` [s]. spread: of the
+        onset as it is expected [s]; infinite: the data alone say."""
         local = np.linspace(0.0, 2.0 * self.half, 200)
         wave = self.motion(onset, x, float(local[-1])).sample(local)["force"]
         slope = self.values["stiffness"] * self.log.speed_at(onset)
-        return self.data.placed(since, onset, Wave(local, wave, slope))
+        return self.data.placed(since, onset, Wave(local, wave, slope), spread)

@@ -27,7 +27,8 @@ CHUNK = 6.0  # half periods that are simulated at a time
 FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
 LONGEST = 120  # half periods of one slide that are followed
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
-MOST_STRETCHES = 400
+MOST_STRETCHES = 1200
+UNSURE = 0.05  # of a cycle: how far off an onset is expected by parameters that are not the answer yet
 PIECES = 200  # of steady sliding, at most
 # Squared deviations of a slip from a level course, in noise variances: of one that shows, of one that does for sure;
 SHOWN, SURE = 1.0, 9.0
@@ -73,6 +74,7 @@ class _Course:
         self.model, self.log, self.along = model, log, Along(model, log, p)
         self.stretches: list[Stretch] = []
         self.sure = 0  # of these, up to the last slip that shows for sure
+        self.last_shown = np.inf  # how far the last slip stands out of the noise
         self.start = np.array([s.start for s in model.states])
 
     def guess(self, start: Array) -> Guess:
@@ -103,7 +105,7 @@ class _Course:
                 t, x, sliding = self.slide(t, x)
                 if np.isnan(t):
                     return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
-                shown = self.shown()
+                self.last_shown = shown = self.shown()
                 hidden, train = (hidden + 1, 0.0) if shown < SHOWN else (0, train + shown)
                 self.sure = len(self.stretches) if shown >= SURE or train >= TRAIN else self.sure
                 if hidden == HIDDEN:  # to go on would make up how often it slips until the window ends
@@ -157,9 +159,16 @@ class _Course:
         if not np.isfinite(onset):
             self.stretches.append(Stretch("rest", self.log.end, "time", np.stack([before, legs[-1][1]])))
             return self.log.end, x, False
-        found = self.along.placed(t, onset, at_onset)
+        found = self.along.placed(t, onset, at_onset, self.spread(onset))
         self.stretches.append(Stretch("rest", found, "onset", np.stack([before, at_onset])))
         return found, at_onset, True
+
+    def spread(self, onset: float) -> float:
+        """How far off an expected onset may be [s]; infinite where the last slip shows so well that the data alone say
+        where the next one is. Slips that hardly show are each moved by the noise; what the train of them has in common
+        is when the model lets them follow each other."""
+        last = self.last_rest()
+        return UNSURE * (onset - self.stretches[last].until) if last is not None and self.last_shown < SURE else np.inf
 
     def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""

@@ -57,10 +57,14 @@ class DataSide:
         """The next change of the drive, or the end of the window [s]."""
         return next((c for c in self.changes if c > t), self.log.end)
 
-    def placed(self, since: float, onset: float, wave: Wave) -> float:
+    def placed(self, since: float, onset: float, wave: Wave, spread: float = np.inf) -> float:
         """Where on the data the wave of a slide that is expected from `onset` on fits best; after `since` [s]. Where
-        nothing fits better than by chance it stays where it is expected."""
-        log = self.log
+        nothing fits better than by chance it stays where it is expected.
+
+        Args:
+            spread: how far off the expected onset may be, one standard deviation [s]; infinite: the data alone say.
+        """
+        log, certain = self.log, np.isfinite(spread)
         reach = max(REACH * self.half, 2.0 * log.interval)
         step = max(self.half / PER_HALF_PERIOD, 0.25 * log.interval)
         centres = self.centres(since, onset, wave, reach)
@@ -75,10 +79,10 @@ class DataSide:
             if index.size < 2:
                 continue
             if centre == onset:
-                least = self._misfit(index, onset, wave) - BY_CHANCE / index.size
+                least = self._misfit(index, onset, wave) - (0.0 if certain else BY_CHANCE) / index.size
             places = centre + around
             for place in places[(places > since + 1e-3 * self.half) & (places < latest)].tolist():
-                misfit = self._misfit(index, place, wave)
+                misfit = self._misfit(index, place, wave) + ((place - onset) / spread) ** 2 / index.size
                 if misfit < lowest:
                     best, lowest = place, misfit
         return best if lowest < least else onset
