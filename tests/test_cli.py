@@ -202,6 +202,8 @@ def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
         (["stability", "--scene", examples.SCENE, "--at", "mass=-1 kg"], "--at mass is -1"),
         (["stability", "--scene", examples.SCENE, "--at", "stiffness=0"], "--at stiffness is 0"),
         (["stability", "--scene", examples.SCENE, "--at", "drive_speed=-1 mm/s"], "--at drive_speed is -0.001 m/s"),
+        (["stability", "--scene", examples.SCENE, "--at", "normal_force=-2 N"], "--at normal_force is -2 N"),
+        (["amplitude", "--scene", examples.SCENE, "--at", "normal_force=0 N"], "--at normal_force is 0 N"),
         (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "mu_k0 is 0.9 here"),
         (["amplitude", "--scene", examples.SCENE, "--at", "delta_mu_k=-0.9"], "above 0"),
         (["amplitude", "--scene", examples.SCENE, "--plot", "none/a.png"], "folder does not exist"),
@@ -582,6 +584,19 @@ def test_what_is_not_ours_is_not_replaced(folder):
         check_replaceable(noted / "notes.txt")
     with pytest.raises(CommandLineError, match="runs in"):
         check_replaceable(Path())
+
+
+def test_a_place_that_takes_no_folder_is_refused_before_the_work(folder, monkeypatch):
+    """Rights alone do not tell: a special or a full file system refuses, too."""
+    check_replaceable(folder / "out")
+    assert list(folder.iterdir()) == []
+
+    def full(*_args, **_named):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("identify.cli.folder.tempfile.mkdtemp", full)
+    with pytest.raises(CommandLineError, match="nothing may be written in"):
+        check_replaceable(folder / "out")
 
 
 def test_new_and_empty_folders_are_fine(folder):

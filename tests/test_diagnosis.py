@@ -69,6 +69,7 @@ def test_a_wrong_mass_is_named_with_the_right_one(case):
     made = fit(_scene(RIG | {"mass": 0.3}, ALONE), [case.records[i] for i in ALONE])
     result = check_document(made.result)
     assert result["status"] == "model_misfit"
+    assert all(reason["value"] is None for reason in result["effects"]["reasons"])
     assert "a mass of 0.2 kg instead of 0.3 kg" in result["message"]
     assert (result["correlation"], result["derived"]) == (None, {})
     assert {p["value"] for p in result["parameters"].values()} == {None}

@@ -129,8 +129,8 @@ def amplitude_text(document: Document) -> str:
         f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
         f"at up to {with_interval(part['peak_speed'])}; "
         f"the mass begins to slip at {plain['onset_force']} and rests again at {plain['arrest_force']} (the drop is "
-        "the difference of the two; peak and valley of the record lie beyond them)."
-        + _why_open(part[name] for name in ("drop", "period", "peak_speed"))
+        "the difference of the two; the force peaks a little later and is lowest a little earlier, between samples "
+        "perhaps)." + _why_open(part[name] for name in ("drop", "period", "peak_speed"))
     )
 
 

@@ -80,7 +80,10 @@ def _text(where: str, found: Certainty, told: Mapping[str, Any]) -> str:
         line, drawn = (
             f"{said(e[0], row['unit'])} to {said(e[1], row['unit'])}" for e in (row["linear"], row["interval"])
         )
-        sentences.append(f"Of the {name.replace('_', ' ')} draws say {drawn}, straight lines {line}: take the draws.")
+        if drawn != line:  # as they are printed
+            sentences.append(
+                f"Of the {name.replace('_', ' ')} draws say {drawn}, straight lines {line}: take the draws."
+            )
     if found.refused:
         sentences.append(f"{found.refused} draws were left out: no pair has such friction.")
     return " ".join(sentences)

@@ -64,8 +64,10 @@ def _check_place(out: Path) -> None:
     place = next(folder for folder in Path(os.path.realpath(out)).parents if folder.exists())
     if not place.is_dir():
         raise CommandLineError(f"--out {out} stands below {place}, which is a file; choose another folder")
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise CommandLineError(f"--out {out}: nothing may be written in {place}; choose another folder")
+    try:  # rights do not say it all: a full or a special file system refuses, too
+        Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=place)).rmdir()
+    except OSError:
+        raise CommandLineError(f"--out {out}: nothing may be written in {place}; choose another folder") from None
 
 
 def _holds_a_result(folder: Path, kind: Kind) -> bool:

@@ -134,6 +134,10 @@ def at_values(items: list[str], scene: Scene) -> dict[str, float]:
             f"--at drive_speed is {values['drive_speed']:g} m/s; expected a positive speed, as both directions "
             "are alike: give it without its sign"
         )
+    if not values.get("normal_force", 1.0) > 0.0:
+        raise CommandLineError(
+            f"--at normal_force is {values['normal_force']:g} N; expected a load that presses: give a positive one"
+        )
     for p in scene.model.parameters:
         if p.name in values and not p.lower <= values[p.name] <= p.upper:
             raise CommandLineError(

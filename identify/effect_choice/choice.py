@@ -38,12 +38,15 @@ class Choice:
     reasons: tuple[Reason, ...]
 
 
-def as_listed(effects: Sequence[str], values: Mapping[str, float], normal_force: float, drive_speed: float) -> Choice:
-    """The effects a scene lists, each with what it does and when it matters, at an operating point in SI."""
+def as_listed(
+    effects: Sequence[str], values: Mapping[str, float] | None, normal_force: float, drive_speed: float
+) -> Choice:
+    """The effects a scene lists, each with what it does and when it matters, at an operating point in SI; without
+    values that can be relied on (None) what it does alone."""
     reasons = []
     for effect in ALL:
         if effect.name in effects:
-            told = effect.importance(values, normal_force, drive_speed)
+            told = None if values is None else effect.importance(values, normal_force, drive_speed)
             sentence = effect.says + (f"; {told.sentence}" if told else "")
             reasons.append(
                 Reason(effect.name, True, sentence, told.group if told else "", told.value if told else None)

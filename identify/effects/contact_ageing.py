@@ -42,5 +42,5 @@ class ContactAgeing(Effect):
             "D k/((μs − μk0) F_n)",
             p["D"] / travel,
             f"sliding by {1e6 * p['D']:.3g} µm renews the contact, {p['D'] / travel:.2g} of the spring's travel; "
-            f"a stick of {rest:.2g} s regains {100 * regained:.3g} % of the strength",
+            f"a stick of about {rest:.2g} s regains {100 * regained:.2g} % of the strength",
         )

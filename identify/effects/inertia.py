@@ -32,5 +32,5 @@ class Inertia(Effect):
         return Importance(
             "T_slip/T",
             share,
-            f"a slip of half a natural period ({1e3 * slip:.3g} ms) takes {100 * share:.3g} % of a cycle",
+            f"half a natural period ({1e3 * slip:.3g} ms), about a slip, is {100 * share:.2g} % of a cycle",
         )

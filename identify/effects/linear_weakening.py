@@ -44,5 +44,5 @@ class LinearWeakening(Effect):
         return Importance(
             "Δμk a v/(μs − μk0)",
             share,
-            f"up to the {1e3 * speed:.2g} mm/s of a slip kinetic friction changes by {100 * share:.3g} % of the fall",
+            f"up to about {1e3 * speed:.2g} mm/s in a slip kinetic friction changes by {100 * share:.2g} % of the fall",
         )

@@ -46,7 +46,7 @@ class PowerLaw(Effect):
         return Importance(
             "μk0 (1 − (v/v_low)^−n)/(μs − μk0)",
             share,
-            f"up to the {1e3 * speed:.2g} mm/s of a slip kinetic friction changes by {100 * share:.3g} % of the fall",
+            f"up to about {1e3 * speed:.2g} mm/s in a slip kinetic friction changes by {100 * share:.2g} % of the fall",
         )
 
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:

@@ -170,7 +170,8 @@ QUALITY: Mapping[str, str] = {
 }
 EFFECTS_CHOSEN: Mapping[str, str] = {
     "auto": "Chosen from the numbers of the scene and from the data.",
-    "listed": "Listed in the scene. The numbers are those of the first log.",
+    "listed": "Listed in the scene. Where numbers stand they are estimates for the first log, without damping and at "
+    "full strength, to judge sizes by: what its cycles are stands under Stability and amplitude.",
 }
 TIMING_WORDS: Mapping[str, str] = {
     "read": "reading the logs",

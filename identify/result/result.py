@@ -102,14 +102,15 @@ def _base(scene: Scene, found: Findings) -> Array:
 
 
 def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> dict[str, Any]:
-    """Which effects and why; of those that are listed, what they amount to at the first log."""
+    """Which effects and why; of those that are listed, what they amount to at the first log, if there is an answer."""
     if choice is not None:
         return document_of(choice, auto=True)
-    theta = found.unknowns.start if found.attempt is None else found.attempt.solved.theta
     log, model = prepared[0].data, found.unknowns.model
-    with np.errstate(all="ignore"):
-        p = found.unknowns.values(theta, log.base)
-    values = dict(zip(model.parameter_names, np.where(np.isfinite(p), p, 0.0).tolist(), strict=True))
+    values: dict[str, float] | None = None
+    if found.status is Status.CONVERGED and found.attempt is not None:
+        with np.errstate(all="ignore"):
+            p = found.unknowns.values(found.attempt.solved.theta, log.base)
+        values = dict(zip(model.parameter_names, np.where(np.isfinite(p), p, 0.0).tolist(), strict=True))
     return document_of(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
 
 
