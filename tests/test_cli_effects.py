@@ -134,12 +134,8 @@ def test_a_fit_says_which_effects_it_took_and_why(folder, capsys):  # noqa: F811
     assert all(reason["kept"] and reason["sentence"] for reason in effects["reasons"])
     assert all(reason["value"] is not None for reason in effects["reasons"] if reason["effect"] in MAIN)
     page = Path("r/report.html").read_text(encoding="utf-8")
-    assert (
-        "Effects: which and why" in page
-        and "contact ageing" in page
-       
+    assert "Effects: which and why" in page and "contact ageing" in page
     assert "Listed in the scene. Where numbers stand" in page
-    )
 
 
 def test_a_drafted_scene_follows_the_measured_load(folder, capsys):  # noqa: F811
