@@ -17,6 +17,7 @@ from identify.uncertainty.uncertainty import parameter_value
 Array = NDArray[np.float64]
 
 TELLING = 1.05  # by which factor a memory of the noise must widen an interval to be worth a note
+BENT = 1.2  # by which factor likely points that were met must, for the same
 
 
 def depth_document(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]:
@@ -44,6 +45,21 @@ def noise_note(sure: Certainty) -> str:
     return (
         f"Neighbouring residuals are alike (one sample in {longest:.2g} is new): the standard errors allow for it, and "
         f"are up to {widest:.2g} times those of white noise."
+    )
+
+
+def ridge_note(sure: Certainty, unknowns: Unknowns) -> str:
+    """A sentence where the likelihood is no paraboloid and standard errors were widened for it; else empty."""
+    if not sure.memory.size:
+        return ""
+    ratios = np.sqrt(np.diag(sure.covariance) / (sure.memory * np.diag(sure.white)))
+    named = [(name, ratio) for (_, name), ratio in zip(_names(unknowns), ratios.tolist(), strict=True) if ratio > BENT]
+    if not named:
+        return ""
+    return (
+        f"The likelihood bends: the standard errors of {', '.join(name for name, _ in named)} are up to "
+        f"{max(ratio for _, ratio in named):.2g} times those of its curvature, so that they hold every likely point "
+        "that was met; the profile of a parameter (--profile) gives its own interval."
     )
 
 

@@ -7,7 +7,7 @@ from identify.model.model import RIG_PARAMETERS
 from identify.outcome import Status
 from identify.preparation.drive_doubts import DISAGREES
 from identify.preparation.prepare import Prepared
-from identify.result.depth import noise_note
+from identify.result.depth import noise_note, ridge_note
 from identify.result.log_document import load_varies
 from identify.scene import Scene
 
@@ -20,8 +20,9 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
     guessed = [log.name for log in prepared if log.noise_estimated]
     if guessed:
         notes.append("The noise was estimated from straight lines through the stick phases, not given.")
-    coloured = noise_note(found.sure) if found.sure is not None and found.status is Status.CONVERGED else ""
-    notes += [coloured] if coloured else []
+    if found.sure is not None and found.status is Status.CONVERGED:
+        said = (noise_note(found.sure), ridge_note(found.sure, found.unknowns))
+        notes += [sentence for sentence in said if sentence]
     rig = (*RIG_PARAMETERS, "drive_speed")
     exact = [name for name in rig if name not in scene.parameters and name not in scene.rig.tolerances]
     if exact and found.status is Status.CONVERGED:
