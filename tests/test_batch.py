@@ -206,7 +206,7 @@ def test_a_terminated_batch_says_so_and_leaves_no_process(tmp_path):
     below = children(batch.pid)
     batch.send_signal(signal.SIGTERM)
     _, words = batch.communicate(timeout=30)
-    assert batch.returncode == 130 and b"interrupted" in words and len(below) == 2
+    assert batch.returncode == 130 and b"interrupted" in words and b"--resume" in words and len(below) == 2
     wait_for(lambda: not any(alive(pid) for pid in below))
     before = put(out)
     document = json.loads((out / "batch.json").read_text())

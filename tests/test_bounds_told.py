@@ -19,9 +19,9 @@ from identify.search.status_words import at_bounds, underivable
 RIG = {"mass": {"value": 0.2, "tolerance": 0.02}, "stiffness": 1470.0, "damping": 147.0}
 
 
-def _told(name, side, parameters):
+def _told(name, side, parameters, more=()):
     logs = [{"path": "log.csv", "drive_speed": 1e-3}]
-    document = {"effects": list(MAIN), "rig": RIG, "logs": logs, "parameters": parameters}
+    document = {"effects": [*MAIN, *more], "rig": RIG, "logs": logs, "parameters": parameters}
     unknowns = from_scene(Scene.from_document(document, Path()))
     theta, i = unknowns.start.copy(), unknowns.names.index(name)
     assert not at_bounds(unknowns, theta)
@@ -42,7 +42,12 @@ def test_the_scenes_own_bound_can_be_widened(side, bound):
 def test_the_models_bound_can_not_and_says_that_the_logs_do_not_tell(side, end, other):
     said = _told("t_cr", side, {"t_cr": other})
     assert f"{end} end of what the model admits: these logs do not tell it" in said and "widen" not in said
-    assert "fix t_cr" in said and "add a log that tells it" in said
+    assert "fix t_cr" in said and "add a log that tells it" in said and "effects" not in said
+
+
+def test_an_effect_too_many_can_be_taken_out():
+    said = _told("lag_time", 0, {}, ("sensor_lag",))
+    assert "fix lag_time in [parameters], take sensor_lag out of the effects, or add a log" in said
 
 
 def test_a_rig_quantity_far_from_what_is_stated_is_to_be_checked():

@@ -81,16 +81,20 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
     for note in planned.notes:
         terminal.note(f"note: {note}")
     workers = _workers(arguments, out)
-    with BatchProgress(terminal.notes) as teller:
-        summary = run_batch(
-            planned,
-            out,
-            workers,
-            resume=arguments.resume,
-            limit=limit,
-            teller=teller,
-            scheduler=arguments.scheduler,
-        )
+    try:
+        with BatchProgress(terminal.notes) as teller:
+            summary = run_batch(
+                planned,
+                out,
+                workers,
+                resume=arguments.resume,
+                limit=limit,
+                teller=teller,
+                scheduler=arguments.scheduler,
+            )
+    except KeyboardInterrupt:
+        terminal.note(f"note: what has ended is kept in {out}; the same command with --resume goes on from there")
+        raise
     _say(summary, terminal)
     if summary.status != "stopped":  # of what has ended so far a page can be had with: stickslip compare
         _write_page(out, terminal)

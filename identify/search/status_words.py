@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.effects import ALL, MAIN
 from identify.model.model import RIG_PARAMETERS
 from identify.outcome import Status
 from identify.preparation.prepare import Prepared
@@ -30,9 +31,11 @@ def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
             elif name in RIG_PARAMETERS and abs(bound) == RIG_REACH:
                 out[name] = f"{name} sits a factor of three from what [rig] states, and may go no farther; check it"
             else:
+                owner = next((e.name for e in ALL if name in {p.name for p in e.parameters}), None)
+                without = f", take {owner} out of the effects" if owner is not None and owner not in MAIN else ""
                 out[name] = (
                     f"{name} sits at the {word} end of what the model admits: these logs do not tell it; fix {name} in "
-                    "[parameters], or add a log that tells it"
+                    f"[parameters]{without}, or add a log that tells it"
                 )
     return out
 
