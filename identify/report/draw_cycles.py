@@ -40,7 +40,8 @@ def draw_cycles(curves: LogCurves, position: int) -> Drawing:
         figure=figure,
         alt=f"Onset force, drop, period and misfit of each of the {count} cycles of log {position}.",
         caption="Scatter from cycle to cycle of the motion as fitted; line and band: mean ± standard deviation. "
-        "A fit of one set of parameters takes all cycles as alike: scatter or a trend far above the noise says that the friction itself changed."
+        "A fit of one set of parameters takes all cycles as alike: "
+        "scatter or a trend far above the noise says that the friction itself changed."
         + (" Misfit z: how far a cycle's residual is from pure noise, in its standard deviations." * (len(panels) > 3)),
         wide=True,
         tables={
