@@ -136,3 +136,20 @@ def test_scripts_map_a_scene_by_names(tmp_path):
     assert end.value == pytest.approx(21.98e-3, rel=1e-3)
     with pytest.raises(SimulationError, match="normal force"):
         identify.stability_map(replace(scene, rig=replace(scene.rig, normal_force=None)), "mass", "D")
+
+
+@pytest.mark.parametrize("speed", [1.0, 100.0])
+def test_an_operating_point_beyond_the_map_is_said_to_be(speed_and_stiffness, speed):
+    from matplotlib.figure import Figure
+
+    from identify.report.draw_map import View, _points
+
+    made = speed_and_stiffness
+    at = made.plane.x.value * speed
+    moved = replace(made, plane=replace(made.plane, x=replace(made.plane.x, value=at)))
+    axes = Figure().add_subplot()
+    legend = _points(axes, moved, View(moved.plane.x, moved.plane.y), Marks())
+    within = bool(made.plane.x_values[0] <= at <= made.plane.x_values[-1])
+    assert within is (speed == 1.0)
+    assert legend[0].get_label() == ("operating point" if within else "operating point: beyond this map")
+    assert any(line.get_marker() == "*" for line in axes.lines) is within

@@ -157,24 +157,32 @@ def _untested(axes: Axes, chart: Chart, view: View, tested: Tested | None) -> li
 def _points(axes: Axes, chart: Chart, view: View, marks: Marks) -> list[Any]:
     x, y = view.axes
     here = view.shown(np.array([[x.place(x.value), y.place(y.value)]]))[0]
-    legend: list[Any] = [Line2D([], [], ls="", marker="*", ms=8, mfc="k", mec="w", mew=0.6, label="operating point")]
+    spans = chart.plane.x_values[[0, -1]], chart.plane.y_values[[0, -1]]
+    shows = _within((x.value, y.value), spans)
+    label = "operating point" if shows else "operating point: beyond this map"
+    legend: list[Any] = [Line2D([], [], ls="", marker="*", ms=8, mfc="k", mec="w", mew=0.6, label=label)]
     ring = None if marks.known is None else region(chart.plane, marks.known)
     if ring is not None:
         axes.plot(*view.shown(ring).T, color="k", lw=0.9, zorder=5)
         legend.append(Line2D([], [], color="k", lw=0.9, label="its 95 % region"))
-    spans = chart.plane.x_values[[0, -1]], chart.plane.y_values[[0, -1]]
     others = [
         p
         for p in dict.fromkeys(marks.points)
-        if not np.allclose(p, (x.value, y.value), rtol=1e-9)
-        and all(low <= v <= high for v, (low, high) in zip(p, spans, strict=True))
+        if not np.allclose(p, (x.value, y.value), rtol=1e-9) and _within(p, spans)
     ]
     if others:
         shown = np.array(others) / [s.factor for s in view.scales]
         axes.plot(*shown.T, ls="", marker="o", ms=4, mfc="w", mec="k", mew=0.8, zorder=5)
         legend.append(Line2D([], [], ls="", marker="o", ms=4, mfc="w", mec="k", mew=0.8, label="other logs"))
-    axes.plot(*here, ls="", marker="*", ms=9, mfc="k", mec="w", mew=0.6, zorder=6)
+    if shows:
+        axes.plot(*here, ls="", marker="*", ms=9, mfc="k", mec="w", mew=0.6, zorder=6)
     return legend
+
+
+def _within(point: tuple[float, float], spans: tuple[Array, Array]) -> bool:
+    """Whether a point (x, y) lies on a map with these ends (2,) each, but for the rounding of its edge."""
+    reach = [1e-9 * float(np.ptp(span)) for span in spans]
+    return all(s[0] - r <= v <= s[1] + r for v, s, r in zip(point, spans, reach, strict=True))
 
 
 def _axes(axes: Axes, chart: Chart, view: View) -> None:
