@@ -240,3 +240,20 @@ def test_steps_do_not_swing_about_the_top():
         for y in [found.mixed.projection @ found.mixed.y]
     ]
     assert np.all(np.abs(slope * found.mixed.theta) < 1e-3)
+
+
+@pytest.mark.parametrize("run", [1e-3, 1e-4])
+def test_two_people_far_apart_and_runs_close_together(run):
+    """People 0.08 apart whose runs repeat to a thousandth: the scatter of people is that of the analysis of variance,
+    not whatever the first long step reached; control: people three times as far apart scatter three times as much."""
+    setting = Setting(tuple(f"M{k}" for k in (0, 0, 0, 0, 1, 1, 1, 1)), ("V0", "V1") * 4)
+    level = np.array([0.62, 0.70] * 4) + run * np.array([-1.0, 0.5, 0.8, -0.6, 0.3, 0.9, -0.7, -0.4])
+
+    def scatter(y):
+        found = pool(y, np.full(8, (0.5 * run) ** 2), setting)
+        assert found.differences[0].verdict == NOT_TOLD_APART and found.means[0].df == pytest.approx(1.0, rel=0.01)
+        return np.sqrt(found.mixed.variance_of(SUBJECT))
+
+    apart = abs(level[1::2].mean() - level[::2].mean())
+    assert scatter(level) == pytest.approx(apart / np.sqrt(2), rel=1e-3)
+    assert scatter(level + np.array([0.0, 0.16] * 4)) == pytest.approx((apart + 0.16) / np.sqrt(2), rel=1e-3)

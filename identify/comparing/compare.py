@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from identify.comparing.fits import FitEntry
 from identify.comparing.labels import CompareError, Question, Taken, take
+from identify.comparing.parts import parts
 from identify.comparing.quantities import Quantity, Values, values
 from identify.pooling.mixed import PoolingError
 from identify.pooling.outliers import outliers
@@ -37,10 +40,12 @@ class PooledQuantity:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A finished comparison. entries: all fits that were found; taken: those compared; groups: in natural order."""
+    """A finished comparison. entries: all fits that were found; parts: what counts for itself of them; taken: what is
+    compared of that; groups: in natural order."""
 
     question: Question
     entries: tuple[FitEntry, ...]
+    parts: tuple[FitEntry, ...]
     taken: Taken
     values: Values
     quantities: tuple[PooledQuantity, ...]
@@ -52,6 +57,12 @@ class Comparison:
         """The pooled quantities by name."""
         return {q.quantity.name: q.pooled for q in self.quantities if q.pooled is not None}
 
+    @property
+    def odd_fits(self) -> frozenset[str]:
+        """The fits that do not belong, or a part of which does not."""
+        odd = {o.name for o in self.odd}
+        return frozenset(part.whole for part in self.parts if part.name in odd)
+
 
 def compare(entries: Sequence[FitEntry], question: Question) -> Comparison:
     """Compare groups of fits.
@@ -59,7 +70,8 @@ def compare(entries: Sequence[FitEntry], question: Question) -> Comparison:
     Raises:
         CompareError: nothing to compare; the text says why.
     """
-    taken = take(entries, question)
+    every = tuple(part for entry in entries for part in parts(entry))
+    taken = take(every, question)
     told = values(taken.entries)
     if not told.quantities:
         raise CompareError("these fits tell no parameter; expected fits with parameters that are identified")
@@ -68,7 +80,7 @@ def compare(entries: Sequence[FitEntry], question: Question) -> Comparison:
     quantities, odd = [], []
     for k, quantity in enumerate(told.quantities):
         untold = tuple((names[i], reason) for i, reason in told.untold[quantity.name])
-        if len(names) - len(untold) < FEW:
+        if np.count_nonzero(np.isfinite(told.y[:, k])) < FEW:
             quantities.append(PooledQuantity(quantity, None, "fewer than two fits tell it", untold))
             continue
         try:
@@ -81,6 +93,7 @@ def compare(entries: Sequence[FitEntry], question: Question) -> Comparison:
     return Comparison(
         question=question,
         entries=tuple(entries),
+        parts=every,
         taken=taken,
         values=told,
         quantities=tuple(quantities),

@@ -49,7 +49,7 @@ def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None)
     labels = _labels(entries, comparison)
     names = list(dict.fromkeys(str(n) for e in entries for n in e.document.get("parameters", {})))[:MOST_PARAMETERS]
     units = {name: _unit(entries, name) for name in names}
-    odd = {o.name for o in comparison.odd} if comparison else set()
+    odd = comparison.odd_fits if comparison else frozenset()
     heads = ["fit", "status", *labels, "misfit"]
     heads += [f"{plain_symbol(n)}{f' [{units[n].unit}]' if units[n].unit else ''}" for n in names]
     rows = []
@@ -113,7 +113,7 @@ def without_result(entries: Sequence[FitEntry], home: Path) -> Table:
 
 def left_out(comparison: Comparison, home: Path) -> Table:
     """Fits with a result that took no part all the same, with the reason."""
-    by_name = {entry.name: entry for entry in comparison.entries if entry.converged}
+    by_name = {entry.name: entry for entry in comparison.parts if entry.converged}
     rows = [
         [Cell(name, link=link(by_name[name], home), sort=name), Cell(reason, sort=reason, most=REASON)]
         for name, reason in sorted(comparison.taken.left_out, key=lambda item: natural(item[0]))
@@ -141,7 +141,7 @@ def rejected_logs(entries: Sequence[FitEntry]) -> Table:
 
 def odd_fits(comparison: Comparison, home: Path) -> Table:
     """Fits that do not belong, by name."""
-    by_name = {entry.name: entry for entry in comparison.entries}
+    by_name = {entry.name: entry for entry in comparison.parts}
     rows = [
         [
             Cell(o.name, link=link(by_name[o.name], home), sort=o.name),
@@ -156,7 +156,7 @@ def odd_fits(comparison: Comparison, home: Path) -> Table:
 
 def pictures(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> list[Picture]:
     """A small picture of every fit, in the order of the table; at most MOST_PICTURES."""
-    odd = {o.name for o in comparison.odd} if comparison else set()
+    odd = comparison.odd_fits if comparison else frozenset()
     out = []
     for entry in entries[:MOST_PICTURES]:
         part = excerpt(entry)

@@ -31,7 +31,8 @@ class FitEntry:
 
     name: its group in the batch, else its folder; folder: where its files are; status, message: as in result.json,
     or "unreadable" with the reason; labels: those that all its logs share; mixed: labels that differ between its
-    logs; document: result.json, empty where there is none.
+    logs; document: result.json, empty where there is none. Of a part of a fit (`parts`): fit: the name of the fit;
+    elsewhere: parameters that other parts of it tell.
     """
 
     name: str
@@ -41,6 +42,18 @@ class FitEntry:
     labels: Mapping[str, str] = field(default_factory=dict)
     mixed: tuple[str, ...] = ()
     document: Mapping[str, Any] = field(default_factory=dict)
+    fit: str = ""
+    elsewhere: frozenset[str] = frozenset()
+
+    @property
+    def whole(self) -> str:
+        """The name of the fit."""
+        return self.fit or self.name
+
+    @property
+    def shared(self) -> bool:
+        """Whether this is what all logs of a fit share while other parameters differ between them."""
+        return self.fit == self.name
 
     @property
     def converged(self) -> bool:
@@ -57,6 +70,11 @@ class FitEntry:
     def taken(self) -> Sequence[Mapping[str, Any]]:
         """The logs that took part in the fit."""
         return [log for log in self.logs if not log.get("reason_left_out")]
+
+
+def count(entries: Iterable[FitEntry]) -> int:
+    """How many fits these are, however many parts of each."""
+    return len({(entry.folder, entry.whole) for entry in entries})
 
 
 def read_fits(folders: Iterable[str | Path]) -> tuple[FitEntry, ...]:
@@ -145,7 +163,7 @@ def _read(folder: Path, name: str, labels: Mapping[str, str]) -> FitEntry:
         return FitEntry(name, folder, UNREADABLE, f"{RESULT} cannot be read: {type(error).__name__}", labels)
     if not isinstance(document, Mapping) or not isinstance(document.get("parameters"), Mapping):
         return FitEntry(name, folder, UNREADABLE, f"{RESULT} is no result of a fit", labels)
-    said, mixed = _labels(document)
+    said, mixed = shared_labels([log for log in document.get("logs") or () if isinstance(log, Mapping)])
     return FitEntry(
         name=name,
         folder=folder,
@@ -157,9 +175,8 @@ def _read(folder: Path, name: str, labels: Mapping[str, str]) -> FitEntry:
     )
 
 
-def _labels(document: Mapping[str, Any]) -> tuple[dict[str, str], tuple[str, ...]]:
+def shared_labels(logs: Sequence[Mapping[str, Any]]) -> tuple[dict[str, str], tuple[str, ...]]:
     """Labels that all logs which took part share, and the names of those that differ."""
-    logs = [log for log in document.get("logs") or () if isinstance(log, Mapping)]
     told = [log.get("labels") for log in logs if not log.get("reason_left_out")] or [log.get("labels") for log in logs]
     tables = [{str(k): str(v) for k, v in table.items()} for table in told if isinstance(table, Mapping)]
     names = list(dict.fromkeys(name for table in tables for name in table))

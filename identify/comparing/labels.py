@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identify.comparing.fits import FitEntry, natural
+from identify.comparing.quantities import tells, verdicts
 from identify.errors import IdentifyError
 from identify.pooling.design import Setting
 
@@ -50,6 +51,12 @@ class Taken:
     def groups(self) -> tuple[str, ...]:
         """The groups in natural order."""
         return tuple(sorted(set(self.setting.group), key=natural))
+
+    @property
+    def people(self) -> int:
+        """How many people were measured; what the logs of several people share is no further person."""
+        whose = self.setting.subject or ()
+        return len({who for who, entry in zip(whose, self.entries, strict=True) if not entry.shared})
 
 
 def levels(entries: Sequence[FitEntry]) -> dict[str, list[str]]:
@@ -135,7 +142,7 @@ def _check(entries: Sequence[FitEntry], question: Question) -> None:
         if name != NONE and name not in known and not any(name in entry.mixed for entry in entries):
             told = ", ".join(_short(label) for label in list(known)[:12]) or "none at all"
             raise CompareError(f"no converged fit has the label {_short(str(name))!r}; expected one of: {told}")
-    names = {entry.name for entry in entries}
+    names = {name for entry in entries for name in (entry.name, entry.whole)}
     for name in question.without:
         if name not in names:
             raise CompareError(f"no fit is called {_short(name)!r}; expected a name of the table of fits")
@@ -143,13 +150,16 @@ def _check(entries: Sequence[FitEntry], question: Question) -> None:
 
 def _reason(entry: FitEntry, question: Question) -> str:
     """Why a fit is not compared, or nothing."""
-    if entry.name in question.without:
+    if entry.name in question.without or entry.whole in question.without:
         return "left out as asked"
     if not entry.converged:
         return f"{entry.status.replace('_', ' ')}: {entry.message}"
     if question.by in entry.mixed:
-        return f"its logs differ in {question.by}"
-    return "" if question.by in entry.labels else f"it has no label {question.by}"
+        shared = f"what its logs share ({', '.join(entry.document['parameters'])}) is of no one {question.by}"
+        return shared if entry.shared else f"its logs differ in {question.by}"
+    if question.by not in entry.labels:
+        return f"it has no label {question.by}"
+    return "" if tells(entry) else f"it tells nothing: {verdicts(entry)}"
 
 
 def _adjusted(
@@ -195,13 +205,18 @@ def _who(entry: FitEntry, subject: str) -> str:
 
 def _nameless(kept: Sequence[FitEntry], subject: str) -> list[str]:
     """What to say of fits that do not tell whose they are."""
-    mixed = sum(subject in e.mixed for e in kept)
+    shared = sum(subject in e.mixed and e.shared for e in kept)
+    mixed = sum(subject in e.mixed and not e.shared for e in kept)
     told = sum(subject in e.labels for e in kept)
     notes = []
+    if shared:
+        notes.append(f"{shared} fits tell some parameters of several {subject}s at once; there each is one person.")
     if mixed:
         notes.append(f"{mixed} fits join logs of different {subject}s; each counts as one person of its own.")
-    if told + mixed < len(kept):
-        notes.append(f"{len(kept) - told - mixed} fits do not tell the {subject}; each counts as another person.")
+    if told + mixed + shared < len(kept):
+        notes.append(
+            f"{len(kept) - told - mixed - shared} fits do not tell the {subject}; each counts as another person."
+        )
     return notes
 
 

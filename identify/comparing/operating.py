@@ -106,14 +106,18 @@ def _lacking(comparison: Comparison, ground: Common, group: str, names: Sequence
     """Why a group has no answer: parameters of the model that its fits neither tell nor fix, or that its fits tell and
     nobody could pool."""
     missing = [name for name in names if group not in comparison.answered[name].design.groups]
-    tried = {name for entry in comparison.taken.entries for name in entry.document["parameters"]}
+    entries = comparison.taken.entries
+    tried = {name for entry in entries for name in (*entry.document["parameters"], *entry.elsewhere)}
     lost = [n for n in tried if n in ground.values and n not in names and not _is_fixed(comparison, n)]
     lost = [n for n in lost if n in ground.model.parameter_names]
     reasons = {q.quantity.name: q.reason for q in comparison.quantities if q.pooled is None}
+    mine = [e for e, g in zip(entries, comparison.taken.setting.group, strict=True) if g == group]
+    by, common = comparison.question.by, {name for entry in mine for name in entry.elsewhere}
     apart: dict[str, list[str]] = {}
     for name in sorted(set(missing + lost)):
         why = reasons.get(name) if _told_in(comparison, group, name) else None
-        apart.setdefault(why or "", []).append(name)
+        why = why or (f"its fits tell one value for several {by}s" if name in common else "")
+        apart.setdefault(why, []).append(name)
     sentences = [
         f"{', '.join(found)} {'is' if len(found) == 1 else 'are'} not pooled: {why}"
         if why
@@ -131,8 +135,8 @@ def _told_in(comparison: Comparison, group: str, name: str) -> bool:
 
 
 def _is_fixed(comparison: Comparison, name: str) -> bool:
-    told = [e.document["parameters"].get(name) for e in comparison.taken.entries]
-    return all(isinstance(p, Mapping) and p.get("verdict") == "fixed" for p in told if p is not None)
+    told = [p for e in comparison.taken.entries if (p := e.document["parameters"].get(name)) is not None]
+    return bool(told) and all(isinstance(p, Mapping) and p.get("verdict") == "fixed" for p in told)
 
 
 @dataclass(frozen=True)

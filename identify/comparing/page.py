@@ -16,7 +16,7 @@ from identify.comparing import fit_views, views
 from identify.comparing.clean import visible
 from identify.comparing.compare import Comparison, compare
 from identify.comparing.figures import curves, forest
-from identify.comparing.fits import PAGE, FitEntry, read_fits
+from identify.comparing.fits import PAGE, FitEntry, count, read_fits
 from identify.comparing.labels import CompareError, Question, usual
 from identify.comparing.operating import GroupAnswer, group_answers
 from identify.comparing.points import Common, common
@@ -114,11 +114,12 @@ def _counts(entries: Sequence[FitEntry], comparison: Comparison | None) -> list[
     tiles.append(("converged", str(good), f"{len(entries) - good} without a result"))
     if comparison is not None:
         taken = comparison.taken
-        tiles.append(("compared", str(len(taken.entries)), f"{len(taken.left_out)} left out"))
+        compared = count(taken.entries)
+        tiles.append(("compared", str(compared), f"{len(entries) - compared} left out"))
         tiles.append((comparison.question.by, str(len(comparison.groups)), "groups"))
         if taken.subject and taken.setting.subject:
-            tiles.append((taken.subject, str(len(set(taken.setting.subject))), "people"))
-        tiles.append(("do not belong", str(len({o.name for o in comparison.odd})), "fits flagged, still counted"))
+            tiles.append((taken.subject, str(taken.people), "people"))
+        tiles.append(("do not belong", str(len(comparison.odd_fits)), "fits flagged, still counted"))
     return tiles
 
 

@@ -46,12 +46,13 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
     entries = comparison.taken.entries
     effects = Counter(effects_of(entry) for entry in entries).most_common(1)[0][0]
     alike = [entry for entry in entries if effects_of(entry) == effects]
-    scenes = [found for entry in alike if (found := scene_of(entry, effects)) is not None]
+    once = {entry.folder: entry for entry in alike}.values()  # a fit of several parts has one scene
+    scenes = [found for entry in once if (found := scene_of(entry, effects)) is not None]
     if not scenes or not effects:
         raise CompareError("no fit tells the scene it was made with; expected provenance in result.json: fit again")
     tables = [scene.values(scene.logs[0] if scene.logs else None) for scene in scenes]
     columns = {name: np.array([float(t[name]) for t in tables]) for name in tables[0] if _known(tables, name)}
-    logs = [log for entry in alike for log in entry.taken]
+    logs = list({id(log): log for entry in alike for log in entry.taken}.values())
     load = normal_force or _median([log.get("normal_force_N") for log in logs])
     chosen = tuple(speeds) or _usual([log.get("drive_speed_m_per_s") for log in logs])
     if load is None or not chosen:
@@ -62,7 +63,7 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
         speeds=chosen,
         normal_force=float(load),
         spread=tuple(n for n, c in columns.items() if n in ("mass", "stiffness", "damping") and _differ(c)),
-        others=tuple(entry.name for entry in entries if effects_of(entry) != effects),
+        others=tuple(dict.fromkeys(entry.whole for entry in entries if effects_of(entry) != effects)),
     )
 
 

@@ -56,14 +56,37 @@ def values(entries: Sequence[FitEntry]) -> Values:
         for k, quantity in enumerate(quantities):
             parameter = entry.document["parameters"].get(quantity.name)
             y[i, k], sd[k], reason = _told(parameter, quantity)
-            if reason:
+            if reason and quantity.name not in entry.elsewhere:
                 untold[quantity.name].append((i, reason))
         covariance[i] = _correlation(entry, names) * np.outer(sd, sd)
     return Values(quantities, y, covariance, {name: tuple(found) for name, found in untold.items()})
 
 
+def tells(entry: FitEntry) -> bool:
+    """Whether a fit has a number for any parameter."""
+    return any(_numbered(p) for p in entry.document["parameters"].values())
+
+
+def verdicts(entry: FitEntry) -> str:
+    """The verdicts on the parameters of a fit in words: "mu_s, a not identifiable; D at bound"."""
+    found: dict[str, list[str]] = {}
+    for name, p in entry.document["parameters"].items():
+        verdict = str(p.get("verdict") or "no value") if isinstance(p, Mapping) else "no value"
+        found.setdefault("no standard error" if verdict in TOLD else verdict, []).append(str(name))
+    return "; ".join(f"{', '.join(names)} {verdict}" for verdict, names in found.items()) or "it has no parameter"
+
+
 def _estimated(parameter: Any) -> bool:
     return isinstance(parameter, Mapping) and parameter.get("verdict") in TOLD
+
+
+def _numbered(parameter: Any) -> bool:
+    """Whether a parameter was estimated with a standard error."""
+    return (
+        _estimated(parameter)
+        and finite(parameter.get("value")) is not None
+        and bool(finite(parameter.get("standard_error")))
+    )
 
 
 def _quantity(name: str, entries: Sequence[FitEntry]) -> Quantity:
@@ -82,7 +105,7 @@ def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:
     if not isinstance(parameter, Mapping):
         return np.nan, np.nan, "not in its model"
     value, error = finite(parameter.get("value")), finite(parameter.get("standard_error"))
-    if parameter.get("verdict") not in TOLD or value is None or not error:
+    if value is None or not error or not _numbered(parameter):
         return np.nan, np.nan, str(parameter.get("verdict") or "no value")
     ends = parameter.get("interval")
     low, high = (finite(end) for end in ends) if isinstance(ends, list) and len(ends) == 2 else (None, None)

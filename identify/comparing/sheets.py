@@ -89,6 +89,7 @@ def comparison_sheets(
 
 
 def _parameters(comparison: Comparison, by: str) -> Sheet:
+    """The means; standard error and scatter are in the unit of the mean, also where logarithms were pooled."""
     heads = (
         "parameter",
         "unit",
@@ -97,7 +98,7 @@ def _parameters(comparison: Comparison, by: str) -> Sheet:
         "95 % low",
         "95 % high",
         "standard error",
-        "scale",
+        "pooled as",
         "degrees of freedom",
         "fits",
         comparison.taken.subject or "people",
@@ -111,7 +112,7 @@ def _parameters(comparison: Comparison, by: str) -> Sheet:
             rows.append((q.name, q.unit, group, *[None] * 9, entry.reason or "none of its fits tells it"))
             continue
         ends = (None, None) if mean.interval is None else (q.shown(mean.interval[0]), q.shown(mean.interval[1]))
-        scale = "logarithm" if q.logarithmic else "linear"
+        scale, per = ("logarithm", q.shown(mean.value)) if q.logarithmic else ("linear", 1.0)
         rows.append(
             (
                 q.name,
@@ -119,12 +120,12 @@ def _parameters(comparison: Comparison, by: str) -> Sheet:
                 group,
                 q.shown(mean.value),
                 *ends,
-                mean.error,
+                mean.error * per,
                 scale,
                 mean.df,
                 mean.fits,
                 mean.subjects,
-                mean.scatter,
+                None if mean.scatter is None else mean.scatter * per,
                 mean.reason,
             )
         )

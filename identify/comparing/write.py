@@ -8,7 +8,7 @@ from typing import Any
 
 from data_io.atomic import atomic_path, atomic_write
 from identify.comparing.compare import Comparison
-from identify.comparing.fits import PAGE
+from identify.comparing.fits import PAGE, count
 from identify.comparing.page import Answers, notes, render
 from identify.comparing.reporting import items
 from identify.comparing.sheets import Sheet, comparison_sheets, fits_sheet
@@ -69,7 +69,7 @@ def document(comparison: Comparison, sheets: tuple[Sheet, ...]) -> Mapping[str, 
         "adjusted": list(taken.adjusted),
         "groups": list(comparison.groups),
         "fits": len(comparison.entries),
-        "compared": len(taken.entries),
+        "compared": count(taken.entries),
         "in_words": {
             e.quantity.name: said[2] for e, said in zip(comparison.quantities, sentences(comparison), strict=True)
         },

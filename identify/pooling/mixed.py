@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 STEPS = 200
 HALVINGS = 20
 SETTLED = 1e-9  # of the restricted log-likelihood, that a full step still gains
+GROWTH = 10.0  # times the largest variance, that one step may reach
+RIDGE = 1e-10  # of the information on each variance, that keeps a step finite
 LEAST_RUN = 1e-12  # of the variance of y: keeps V invertible where no noise is told
 
 
@@ -148,21 +150,32 @@ def _scored(z: Array, X: Array, s: Array, Zs: list[Array]) -> Array:
 def _move(score: Array, information: Array, free: NDArray[np.bool_]) -> Array:
     move = np.zeros_like(score)
     inner = information[np.ix_(free, free)]
-    ridge = 1e-10 * np.trace(inner) * np.eye(len(inner))
-    move[free] = np.linalg.lstsq(inner + ridge, score[free], rcond=None)[0]
+    size = _sizes(inner)
+    even = inner / np.outer(size, size) + RIDGE * np.eye(len(inner))
+    move[free] = np.linalg.lstsq(even, score[free] / size, rcond=None)[0] / size
     return move
+
+
+def _sizes(information: Array) -> Array:
+    """What evens out the information: variances of runs and of people may lie many decades apart."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny)))
 
 
 def _climbed(
     z: Array, X: Array, s: Array, Zs: list[Array], theta: Array, move: Array, floor: Array, value: float
 ) -> tuple[Array, _Point] | None:
-    """The first of ever shorter steps that does not lower the likelihood."""
+    """Of ever shorter steps that do not lower the likelihood the first that the next one does not better: a step may
+    be far too long in one component and climb all the same by what it does to another."""
+    ceiling = GROWTH * float(theta.max())
+    best: tuple[Array, _Point] | None = None
     for halving in range(HALVINGS):
-        moved = np.maximum(theta + move / 2.0**halving, floor)
+        moved = np.clip(theta + move / 2.0**halving, floor, ceiling)
         there = _point(z, X, s, Zs, moved)
+        if best is not None and there.value <= best[1].value:
+            return best
         if there.value >= value:
-            return moved, there
-    return None
+            best = moved, there
+    return best
 
 
 def _point(z: Array, X: Array, s: Array, Zs: list[Array], theta: Array) -> _Point:
@@ -194,7 +207,9 @@ def _assembled(
     at: _Point, y: Array, X: Array, noise: Array, components: Sequence[Component], theta: Array, scale: float
 ) -> Mixed:
     """The model in the units of y, with Kenward and Roger's covariance of beta."""
-    W: Array = np.asarray(np.linalg.pinv(at.information, rcond=1e-12, hermitian=True), dtype=np.float64)
+    size = _sizes(at.information)
+    inverted = np.linalg.pinv(at.information / np.outer(size, size), rcond=1e-12, hermitian=True)
+    W: Array = np.asarray(inverted / np.outer(size, size), dtype=np.float64)
     parts = [c.Z.T @ at.VX for c in components]  # Z'V^-1 X
     fall = np.stack([part.T @ part for part in parts])  # X'V^-1 G V^-1 X
     moves = np.einsum("ij,kjl,lm->kim", at.Phi, fall, at.Phi)
