@@ -13,7 +13,7 @@ from identify import Scene, fit
 from identify.diagnosis import diagnosis, second_look
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.restraints import restraints
+from identify.diagnosis.restraints import restraints, ties
 from identify.diagnosis.suspects import Suspect
 from identify.effects import MAIN
 from identify.outcome import Status
@@ -174,3 +174,35 @@ def test_what_is_left_out_is_the_restraint_alone() -> None:
     assert mass.parameters["mass"].prior_mean is None and mass.parameters["mass"].upper == 0.4
     assert mass.parameters["mu_k0"].fixed == 0.5
     assert held.parameters["mu_k0"].fixed is None and held.parameters["mu_k0"].start == 0.5
+
+
+def test_a_tie_that_the_data_contradict_is_named_with_what_they_say_instead(
+    case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for table in ("SLIGHT", "GROSS"):  # which take their time
+        monkeypatch.setattr(diagnosis, table, ())
+    records = [case.records[i] for i in LOGS]
+
+    def told(offset: float) -> str:
+        others = {name: {"fixed": DEMO[name]} for name in ("D", "t_cr", "a")}  # which could make up for it
+        stated = scene(mu_k0={"tie": {"to": "mu_s", "offset": offset}}, **others)
+        unknowns = from_scene(stated)
+        logs = [prepare(stated, entry, record, unknowns) for entry, record in zip(stated.logs, records, strict=True)]
+        attempt, _ = search(logs, unknowns, thorough=False)
+        assert attempt is not None
+        cause = diagnose(stated, records, logs, unknowns, attempt)
+        return "" if cause is None else cause.sentence
+
+    wrong = told(-0.21)
+    assert "(ruled out by its tie (mu_s - 0.21): correct that under [parameters]) explains the misfit" in wrong
+    assert said(wrong, "mu_k0") == pytest.approx(DEMO["mu_k0"], rel=0.02)
+    assert told(DEMO["mu_k0"] - DEMO["mu_s"]) == ""
+
+
+def test_what_was_tied_differs_between_the_groups_of_what_it_followed() -> None:
+    stated = scene(mu_s={"per": "log"}, mu_k0={"tie": {"to": "mu_s", "offset": -0.19}})
+    (tied,) = ties(stated)
+    assert restraints(stated, ()) == () and ties(scene()) == ()
+    freed = tied.freed(stated, [])
+    assert freed is not None and freed.parameters["mu_k0"].tie is None and freed.parameters["mu_k0"].per == "log"
+    assert freed.parameters["t_cr"].per is None

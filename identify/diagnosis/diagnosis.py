@@ -22,7 +22,7 @@ from identify.diagnosis.held import Held
 from identify.diagnosis.log_speeds import log_speeds
 from identify.diagnosis.nothing_amiss import nothing_amiss
 from identify.diagnosis.refined import refined
-from identify.diagnosis.restraints import restraints, sitting
+from identify.diagnosis.restraints import restraints, sitting, ties
 from identify.diagnosis.suspects import GROSS, SLIGHT, Suspect, found_and_stated
 from identify.effect_choice.fitted import Fitted, as_it_ended, described, fits
 from identify.effect_choice.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
@@ -89,6 +89,7 @@ def diagnose(
     found: list[_Explanation] = []
     beside = (
         *restraints(scene, sitting(unknowns, attempt)),
+        *ties(scene),
         *log_speeds(scene, prepared, misfits_of_logs(ended)),
     )
     if attempt is not None and ended.excess < NEAR * ended.samples:

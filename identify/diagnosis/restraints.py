@@ -30,19 +30,29 @@ FAR = 3.0  # standard deviations of a prior beyond which a group's value contrad
 
 
 def restraints(scene: Scene, at_bound: Collection[str]) -> tuple[Suspect, ...]:
-    """A suspect for each parameter that the scene holds, gives a prior of, ties, or bounds where the answer sits.
+    """A suspect for each parameter that the scene holds, gives a prior of, or bounds where the answer sits.
 
     Args:
         at_bound: names of the parameters that sit at a bound.
     """
+    return _suspects(scene, lambda spec, p: _restraint(spec, p, p.name in at_bound))
+
+
+def ties(scene: Scene) -> tuple[Suspect, ...]:
+    """A suspect for each parameter that the scene ties to another one."""
+    return _suspects(scene, lambda spec, p: "" if spec.tie is None else f"its tie ({_followed(spec.tie, p)})")
+
+
+def _suspects(scene: Scene, restraint: Callable[[ParameterSpec, Parameter], str]) -> tuple[Suspect, ...]:
+    """A suspect for each parameter that something restrains, said in words."""
     if scene.effects == "auto":
         return ()
     out = []
     for p in scene.model.parameters:
         spec = scene.parameters.get(p.name)
-        restraint = "" if spec is None or p.kind == "given" else _restraint(spec, p, p.name in at_bound)
-        if spec is not None and restraint:
-            out.append(Suspect(p.name, _without(p), told=_told(p, spec, restraint)))
+        words = "" if spec is None or p.kind == "given" else restraint(spec, p)
+        if spec is not None and words:
+            out.append(Suspect(p.name, _without(p), told=_told(p, spec, words)))
     return tuple(out)
 
 
@@ -58,8 +68,6 @@ def _restraint(spec: ParameterSpec, p: Parameter, sits: bool) -> str:
     """What the scene restrains a parameter by, in words; "" where it leaves it to the logs."""
     if spec.fixed is not None:
         return f"the value it is held at ({said(spec.fixed, p.unit)})"
-    if spec.tie is not None:
-        return f"its tie ({_followed(spec.tie, p)})"
     if spec.prior_mean is not None and spec.prior_sd is not None:
         return f"its prior ({said(spec.prior_mean, p.unit)} ± {said(spec.prior_sd, p.unit, spec.prior_mean)})"
     if sits and (spec.lower, spec.upper) != (p.lower, p.upper) and p.name not in RIG_PARAMETERS:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from data_io import Record
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.diagnosis.findings import Findings
+from identify.diagnosis.left_unsaid import left_unsaid
 from identify.diagnosis.restraints import restraints, sitting
 from identify.examination.allowed import slowness
 from identify.outcome import Status
@@ -35,6 +36,7 @@ def looked_into(
         if cause is not None:
             message = _caused(cause.sentence, findings.attempt)
             return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
+        findings = replace(findings, message=f"{findings.message}{_unexplained(findings, scene)}")
     refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
     doubtful = refused or _doubtful(findings)
     if not doubtful and not (_placed(findings) and restraints(scene, sitting(findings.unknowns, findings.attempt))):
@@ -46,6 +48,11 @@ def looked_into(
     where = scene, read, prepared, findings.unknowns, findings.attempt
     found = doubt(*where, findings.held, told, memory, beyond=doubtful, anew=refused or _rises(findings))
     return (findings, None) if found is None else (_doubted(findings, found), found.better)
+
+
+def _unexplained(findings: Findings, scene: Scene) -> str:
+    """What else a misfit may come of that nothing explains; of a search that found no end nothing is said."""
+    return "" if findings.status is Status.SOLVER_FAILED else left_unsaid(scene)
 
 
 def _placed(findings: Findings) -> bool:
