@@ -106,7 +106,7 @@ def test_a_log_of_another_pair_is_named_though_the_misfit_is_noise(monkeypatch):
     found = _found(OTHER)
     assert found.status is Status.MODEL_MISFIT
     assert "log_2.csv contradicts the other logs" in found.message
-    without = re.search(r"without it a is (\S+) instead of", found.message)
+    without = re.search(r"without it a is (\S+) s/m instead of", found.message)
     assert without is not None and float(without[1]) == pytest.approx(DEMO["a"], rel=0.15)
     assert found.attempt.gate.chi2_per_sample == pytest.approx(1.0, abs=0.05)  # nothing else sees it
     monkeypatch.setattr(agreement, "CHANCE", 0.0)  # negative control: as it was before logs were held side by side,

@@ -144,6 +144,6 @@ def test_logs_that_contradict_each_other_are_asked_what_would_reconcile_them(mon
     lag = Doubt("a lag of the force sensor of 5 ms", 326.0, 0.032, "D")
     monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
     monkeypatch.setattr(second_look, "doubt", lambda *_, anew, **_more: lag if anew else None)
-    found, better = second_look.looked_into(refused, None, [], [], lambda *_: None)
+    found, better = second_look.looked_into(refused, _scene(), [], [], lambda *_: None)
     assert found.status is Status.MODEL_MISFIT and better is None
     assert found.message.startswith("log_3 contradicts the others; the data ask for a lag of the force sensor of 5 ms")

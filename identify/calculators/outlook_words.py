@@ -13,15 +13,17 @@ Document = Mapping[str, Any]
 OPEN = "interval open: "  # how a reason begins
 MOST_PLACES = 8
 LEAST = 0.0999  # of a unit, from which on it is taken
+WHOLE = ("s/m", "1/s", "1/m")  # units that are told as they are
 KILO = ("N", "N/m", "Pa")  # units that are told in thousands
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
-def said(value: float | None, unit: str) -> str:
-    """A number with three digits and a unit of handy size ("0.56 N", "22 mm/s")."""
+def said(value: float | None, unit: str, beside: float | None = None) -> str:
+    """A number with three digits and a unit of handy size ("0.56 N", "22 mm/s"); in that of the number beside it, where
+    there is one."""
     if value is None:
         return "none"
-    name, factor = _scale(value, unit)
+    name, factor = _scale(value if beside is None else beside, unit)
     return f"{_digits(value / factor, 3)} {name}".rstrip()
 
 
@@ -34,7 +36,7 @@ def _scale(value: float, unit: str) -> tuple[str, float]:
     """A unit of handy size for a value, and its size in SI."""
     if unit == "m/s":
         return speed_scale(value)
-    if not unit or value == 0:
+    if not unit or unit in WHOLE or value == 0:
         return unit, 1.0
     if unit in KILO and abs(value) >= 1e4:
         return f"k{unit}", 1e3

@@ -20,8 +20,9 @@ from identify.diagnosis.cause import Cause
 from identify.diagnosis.disagreement import disagreement
 from identify.diagnosis.held import Held
 from identify.diagnosis.log_speeds import log_speeds
+from identify.diagnosis.nothing_amiss import nothing_amiss
 from identify.diagnosis.refined import refined
-from identify.diagnosis.restraints import restraints
+from identify.diagnosis.restraints import restraints, sitting, ties
 from identify.diagnosis.suspects import GROSS, SLIGHT, Suspect, found_and_stated
 from identify.effect_choice.fitted import Fitted, as_it_ended, described, fits
 from identify.effect_choice.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
@@ -31,7 +32,6 @@ from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 from identify.scene import Scene
 from identify.search.attempt import Attempt, judged
-from identify.search.status_words import at_bounds
 from identify.uncertainty.uncertainty import sizes
 
 Array = NDArray[np.float64]
@@ -88,7 +88,8 @@ def diagnose(
         return None
     found: list[_Explanation] = []
     beside = (
-        *restraints(scene, () if attempt is None else at_bounds(unknowns, attempt.solved.theta)),
+        *restraints(scene, sitting(unknowns, attempt)),
+        *ties(scene),
         *log_speeds(scene, prepared, misfits_of_logs(ended)),
     )
     if attempt is not None and ended.excess < NEAR * ended.samples:
@@ -100,7 +101,8 @@ def diagnose(
     if not found:
         return disagreement(scene, records, ended)
     found.sort(key=lambda each: each.fitted.excess)
-    sentence = "; or ".join(e.words for e in found if e.fitted.excess < found[0].fitted.excess + TOLD)
+    alike = [each for each in found if each.fitted.excess < found[0].fitted.excess + TOLD]
+    sentence = "; or ".join(each.words for each in sorted(alike, key=lambda each: not each.restrains))
     # What was set free may explain nothing but have led the search elsewhere.
     back = fit_beside(found[0].fitted, scene, records)
     nearer = back.attempt is not None and back.logs == ended.logs and ended.excess - back.excess > _worth(ended)
@@ -152,10 +154,11 @@ def _refined(
 
 @dataclass(frozen=True)
 class _Explanation:
-    """A suspect that explains a misfit: the fit with it free, and the words that name it."""
+    """A suspect that explains a misfit: the fit with it free, the words that name it, and whether the scene says it."""
 
     fitted: Fitted
     words: str
+    restrains: bool
 
 
 def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, ended: Fitted) -> list[_Explanation]:
@@ -170,20 +173,23 @@ def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, ended: Fitt
         if stated > 0.0 and abs(value / stated - 1.0) < CLEAR:
             continue
         rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
-        found.append(_Explanation(fitted, f"{suspect.words(value, stated)} explains the misfit {rest}"))
+        words = f"{suspect.named(fitted, value, stated)} explains the misfit {rest}"
+        found.append(_Explanation(fitted, words, suspect.restrains))
     return found
 
 
 @dataclass(frozen=True)
 class Doubt:
     """What describes data better that an answer fits already: a sentence; gain: by how much chi^2 falls; moved: by how
-    much of its size the parameter `worst` moves; better: another answer of the same model that is better too."""
+    much of its size the parameter `worst` moves; better: another answer of the same model that is better too; whole:
+    what the scene restrains a parameter by is named first, and without it nothing is left to complain of, in no log."""
 
     sentence: str
     gain: float
     moved: float
     worst: str
     better: Attempt | None = None
+    whole: bool = False
 
     @property
     def matters(self) -> bool:
@@ -217,8 +223,9 @@ def doubt(
     if not described(ended):
         return None
     cleared = {h.name for h in held if h.squared < ASKED / 2}
-    suspects = [*restraints(scene, ()), *(s for s in SLIGHT if beyond and s.parameter not in cleared)]
-    found = []
+    rig = [s for s in SLIGHT if beyond and s.parameter not in cleared]
+    suspects = [*restraints(scene, sitting(unknowns, attempt)), *rig]
+    found: list[_Gain] = []
     for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
         gain = (ended.excess - fitted.excess) / memory
         if not gain > ASKED:
@@ -227,13 +234,27 @@ def doubt(
         back = back if back.attempt is None else replace(back, attempt=judged(back.attempt))
         if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
             return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
-        words = suspect.words(*found_and_stated(suspect, fitted, scene))
-        found.append((gain, words, *_moved(ended, fitted, told)))
+        words = suspect.named(fitted, *found_and_stated(suspect, fitted, scene))
+        found.append(_Gain(gain, words, suspect.restrains, fitted))
     if not found:
         return None
-    most, _, moved, worst = max(found)
-    sentence = "; or ".join(words for gain, words, *_ in sorted(found, reverse=True) if gain > most - TOLD)
-    return Doubt(sentence, most, moved, worst)
+    found.sort(key=lambda each: -each.gain)
+    best = found[0]
+    alike = sorted((each for each in found if each.gain > best.gain - TOLD), key=lambda each: not each.restrains)
+    whole = alike[0].restrains and nothing_amiss(alike[0].fitted, scene, memory)
+    sentence = "; or ".join(each.words for each in alike)
+    return Doubt(sentence, best.gain, *_moved(ended, best.fitted, told), whole=whole)
+
+
+@dataclass(frozen=True)
+class _Gain:
+    """A suspect without which an answer that fits is beaten: by how much chi^2 falls, the words that name it, whether
+    the scene says it, and the fit with it free."""
+
+    gain: float
+    words: str
+    restrains: bool
+    fitted: Fitted
 
 
 def _with_more(ended: Fitted, freed: Scene, records: Sequence[Record], anew: bool) -> Fitted:

@@ -8,7 +8,8 @@ from dataclasses import replace
 from data_io import Record
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.restraints import restraints
+from identify.diagnosis.left_unsaid import left_unsaid
+from identify.diagnosis.restraints import restraints, sitting
 from identify.examination.allowed import slowness
 from identify.outcome import Status
 from identify.preparation.prepare import Prepared
@@ -35,9 +36,10 @@ def looked_into(
         if cause is not None:
             message = _caused(cause.sentence, findings.attempt)
             return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
+        findings = replace(findings, message=f"{findings.message}{_unexplained(findings, scene)}")
     refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
     doubtful = refused or _doubtful(findings)
-    if not doubtful and (findings.status is not Status.CONVERGED or not restraints(scene, ())):
+    if not doubtful and not (_placed(findings) and restraints(scene, sitting(findings.unknowns, findings.attempt))):
         return findings, None
     progress("looking for what is wrong", 0.95)
     assert findings.attempt is not None
@@ -46,6 +48,16 @@ def looked_into(
     where = scene, read, prepared, findings.unknowns, findings.attempt
     found = doubt(*where, findings.held, told, memory, beyond=doubtful, anew=refused or _rises(findings))
     return (findings, None) if found is None else (_doubted(findings, found), found.better)
+
+
+def _unexplained(findings: Findings, scene: Scene) -> str:
+    """What else a misfit may come of that nothing explains; of a search that found no end nothing is said."""
+    return "" if findings.status is Status.SOLVER_FAILED else left_unsaid(scene)
+
+
+def _placed(findings: Findings) -> bool:
+    """Whether the logs are described, with a parameter at a bound or none."""
+    return findings.status in (Status.CONVERGED, Status.AT_BOUND) and findings.attempt is not None
 
 
 def _doubtful(findings: Findings) -> bool:
@@ -65,6 +77,8 @@ def _doubted(findings: Findings, found: Doubt) -> Findings:
     more = f"the data ask for {found.sentence}: chi^2 falls by {found.gain:.3g}{moves}"
     if found.matters and findings.status is Status.CONVERGED:  # else logs contradict each other, say
         return replace(findings, status=Status.MODEL_MISFIT, message=f"the misfit is noise, and yet {more}")
+    if found.whole and findings.status is Status.MODEL_MISFIT:  # then it is no log that is wrong
+        return replace(findings, message=f"the misfit is noise, and yet {more}")
     return replace(findings, message=f"{findings.message}; {more}")
 
 

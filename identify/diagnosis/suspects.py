@@ -29,13 +29,27 @@ Freed = Callable[[Scene, Sequence[Prepared]], Scene | None]
 class Suspect:
     """What may be wrong: its parameter, the scene with it free (None where it is free already, or cannot be it), and
     the sentence that names it, given the value found and the one stated (0 where none is). logs: numbers of those it is
-    of alone (empty: all); nearby: of what no fit can search, the scene with its value times a factor."""
+    of alone (empty: all); nearby: of what no fit can search, the scene with its value times a factor; told: of what the
+    scene restrains a parameter by, the sentence that the fit without it tells, in place of `words`."""
 
     parameter: str
     freed: Freed
-    words: Callable[[float, float], str]
+    words: Callable[[float, float], str] | None = None
     logs: tuple[int, ...] = ()
     nearby: Callable[[Scene, float], Scene] | None = None
+    told: Callable[[Fitted], str] | None = None
+
+    @property
+    def restrains(self) -> bool:
+        """Whether it is something that the scene says of a parameter beside the logs."""
+        return self.told is not None
+
+    def named(self, fitted: Fitted, found: float, stated: float) -> str:
+        """The sentence that names it: fitted with it free, the value found and the one stated."""
+        if self.told is not None:
+            return self.told(fitted)
+        assert self.words is not None
+        return self.words(found, stated)
 
 
 def found_and_stated(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:

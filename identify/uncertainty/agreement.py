@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.calculators.outlook_words import said
 from identify.first_guess.vibration import rhythmic
-from identify.number_words import three_figures
 from identify.numerics.quantiles import chi_square_exceeded
 from identify.preparation.unknowns import Unknowns
 from identify.shooting.layout import KNOWN, Layout
@@ -155,7 +155,7 @@ def contradiction(
         worst = int(free[np.argmax(moved)])
         if np.max(moved) > MATTERS:
             unit = unknowns.model.parameters[worst].unit
-            instead = f"{three_figures(others[worst])} instead of {three_figures(values[worst])} {unit}".rstrip()
+            instead = f"{said(others[worst], unit)} instead of {said(values[worst], unit)}"
             known = "would be about" if fitted is None else "is"
             return (
                 f"{names[pull.log]} contradicts the other logs (squared distance {pull.squared:.0f} with "
