@@ -259,6 +259,10 @@ def test_why_a_log_is_left_out_decides_the_remedy():
     record, slower = _record(), "record slower, with a softer spring or at a higher load"
     loading = 0.1 * record.time + 1e-3 * np.random.default_rng(1).standard_normal(record.time.size)
     assert slower in _message(Record(record.time, record.normal_force, loading))
+    as_a_stick = loading + (float(RIG["stiffness"]) * 1e-3 - 0.1) * record.time
+    stopped = _message(Record(record.time, record.normal_force, as_a_stick))
+    assert "cycle: the log ends while the first stick still loads; record longer, or faster; see" in stopped
+    assert slower not in stopped, "recorded slower, it would slip later still"
     dead = _message(Record(record.time, record.normal_force, np.full(record.time.size, 0.3)))
     assert "rejected by the quality gate: the friction force is exactly 0.3 N" in dead and slower not in dead
     unloaded = _message(Record(record.time, np.zeros(record.time.size), record.friction_force))
