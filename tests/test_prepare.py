@@ -274,6 +274,18 @@ def test_why_a_log_is_left_out_decides_the_remedy():
     assert _prepared(record, skip_cycles=cycles - 1).left_out is None
 
 
+def test_a_fit_says_that_two_columns_look_swapped_before_what_comes_of_it():
+    record = _record()
+    told = _message(Record(record.time, record.friction_force, record.normal_force))
+    assert (
+        "a.csv: normal force and friction force look swapped; see" in told and 'columns = { normal_force = "…"' in told
+    )
+    assert "ripples" not in told and "slower" not in told
+    rippling = 1.0 + 0.4 * np.sqrt(2) * np.sin(2 * np.pi * 5 * record.time)
+    other = _message(Record(record.time, rippling, record.friction_force))
+    assert "ripples" in other and "swapped" not in other and "columns" not in other
+
+
 def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():
     assert _prepared(_record()).judgement.verdict == "accept"
     wrong = replace(_scene(), rig=replace(_scene().rig, drive_speed=1.2e-3))

@@ -87,7 +87,8 @@ class Prepared:
     @property
     def never_slips(self) -> bool:
         """Whether the log is left out because no slip is seen in it, and for nothing else."""
-        return self.left_out is not None and self.judgement.verdict != "reject" and self.segmentation.count == 0
+        sound = self.judgement.verdict != "reject" and not self.judgement.swapped
+        return self.left_out is not None and sound and self.segmentation.count == 0
 
     @property
     def ends_loading(self) -> bool:
@@ -147,6 +148,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     )
     begin, end = _window(log, manner)
     reason = _rejected(judgement, log.name) or _reason(manner, log, judgement)
+    if reason is not None and judgement.swapped:
+        reason = f"{log.name}: normal force and friction force look swapped"
     course, hidden = _load(log, (begin, end), judgement, scene, unknowns)
     made = Prepared(
         record=log.record,
