@@ -22,8 +22,10 @@ NO_ZERO = "residual_force"  # no zero error of a sensor, where its column holds 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the gate found: of the record, of the slips of every part, and everything that is to say, worst first; before all
-    that two columns look swapped, of which the other doubts come."""
+    """What the gate found: of the record, of the slips of every part, and everything that is to say, worst first.
+
+    Before all comes that two columns look swapped: the other doubts come of it.
+    """
 
     quality: Quality
     slips: tuple[SlipQuality, ...]
