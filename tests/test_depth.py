@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from document_check import check_document
 
-from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from data_io import Record
+from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import examples
 from identify.asked import Asked
 from identify.cli import main as cli

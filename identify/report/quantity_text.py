@@ -89,8 +89,8 @@ def decimals(value: float, places: int) -> str:
 
 
 def ends_text(low: float, high: float, places: int) -> str:
-    """ "0.618 to 0.622": both ends with so many decimals; "0.0003 to 2040" where they lie decades apart, each with three
-    significant digits."""
+    """ "0.618 to 0.622": both ends with so many decimals; "0.0003 to 2040" where they lie decades apart, each with
+    three significant digits."""
     near, far = sorted((abs(low), abs(high)))
     if low * high > 0 and far >= DECADES * near:
         return f"{number(float(f'{low:.3g}'), 3)} to {number(float(f'{high:.3g}'), 3)}"
