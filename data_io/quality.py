@@ -43,7 +43,7 @@ class Quality:
 
     @property
     def resolution(self) -> float:
-        """Smallest step between two friction values [N]."""
+        """Step of the grid on which the friction values lie [N], 0 where they show none."""
         return self.signal.resolution
 
     @property

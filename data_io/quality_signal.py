@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.frozen import Finding, FloatArray
+from data_io.grid_step import grid_step
 from data_io.record import Record
-from data_io.thinned import kept, thinned
+from data_io.thinned import kept
 from data_io.thresholds import Thresholds
 from data_io.true_runs import longest_run
 
@@ -22,8 +23,8 @@ _BIG_STEP: Final = 3.0
 
 @dataclass(frozen=True)
 class Signal:
-    """clipped: rows at an end of the sensor. resolution [N]: smallest step between two values. repeated: share of the
-    rows that repeat the row before."""
+    """clipped: rows at an end of the sensor. resolution [N]: step of the grid on which the values lie, 0 where they
+    show none. repeated: share of the rows that repeat the row before."""
 
     clipped: int
     resolution: float
@@ -38,7 +39,7 @@ def look_at_friction(record: Record, used: npt.NDArray[np.bool_], limits: Thresh
         text = f"the friction force is exactly {friction[0]:g} N in every row; a living signal was expected; check it"
         return Signal(0, 0.0, 0.0), [Finding("friction_constant", "reject", text)]
     clipped, notes = clipping("friction force", friction, limits)
-    resolution = smallest_step(friction)
+    resolution = grid_step(friction)
     if severity := limits.severity("quantisation", resolution / span):
         text = (
             f"the friction force comes in steps of {resolution:.3g} N, coarse against its range of {span:.3g} N; use a "
@@ -85,14 +86,6 @@ def _clipped_rows(values: FloatArray) -> int:
         return 0
     usual = max(float(np.mean(counts[-5:])), 1.0)
     return count if count > _CLIPPED_EXCESS * usual else 0
-
-
-def smallest_step(values: FloatArray) -> float:
-    """Return the smallest step between two values [N], rounding of the number format aside; 0 without two values."""
-    levels = np.unique(thinned(values))
-    steps = np.diff(levels)
-    steps = steps[steps > 1e-6 * (levels[-1] - levels[0])]
-    return float(steps.min()) if steps.size else 0.0
 
 
 def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> float:

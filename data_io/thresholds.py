@@ -38,7 +38,7 @@ LIMITS: Final = (
     Limit("clipped_rows", 0.0, "of the rows", "warning", "above", "rows in which a force sensor stands at its end"),
     Limit("clipped_rows_reject", 0.05, "of the rows", "reject", "above", "the same: the peaks are gone"),
     Limit("quantisation", 0.02, "of the range of the friction force", "warning", "above",
-          "smallest step between two values of the friction force"),
+          "step of the grid on which the values of the friction force lie"),
     Limit("quantisation_reject", 0.2, "of the range of the friction force", "reject", "above",
           "the same: a slip is a step or two"),
     Limit("missing_rows", 0.0, "of the rows", "warning", "above", "rows missing in gaps of the clock"),

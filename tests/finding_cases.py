@@ -102,6 +102,12 @@ def clipped_load(rows: int) -> tuple[Record, list[Any]]:
     return made(normal=load)
 
 
+def loading(share: float) -> tuple[Record, list[Any]]:
+    """A first stick that is over after a share of the log; no slip comes."""
+    time = np.arange(N) / RATE
+    return made(0.5 * np.minimum(time / (share * time[-1]), 1.0) + noise(1))
+
+
 def swapped(slips: int) -> tuple[Record, list[Any]]:
     """Forces exchanged, cut behind so many slips."""
     record, _ = made()
@@ -195,6 +201,7 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     ],
     "short_steps": [(log(rtec(2)), log(rtec(3)))],
     "odd_first_interval": [(judged(lambda: first_interval(1.21)), judged(lambda: first_interval(1.19)))],
+    "still_loading": [(judged(lambda: loading(1.0)), judged(lambda: loading(0.8)))],
     "perhaps_stopped": [(judged(lambda: halted(0.07)), judged(lambda: halted(0.03)))],
     "friction_constant": [(judged(lambda: made(one_value_but(0))), judged(lambda: made(one_value_but(1))))],
     "no_load": [

@@ -259,6 +259,10 @@ def test_why_a_log_is_left_out_decides_the_remedy():
     record, slower = _record(), "record slower, with a softer spring or at a higher load"
     loading = 0.1 * record.time + 1e-3 * np.random.default_rng(1).standard_normal(record.time.size)
     assert slower in _message(Record(record.time, record.normal_force, loading))
+    as_a_stick = loading + (float(RIG["stiffness"]) * 1e-3 - 0.1) * record.time
+    stopped = _message(Record(record.time, record.normal_force, as_a_stick))
+    assert "cycle: the log ends while the first stick still loads; record longer, or faster; see" in stopped
+    assert slower not in stopped, "recorded slower, it would slip later still"
     dead = _message(Record(record.time, record.normal_force, np.full(record.time.size, 0.3)))
     assert "rejected by the quality gate: the friction force is exactly 0.3 N" in dead and slower not in dead
     unloaded = _message(Record(record.time, np.zeros(record.time.size), record.friction_force))
@@ -268,6 +272,18 @@ def test_why_a_log_is_left_out_decides_the_remedy():
     assert f"a.csv: skip_cycles = 1000 leaves none of its {cycles} cycles; lower it" in skipped
     assert slower not in skipped
     assert _prepared(record, skip_cycles=cycles - 1).left_out is None
+
+
+def test_a_fit_says_that_two_columns_look_swapped_before_what_comes_of_it():
+    record = _record()
+    told = _message(Record(record.time, record.friction_force, record.normal_force))
+    assert (
+        "a.csv: normal force and friction force look swapped; see" in told and 'columns = { normal_force = "…"' in told
+    )
+    assert "ripples" not in told and "slower" not in told
+    rippling = 1.0 + 0.4 * np.sqrt(2) * np.sin(2 * np.pi * 5 * record.time)
+    other = _message(Record(record.time, rippling, record.friction_force))
+    assert "ripples" in other and "swapped" not in other and "columns" not in other
 
 
 def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():

@@ -84,6 +84,29 @@ def test_a_coarse_sensor_is_named():
     assert "friction_coarse" in codes(quality) and quality.resolution == pytest.approx(0.02)
 
 
+def test_what_a_short_ramp_rises_in_a_row_is_no_step_of_its_sensor():
+    """A ramp of few rows is called coarse only where its values repeat and lie on a grid."""
+    for rows in (20, 30, 38):
+        time = np.arange(rows) / 50
+        noise = np.random.default_rng(rows).normal(0, 4e-3, rows)
+        fine = np.round(1.47 * time + noise, 5)
+        quality = assess(record(time, friction_force=fine))
+        assert "friction_coarse" not in codes(quality) and quality.resolution == 0
+        even = assess(record(time, friction_force=1.47 * time))
+        assert "friction_coarse" not in codes(even), "without noise all differences are alike, and none is a step"
+        coarse = assess(record(time, friction_force=np.round(np.round(fine / 0.08) * 0.08, 5)))
+        assert "friction_coarse" in codes(coarse) and coarse.resolution == pytest.approx(0.08)
+
+
+def test_the_step_is_found_through_the_rounding_of_the_file_and_none_among_uneven_levels():
+    force = record().friction_force
+    counts = np.round(force / 0.0123)
+    assert assess(record(friction_force=np.round(counts * 0.0123, 3))).resolution == pytest.approx(0.0123, rel=0.02)
+    uneven = np.sort(np.random.default_rng(2).uniform(force.min(), force.max(), 20))
+    held = uneven[np.clip(np.searchsorted(uneven, force), 0, 19)]
+    assert assess(record(friction_force=held)).resolution == 0
+
+
 def test_drift_ripple_and_unloaded_rows_of_the_load():
     time = np.arange(N) / 500
     drift = assess(record(normal_force=1 - 0.2 * time / time[-1]))

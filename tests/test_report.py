@@ -22,7 +22,7 @@ from identify.report.document import as_json
 from identify.report.envelope import envelope, extremes
 from identify.report.figures import Picture, pictures
 from identify.report.page import LARGEST, render_page
-from identify.report.quantity_text import DASH, decimals, number, quantity, speed
+from identify.report.quantity_text import DASH, decimals, ends_text, number, quantity, speed
 from identify.report.views import parameter_views
 from identify.report.words import PLAIN_SYMBOLS, plain_symbol, solver_words
 from tests.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
@@ -322,6 +322,11 @@ def test_envelope_holds_the_extremes_of_every_stretch() -> None:
         (number(3.742e-5), "3.742·10⁻⁵"),
         (number(0.0), "0"),
         (number(-0.0, 2), "0"),
+        (ends_text(0.00031, 2039.883, 3), "0.00031 to 2040"),
+        (ends_text(-2051.7, -0.0123, 1), "−2050 to −0.0123"),
+        (ends_text(0.6184, 0.6221, 4), "0.6184 to 0.6221"),  # no decades between them: decimals as the error has them
+        (ends_text(0.0, 0.35, 2), "0.00 to 0.35"),
+        (ends_text(-0.2, 300.0, 1), "−0.2 to 300.0"),
         (decimals(-0.001, 2), "0.00"),
         (decimals(-0.01, 2), "−0.01"),
     ],

@@ -85,6 +85,21 @@ def test_a_wrong_unit_and_swapped_columns_are_named():
     assert "forces_swapped" not in codes(good)
 
 
+def test_swapped_columns_are_told_before_the_doubts_that_come_of_them():
+    """No zero is advised from a column that holds the other force; where nothing is swapped, it is."""
+    good = record_of(500.0)
+    bare = np.where(good.time < 0.4, 0.0, good.friction_force)
+    exchanged = Record(good.time, bare, good.normal_force)
+    found = judge(exchanged, parts(exchanged))
+    assert found.swapped and found.findings[0].code == "forces_swapped"
+    assert found.verdict == "reject" and "ripples" in found.reason, "the verdict is as before"
+    assert "residual_force" in {finding.code for finding in found.quality.findings}
+    assert "residual_force" not in {finding.code for finding in found.findings}
+    lifted = Record(good.time, np.where(good.time < 0.4, 0.0, good.normal_force), good.friction_force + 0.1)
+    told = judge(lifted, parts(lifted))
+    assert not told.swapped and "residual_force" in {finding.code for finding in told.findings}
+
+
 def test_few_slips_and_spikes_are_told():
     assert "few_cycles" in codes(record_of(500.0, 0.9))
     spiked = record_of(500.0)

@@ -12,7 +12,7 @@ from identify.comparing.operating import Figure, GroupAnswer
 from identify.comparing.quantities import Quantity
 from identify.comparing.reporting import Item
 from identify.pooling.pooled import DIFFERENT, NOT_TESTED, Difference
-from identify.report.quantity_text import DASH, Scale, decimals, number, places_for, quantity, scale_for
+from identify.report.quantity_text import DASH, Scale, decimals, ends_text, number, places_for, quantity, scale_for
 from identify.report.words import MEANINGS, OUTCOMES, plain_symbol
 
 REASON = 400  # characters of a reason that are shown
@@ -71,7 +71,7 @@ def parameters(comparison: Comparison) -> Table:
             value = q.shown(mean.value) / unit.factor
             ends = [q.shown(v) / unit.factor for v in mean.interval or ()]
             places = places_for((ends[1] - ends[0]) / 4 if ends else None, value)
-            interval = f"{decimals(ends[0], places)} to {decimals(ends[1], places)}" if ends else "open"
+            interval = ends_text(ends[0], ends[1], places) if ends else "open"
             row = [
                 named(q),
                 Cell(mean.group, sort=mean.group),

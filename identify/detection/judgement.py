@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,10 +16,16 @@ from data_io.thresholds import DEFAULTS, Thresholds
 from identify.detection.slip_quality import Part, SlipQuality, look_at_slips
 from identify.detection.suspicions import suspicions
 
+FORCES_SWAPPED = "forces_swapped"
+NO_ZERO = "residual_force"  # no zero error of a sensor, where its column holds another force
+
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the gate found: of the record, of the slips of every part, and everything that is to say, worst first."""
+    """What the gate found: of the record, of the slips of every part, and everything that is to say, worst first.
+
+    Before all comes that two columns look swapped: the other doubts come of it.
+    """
 
     quality: Quality
     slips: tuple[SlipQuality, ...]
@@ -34,6 +40,11 @@ class Judgement:
     def reason(self) -> str:
         """Why it is rejected: the first sentence that says so, "" where it is not."""
         return next((f.message for f in self.findings if f.severity == "reject"), "")
+
+    @property
+    def swapped(self) -> bool:
+        """Whether normal force and friction force look exchanged."""
+        return any(f.code == FORCES_SWAPPED for f in self.findings)
 
     def document(self) -> dict[str, Any]:
         """Verdict, findings and figures as plain values, SI."""
@@ -70,5 +81,14 @@ def judge(
     slips = tuple(look_at_slips(part, thresholds) for part in parts)
     doubts = suspicions(record, [part.found for part in parts], thresholds)
     findings = dict.fromkeys((*quality.findings, *(f for s in slips for f in s.findings), *doubts))
+    return Judgement(quality, slips, _in_order(findings))
+
+
+def _in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Worst first; where two columns look swapped, that before all, and no advice to zero a sensor by the wrong one."""
     order = {"reject": 0, "warning": 1, "info": 2}
-    return Judgement(quality, slips, tuple(sorted(findings, key=lambda finding: order[finding.severity])))
+    listed = sorted(findings, key=lambda finding: order[finding.severity])
+    swap = [finding for finding in listed if finding.code == FORCES_SWAPPED]
+    if not swap:
+        return tuple(listed)
+    return (*swap, *(f for f in listed if f.code not in (FORCES_SWAPPED, NO_ZERO)))

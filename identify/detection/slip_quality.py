@@ -11,6 +11,7 @@ from data_io.frozen import Finding
 from data_io.thresholds import Thresholds
 from identify.detection.segment import Segmentation
 from identify.detection.sharpness import Sharpness, harmonic_share, sharpness
+from identify.detection.still_loading import ENDS_LOADING, REMEDY, still_loading
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,8 @@ class Part:
 class SlipQuality:
     """spikes: samples that are no neighbour's; lag: see `Sharpness`, None where it cannot be told; slope: of the sticks
     over stiffness times drive speed, less 1; drift: of the friction force, as share of it; harmonic: part of the swing
-    that is one sine; scatter: of the drop from one slip to the next, as share of it; findings."""
+    that is one sine; scatter: of the drop from one slip to the next, as share of it; loading: no slip came, and the
+    first stick still loads at the end; findings."""
 
     spikes: int
     lag: Sharpness | None
@@ -42,6 +44,7 @@ class SlipQuality:
     drift: float | None
     harmonic: float | None
     scatter: float | None
+    loading: bool
     findings: tuple[Finding, ...]
 
 
@@ -52,7 +55,10 @@ def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
     slope = _slope_error(part)
     drift = _drift(part)
     harmonic = harmonic_share(part.time, part.force, found)
+    loading = still_loading(part.time, part.force, found, part.expected_slope)
     notes = [_spikes(part, limits), *_samples(found, limits), _few(found, limits)]
+    if loading:
+        notes.append(Finding("still_loading", "warning", f"no slip was found: {ENDS_LOADING}; {REMEDY}"))
     if lag is not None and (severity := limits.severity("sensor_lag", lag.share)):
         text = (
             f"the slips end in a tail, as behind a sensor or filter with a lag of {1e3 * lag.lag:.2g} ms "
@@ -85,7 +91,14 @@ def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
         )
         notes.append(Finding("near_harmonic", severity, text))
     return SlipQuality(
-        _spike_count(part), lag, slope, drift, harmonic, scatter, tuple(note for note in notes if note is not None)
+        _spike_count(part),
+        lag,
+        slope,
+        drift,
+        harmonic,
+        scatter,
+        loading,
+        tuple(note for note in notes if note is not None),
     )
 
 

@@ -13,6 +13,7 @@ from data_io.thinned import kept
 from identify.detection.judgement import Judgement, judge
 from identify.detection.segment import Segmentation, segment
 from identify.detection.slip_quality import Part
+from identify.detection.still_loading import ENDS_LOADING, REMEDY
 from identify.errors import FitError
 from identify.motion.drive import Drive, NormalForce
 from identify.preparation import window
@@ -86,7 +87,13 @@ class Prepared:
     @property
     def never_slips(self) -> bool:
         """Whether the log is left out because no slip is seen in it, and for nothing else."""
-        return self.left_out is not None and self.judgement.verdict != "reject" and self.segmentation.count == 0
+        sound = self.judgement.verdict != "reject" and not self.judgement.swapped
+        return self.left_out is not None and sound and self.segmentation.count == 0
+
+    @property
+    def ends_loading(self) -> bool:
+        """Whether the log was stopped before its first slip."""
+        return any(part.loading for part in self.judgement.slips)
 
     @cached_property
     def mean_load(self) -> float:
@@ -140,7 +147,9 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         drive=log.drive,
     )
     begin, end = _window(log, manner)
-    reason = _rejected(judgement, log.name) or _reason(manner, log.falls, log.found.count, entry, log.name)
+    reason = _rejected(judgement, log.name) or _reason(manner, log, judgement)
+    if reason is not None and judgement.swapped:
+        reason = f"{log.name}: normal force and friction force look swapped"
     course, hidden = _load(log, (begin, end), judgement, scene, unknowns)
     made = Prepared(
         record=log.record,
@@ -271,12 +280,15 @@ def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, 
     return tuple(out)
 
 
-def _reason(manner: Manner, falls: Array, cycles: int, entry: LogEntry, name: str) -> str | None:
-    """Why a log that is sound is left out; cycles: how many were found, those that the scene skips included."""
-    if manner.name == "cycles" and falls.size == 0 and cycles:
-        return f"{name}: skip_cycles = {entry.skip_cycles} leaves none of its {cycles} cycles; lower it"
-    if manner.name == "cycles" and falls.size == 0:
-        return f"{name} shows no complete stick-slip cycle"
+def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
+    """Why a log that is sound is left out."""
+    name, cycles, skipped = log.name, log.found.count, log.entry.skip_cycles
+    if manner.name == "cycles" and log.falls.size == 0 and cycles:
+        return f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
+    if manner.name == "cycles" and log.falls.size == 0:
+        loading = any(part.loading for part in judgement.slips)
+        told = f": {ENDS_LOADING}; {REMEDY}" if loading else ""
+        return f"{name} shows no complete stick-slip cycle{told}"
     if manner.name == "sliding" and manner.settled is None:
         return f"{name} slides without sticking, and its force never settles within its noise"
     return None

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from identify.report.quantity_text import DASH, decimals, finite, number, places_for, quantity, scale_for, split_key
+from identify.report.quantity_text import DASH, ends_text, finite, number, places_for, quantity, scale_for, split_key
 from identify.report.tables import Cell, Row, Table, plain_text
 from identify.report.words import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 
@@ -71,7 +71,7 @@ def interval_text(interval: Any, value: float | None, unit: str) -> str:
         if max(abs(low), abs(high)) >= 1e6 or high - low < 1e-6:
             return f"{number(low, 5)} to {number(high, 5)}"
         places = places_for((high - low) / 4, None)
-        return f"{decimals(low, places)} to {decimals(high, places)}"
+        return ends_text(low, high, places)
     if low is not None:
         return f"above {number(low / scale.factor, 3)}"
     return f"below {number(high / scale.factor, 3)}" if high is not None else ""

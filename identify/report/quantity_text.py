@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from identify.speeds import speed_scale
 
 DASH = "–"
+DECADES = 100.0  # from the smaller to the larger end of an interval, from which on no number of decimals suits both
 # From large to small; the first unit in which the number is at least 0.1 is taken.
 LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "m": (("mm", 1e-3), ("µm", 1e-6), ("nm", 1e-9)),
@@ -85,6 +86,15 @@ def decimals(value: float, places: int) -> str:
     if places < 0:
         value = round(value, places)
     return _signed(f"{value:.{min(max(places, 0), 8)}f}")
+
+
+def ends_text(low: float, high: float, places: int) -> str:
+    """ "0.618 to 0.622": both ends with so many decimals; "0.0003 to 2040" where they lie decades apart, each with
+    three significant digits."""
+    near, far = sorted((abs(low), abs(high)))
+    if low * high > 0 and far >= DECADES * near:
+        return f"{number(float(f'{low:.3g}'), 3)} to {number(float(f'{high:.3g}'), 3)}"
+    return f"{decimals(low, places)} to {decimals(high, places)}"
 
 
 def places_for(error: float | None, value: float | None) -> int:

@@ -11,6 +11,7 @@ from identify.outcome import Fit
 from identify.report.quantity_text import (
     DASH,
     decimals,
+    ends_text,
     finite,
     number,
     places_for,
@@ -161,7 +162,7 @@ def _interval(interval: Any, factor: float, places: int) -> str:
         return f"below {decimals((high or 0.0) / factor, places)}"
     if high is None:
         return f"above {decimals(low / factor, places)}"
-    return f"{decimals(low / factor, places)} to {decimals(high / factor, places)}"
+    return ends_text(low / factor, high / factor, places)
 
 
 def _tiles(result: Mapping[str, Any]) -> tuple[Tile, ...]:

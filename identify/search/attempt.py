@@ -251,11 +251,15 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
             if guess is not None and grazes(log, guess):  # rests are shorter than slips are placed exactly
                 out += [(number, *found) for found in _followed(log.as_course, unknowns)]
             continue
-        sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
-        typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
-        cut = cut_in_last_stick(log, float(guess.arrest[-1]), typical)
-        out.append((number, cut, guess))
+        out.append((number, as_far_as_placed(log, guess), guess))
     return sorted(out, key=lambda entry: entry[0])
+
+
+def as_far_as_placed(log: Prepared, guess: Guess) -> Prepared:
+    """The log of cycles cut in the stick behind its last placed slip: what comes then is on no data yet."""
+    sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
+    typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
+    return cut_in_last_stick(log, float(guess.arrest[-1]), typical)
 
 
 def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Guess]]:

@@ -17,6 +17,7 @@ from identify.preparation.parting import parted
 from identify.preparation.prepare import Prepared, prepare
 from identify.preparation.unknowns import Unknowns, from_scene, user_start
 from identify.scene import Scene
+from identify.search.attempt import as_far_as_placed
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 
@@ -26,7 +27,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class PreviewLog:
     """One log before the fit: name, drive speed [m/s]; time [s], force [N] (sliding positive), used (n,); the force of
-    the start guess (n,) [N], NaN where there is none; onsets and arrests (c,) [s] as detected; a sentence."""
+    the start guess (n,) [N], NaN where there is none and behind the last slip that it is placed on; onsets and arrests
+    (c,) [s] as detected; a sentence."""
 
     name: str
     drive_speed: float
@@ -94,7 +96,7 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
             told = "with these values the model does not stick and slip here"
         else:
             at_start = replace(unknowns.softened(), start=placed.theta(theta))
-            problem = transcribe([log.data], [placed], at_start, COARSE)
+            problem = transcribe([as_far_as_placed(log, placed).data], [placed], at_start, COARSE)
             guess = problem.fitted(problem.start)[0]
             inside = np.isfinite(guess) & log.used
             off = float(np.sqrt(np.mean((guess - log.force)[inside] ** 2))) if np.any(inside) else float("nan")

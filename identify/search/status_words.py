@@ -17,6 +17,11 @@ from identify.search.inward import AT_BOUND
 
 Array = NDArray[np.float64]
 
+EXCHANGE = (
+    "where the normal force sticks and slips and the friction force does not, exchange the two: in each of these "
+    '[[logs]], columns = { normal_force = "…", friction_force = "…" }'
+)
+
 
 def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
     """A sentence per free parameter that sits on a bound: the scene's own can be widened, the model's can not."""
@@ -57,9 +62,12 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
             "slides steadily; check the rig values, or estimate them under [parameters]"
         )
     reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
-    # What is wrong with a log that is rejected, or of which all cycles are skipped, no other test would mend.
+    # What is wrong with a log that is rejected, or of which all cycles are skipped, no other test would mend. One that
+    # was stopped before its first slip says its own: recorded slower, it would slip later still.
     slower = ", and record slower, with a softer spring or at a higher load"
-    remedy = slower if any(log.never_slips for log in prepared) else ""
+    remedy = slower if any(log.never_slips and not log.ends_loading for log in prepared) else ""
+    if any(log.judgement.swapped for log in prepared):
+        remedy = f"{remedy}; {EXCHANGE}"
     return Status.NO_CYCLES, f"there is nothing to fit: {reason}; see the classical table{remedy}"
 
 
