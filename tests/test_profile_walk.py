@@ -66,3 +66,22 @@ def test_past_a_stretch_on_which_the_solver_fails_the_walk_looks_a_little_farthe
     assert not hemmed.failed and 0.5 + 0.02 < hemmed.end < 0.5 + 0.021
     monkeypatch.setattr(profile_side, "FARTHER_APART", 1.0)
     assert side(line).failed
+
+
+class Winding(Line):
+    """A ridge so winding that the solver follows it for the short step only, and loses it in every longer one."""
+
+    def __init__(self, sd: float, stride: float) -> None:
+        super().__init__(sd)
+        self.stride = stride
+
+    def point(self, near, index, value):
+        return None if abs(value - near.theta[index]) > self.stride else super().point(near, index, value)
+
+
+def test_a_walk_is_given_up_after_failures_in_a_row_not_after_as_many_on_the_way():
+    sd = 0.02
+    found = side(Winding(sd, stride=0.35 * sd * np.sqrt(CRITICAL)))
+    assert not found.failed and found.end == pytest.approx(0.5 + sd * np.sqrt(CRITICAL), rel=1e-6)
+    lost = side(Winding(sd, stride=1e-5 * sd))
+    assert lost.failed and lost.end is None

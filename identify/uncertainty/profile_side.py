@@ -81,6 +81,7 @@ def walk_one_way(
             if failures > FAILURES:
                 break
             continue
+        failures = 0
         root = line.loss_root(point)
         if root >= limit:
             if root < CLOSE * limit or target - done < tight:
