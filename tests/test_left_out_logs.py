@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
+from data_io import Record
 from experiments.record_kinds import FAST, SLOW, Kind
 from experiments.study_problem import DEMO, RIG
 from identify import identification
+from identify.diagnosis.findings import Findings
 from identify.outcome import Status
+from identify.preparation.prepare import Prepared
+from identify.scene import Scene
 from identify.search.attempt import Attempt, Clock, solve_from
-from identify.telling import to_nobody
+from identify.telling import Progress, to_nobody
 
 
 def test_a_better_answer_of_fewer_logs_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Met while the cause of a misfit is looked for, it fits what it takes: of the other log it says nothing."""
     scene, records = Kind("two speeds", (SLOW, FAST), (), DEMO, RIG).made(0)
-    prepared, findings = identification.find(scene, records, clock=Clock(), progress=to_nobody)
-    assert findings.status is Status.CONVERGED and findings.attempt is not None
-    at_answer = replace(findings.unknowns, start=findings.attempt.solved.theta)
-    alone = solve_from(prepared, [0], at_answer, Clock())
-    assert alone is not None and alone.logs == (0,)
-    met: list[Attempt | None] = [alone, None]
-    monkeypatch.setattr(identification, "looked_into", lambda found, *_: (found, met.pop(0)))
+    met: list[Attempt] = []
+
+    def of_one_log(
+        found: Findings, _scene: Scene, _read: Sequence[Record], prepared: list[Prepared], _told: Progress
+    ) -> tuple[Findings, Attempt | None]:
+        """At the right answer of both, the answer of the first log alone is met; at that, nothing."""
+        if met:
+            return found, None
+        assert found.status is Status.CONVERGED and found.attempt is not None and found.attempt.logs == (0, 1)
+        alone = solve_from(prepared, [0], replace(found.unknowns, start=found.attempt.solved.theta), Clock())
+        assert alone is not None and alone.logs == (0,)
+        met.append(alone)
+        return found, alone
+
+    monkeypatch.setattr(identification, "looked_into", of_one_log)
     _, refused = identification.find(scene, records, clock=Clock(), progress=to_nobody)
-    assert not met and refused.status is Status.MODEL_MISFIT
+    assert met and refused.status is Status.MODEL_MISFIT
     assert "does not stick-slip as log_2.csv does" in refused.message
