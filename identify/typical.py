@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from identify.number_words import three_figures
+
 TINY = 1e-300
 
 
@@ -36,3 +38,11 @@ def lost_per_period(damping_ratio: float) -> float:
     if damping_ratio >= 1.0:
         return 1.0
     return -math.expm1(-2 * math.pi * damping_ratio / math.sqrt(1 - damping_ratio**2))
+
+
+def change_in_a_slip(speed: float, share: float) -> str:
+    """How much kinetic friction changes up to the highest speed of a slip [m/s], as a share of the fall, in words."""
+    return (
+        f"up to about {three_figures(1e3 * speed)} mm/s in a slip kinetic friction changes by "
+        f"{three_figures(100 * share)} % of the fall"
+    )

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # model, the fit, its result, many fits, the command line.
 # A room is a folder, or one of the few modules beside the folders. A new one gets a place here and in docs/rooms.md.
 ROOMS = """
-errors quantities typical speeds number_words outcome log_numbers telling examples numerics
+errors quantities speeds number_words typical outcome log_numbers telling examples numerics
 effects model scene
 methods motion
 detection

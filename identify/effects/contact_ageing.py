@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from identify.number_words import three_figures
 from identify.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
 from identify.typical import fall, stick_time
 
@@ -42,5 +43,5 @@ class ContactAgeing(Effect):
             "D k/((μs − μk0) F_n)",
             p["D"] / travel,
             f"sliding by {1e6 * p['D']:.3g} µm renews the contact, {p['D'] / travel:.2g} of the spring's travel; "
-            f"a stick of about {rest:.2g} s regains {100 * regained:.2g} % of the strength",
+            f"a stick of about {three_figures(rest)} s regains {three_figures(100 * regained)} % of the strength",
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from identify.number_words import three_figures
 from identify.quantities import Effect, Importance, Parameter, Situation, Terms
 from identify.typical import slip_time, stick_time
 
@@ -32,5 +33,5 @@ class Inertia(Effect):
         return Importance(
             "T_slip/T",
             share,
-            f"half a natural period ({1e3 * slip:.3g} ms), about a slip, is {100 * share:.2g} % of a cycle",
+            f"half a natural period ({1e3 * slip:.3g} ms), about a slip, is {three_figures(100 * share)} % of a cycle",
         )

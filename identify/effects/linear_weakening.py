@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from identify.quantities import Effect, Importance, Parameter, Situation, Terms
-from identify.typical import fall, slip_speed
+from identify.typical import change_in_a_slip, fall, slip_speed
 
 
 class LinearWeakening(Effect):
@@ -44,5 +44,5 @@ class LinearWeakening(Effect):
         return Importance(
             "Δμk a v/(μs − μk0)",
             share,
-            f"up to about {1e3 * speed:.2g} mm/s in a slip kinetic friction changes by {100 * share:.2g} % of the fall",
+            change_in_a_slip(speed, share),
         )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from identify.quantities import Effect, Importance, Parameter, Situation, Terms
-from identify.typical import fall, slip_speed
+from identify.typical import change_in_a_slip, fall, slip_speed
 
 
 class PowerLaw(Effect):
@@ -46,7 +46,7 @@ class PowerLaw(Effect):
         return Importance(
             "μk0 (1 − (v/v_low)^−n)/(μs − μk0)",
             share,
-            f"up to about {1e3 * speed:.2g} mm/s in a slip kinetic friction changes by {100 * share:.2g} % of the fall",
+            change_in_a_slip(speed, share),
         )
 
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:
