@@ -27,9 +27,9 @@ def said(value: float | None, unit: str, beside: float | None = None) -> str:
     return f"{_digits(value / factor, 3)} {name}".rstrip()
 
 
-def listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str], word: str = "and") -> str:
     """Names in a sentence: "a", "a and b", "a, b and c"."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
 
 
 def _scale(value: float, unit: str) -> tuple[str, float]:

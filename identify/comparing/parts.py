@@ -24,9 +24,15 @@ def parts(entry: FitEntry) -> tuple[FitEntry, ...]:
     own = _own(entry)
     if not own:
         return (entry,)
-    searched = {name for names in own.values() for name in names} | _searched(entry, own)
-    apart = [_group(entry, group, keys, searched) for group, keys in own.items()]
-    return (*_shared(entry, own, searched), *apart)
+    keys = {key for names in own.values() for key in names.values()}
+    common = {name: told for name, told in entry.document["parameters"].items() if name not in keys}
+    estimated = {n for n, p in common.items() if isinstance(p, Mapping) and p.get("verdict") != "fixed"}
+    apart = {name for names in own.values() for name in names}
+    groups = [_group(entry, group, names, estimated | apart) for group, names in own.items()]
+    if not estimated:
+        return tuple(groups)
+    document = dict(entry.document) | {"parameters": common}
+    return (replace(entry, fit=entry.name, elsewhere=frozenset(apart - estimated), document=document), *groups)
 
 
 def _own(entry: FitEntry) -> dict[Group, dict[str, str]]:
@@ -38,24 +44,6 @@ def _own(entry: FitEntry) -> dict[Group, dict[str, str]]:
             found.setdefault(group, {})[str(told.get("parameter") or key)] = key
     several = [per for per, _ in found]
     return {group: keys for group, keys in found.items() if several.count(group[0]) > 1}
-
-
-def _searched(entry: FitEntry, own: Mapping[Group, Mapping[str, str]]) -> set[str]:
-    """The parameters that all logs share, those apart that were not estimated."""
-    keys = {key for names in own.values() for key in names.values()}
-    told = entry.document["parameters"].items()
-    return {n for n, p in told if n not in keys and isinstance(p, Mapping) and p.get("verdict") != "fixed"}
-
-
-def _shared(entry: FitEntry, own: Mapping[Group, Mapping[str, str]], searched: set[str]) -> tuple[FitEntry, ...]:
-    """What all logs share, with the labels they have in common; nothing where all of it is fixed."""
-    mine = _searched(entry, own)
-    if not mine:
-        return ()
-    keys = {key for names in own.values() for key in names.values()}
-    parameters = {n: p for n, p in entry.document["parameters"].items() if n not in keys}
-    document = dict(entry.document) | {"parameters": parameters}
-    return (replace(entry, fit=entry.name, elsewhere=frozenset(searched - mine), document=document),)
 
 
 def _group(entry: FitEntry, group: Group, keys: Mapping[str, str], searched: set[str]) -> FitEntry:

@@ -46,6 +46,11 @@ class Judgement:
         """Whether normal force and friction force look exchanged."""
         return any(f.code == FORCES_SWAPPED for f in self.findings)
 
+    @property
+    def ends_loading(self) -> bool:
+        """Whether the log was stopped before its first slip."""
+        return any(part.loading for part in self.slips)
+
     def document(self) -> dict[str, Any]:
         """Verdict, findings and figures as plain values, SI."""
         lag = next((s.lag for s in self.slips if s.lag is not None), None)

@@ -50,6 +50,11 @@ def line_slope(t: Array, f: Array, noise: float) -> float:
     return float(t @ f / (t @ t))
 
 
+def slope_error(t: Array, noise: float) -> float:
+    """Standard error of the slope of a line through points at times (n,) [s] with this noise [N/s]."""
+    return noise / (sqrt(t.size) * float(np.std(t)))
+
+
 def level(force: Array, start: int, stop: int, at: int) -> float:
     """Force at sample `at` from a parabola (a line where one side is short) through samples start to stop [N]."""
     f = force[start : stop + 1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.detection.local_fits import line_slope
+from identify.detection.local_fits import line_slope, slope_error
 from identify.detection.segment import STICK, Segmentation
 
 Array = NDArray[np.float64]
@@ -34,5 +34,4 @@ def still_loading(time: Array, force: Array, found: Segmentation, expected_slope
     t, f = time[good][-last:], force[good][-last:]
     if slope is None or t.size < FEWEST:
         return False
-    error = found.noise / (np.sqrt(t.size) * float(np.std(t)))
-    return line_slope(t, f, found.noise) > AS_STEEP * slope + SURE * error
+    return line_slope(t, f, found.noise) > AS_STEEP * slope + SURE * slope_error(t, found.noise)

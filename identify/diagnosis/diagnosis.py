@@ -173,7 +173,7 @@ def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, ended: Fitt
         if stated > 0.0 and abs(value / stated - 1.0) < CLEAR:
             continue
         rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
-        words = f"{suspect.named(fitted, value, stated)} explains the misfit {rest}"
+        words = f"{suspect.words(fitted, value, stated)} explains the misfit {rest}"
         found.append(_Explanation(fitted, words, suspect.restrains))
     return found
 
@@ -234,7 +234,7 @@ def doubt(
         back = back if back.attempt is None else replace(back, attempt=judged(back.attempt))
         if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
             return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
-        words = suspect.named(fitted, *found_and_stated(suspect, fitted, scene))
+        words = suspect.words(fitted, *found_and_stated(suspect, fitted, scene))
         found.append(_Gain(gain, words, suspect.restrains, fitted))
     if not found:
         return None

@@ -32,7 +32,7 @@ def _shared(scene: Scene) -> Iterator[str]:
             continue
         of = listed(values) if len(values) <= NAMED else f"{len(values)} values"
         yield (
-            f"{_either(shared)} differs by {label} ({of}) and is shared: give it "
+            f"{listed(shared, 'or')} differs by {label} ({of}) and is shared: give it "
             f'one value each, [parameters] {shared[0]} = {{ per = "{label}" }}'
         )
 
@@ -45,7 +45,3 @@ def _left_out(scene: Scene) -> Iterator[str]:
             f"the scene leaves out an effect that matters ({', '.join(missing)}): add it to effects, or see which the "
             'data ask for with effects = "auto"'
         )
-
-
-def _either(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"

@@ -5,11 +5,12 @@ Where the sticks of all logs do, rig or drive are wrong for all of them, and no 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from identify.diagnosis.suspects import REACH, SHIFTED, Freed, Suspect, constant_speed, with_speeds
+from identify.diagnosis.suspects import REACH, SHIFTED, Freed, Suspect, Words, constant_speed, with_speeds
+from identify.effect_choice.fitted import Fitted
 from identify.preparation.parting import name_of_recording, recordings
 from identify.preparation.prepare import Prepared
 from identify.scene import Scene
@@ -59,8 +60,8 @@ def _at(logs: Sequence[int], times: float) -> Freed:
     return freed
 
 
-def _words(name: str) -> Callable[[float, float], str]:
-    def words(value: float, stated: float) -> str:
+def _words(name: str) -> Words:
+    def words(_fitted: Fitted, value: float, stated: float) -> str:
         unit, scale = speed_scale(stated)
         return (
             f"a drive speed of {name} {value / stated:.3g} times the stated one ({value / scale:.3g} {unit} instead of "

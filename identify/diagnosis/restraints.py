@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.calculators.outlook_words import said
+from identify.calculators.outlook_words import listed, said
 from identify.diagnosis.group_values import group_values
-from identify.diagnosis.suspects import Suspect
+from identify.diagnosis.suspects import Suspect, Words
 from identify.effect_choice.fitted import Fitted
 from identify.model.model import RIG_PARAMETERS
 from identify.preparation.prepare import Prepared
@@ -52,7 +52,7 @@ def _suspects(scene: Scene, restraint: Callable[[ParameterSpec, Parameter], str]
         spec = scene.parameters.get(p.name)
         words = "" if spec is None or p.kind == "given" else restraint(spec, p)
         if spec is not None and words:
-            out.append(Suspect(p.name, _without(p), told=_told(p, spec, words)))
+            out.append(Suspect(p.name, _without(p), _words(p, spec, words), restrains=True))
     return tuple(out)
 
 
@@ -98,18 +98,15 @@ def _without(p: Parameter) -> Callable[[Scene, Sequence[Prepared]], Scene | None
     return freed
 
 
-def _told(p: Parameter, spec: ParameterSpec, restraint: str) -> Callable[[Fitted], str]:
-    """The sentence of a fit without the restraint."""
-
-    def told(fitted: Fitted) -> str:
+def _words(p: Parameter, spec: ParameterSpec, restraint: str) -> Words:
+    def words(fitted: Fitted, _found: float, _stated: float) -> str:
         found = group_values(fitted, p.name)
         farthest = max(_off(value, spec, p) for value in found.values())
         named = {group: value for group, value in found.items() if _off(value, spec, p) >= min(FAR, farthest)}
         values = [f"{p.name}{f' ({group})' if group else ''} = {said(value, p.unit)}" for group, value in named.items()]
-        listed = values[0] if len(values) == 1 else f"{', '.join(values[:-1])} and {values[-1]}"
-        return f"{listed} (ruled out by {restraint}: correct that under [parameters])"
+        return f"{listed(values)} (ruled out by {restraint}: correct that under [parameters])"
 
-    return told
+    return words
 
 
 def _off(value: float, spec: ParameterSpec, p: Parameter) -> float:

@@ -23,33 +23,22 @@ SHIFTED = 0.02  # relative change of the drive speed below which the sticks do n
 VARIED = 0.02  # relative range of the normal force below which nothing can be said of what it does
 
 Freed = Callable[[Scene, Sequence[Prepared]], Scene | None]
+Words = Callable[[Fitted, float, float], str]
 
 
 @dataclass(frozen=True)
 class Suspect:
     """What may be wrong: its parameter, the scene with it free (None where it is free already, or cannot be it), and
-    the sentence that names it, given the value found and the one stated (0 where none is). logs: numbers of those it is
-    of alone (empty: all); nearby: of what no fit can search, the scene with its value times a factor; told: of what the
-    scene restrains a parameter by, the sentence that the fit without it tells, in place of `words`."""
+    the sentence that names it, given the fit with it free, the value found and the one stated (0 where none is). logs:
+    numbers of those it is of alone (empty: all); nearby: of what no fit can search, the scene with its value times a
+    factor; restrains: it is something that the scene says of a parameter beside the logs."""
 
     parameter: str
     freed: Freed
-    words: Callable[[float, float], str] | None = None
+    words: Words
     logs: tuple[int, ...] = ()
     nearby: Callable[[Scene, float], Scene] | None = None
-    told: Callable[[Fitted], str] | None = None
-
-    @property
-    def restrains(self) -> bool:
-        """Whether it is something that the scene says of a parameter beside the logs."""
-        return self.told is not None
-
-    def named(self, fitted: Fitted, found: float, stated: float) -> str:
-        """The sentence that names it: fitted with it free, the value found and the one stated."""
-        if self.told is not None:
-            return self.told(fitted)
-        assert self.words is not None
-        return self.words(found, stated)
+    restrains: bool = False
 
 
 def found_and_stated(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:
@@ -136,8 +125,8 @@ def _all_speeds(scene: Scene, times: float) -> Scene:
     return with_speeds(scene, range(len(scene.logs)), times)
 
 
-def _stated(name: str, unit: str, remedy: str) -> Callable[[float, float], str]:
-    def words(value: float, stated: float) -> str:
+def _stated(name: str, unit: str, remedy: str) -> Words:
+    def words(_fitted: Fitted, value: float, stated: float) -> str:
         found = f"{three_figures(value)} {unit}"
         return (
             f"a {name} of {found} instead of {three_figures(stated)} {unit} "
@@ -154,19 +143,21 @@ GROSS: tuple[Suspect, ...] = (
     Suspect(
         "lag_time",
         _effect("sensor_lag", "lag_time", lambda scene: 0.3 * float(np.sqrt(scene.rig.mass / scene.rig.stiffness))),
-        lambda value, _stated: f"a lag of the force sensor of {1e3 * value:.3g} ms (add sensor_lag to effects)",
+        lambda _fitted, value, _stated: (
+            f"a lag of the force sensor of {1e3 * value:.3g} ms (add sensor_lag to effects)"
+        ),
     ),
     Suspect(
         "skin_stiffness",
         _effect("skin_compliance", "skin_stiffness", lambda scene: 5.0 * float(scene.rig.stiffness)),
-        lambda value, _stated: (
+        lambda _fitted, value, _stated: (
             f"something of {three_figures(value)} N/m in series with the rig (add skin_compliance to effects)"
         ),
     ),
     Suspect(
         "drive_speed",
         _as_sticks_rise,
-        lambda value, stated: (
+        lambda _fitted, value, stated: (
             f"a drive speed {value / stated:.3g} times the stated one in all logs (look at the position of the drive, "
             "or time it over a known way)"
         ),
@@ -178,14 +169,14 @@ SLIGHT: tuple[Suspect, ...] = (
     Suspect(
         "direct_strength",
         _effect("direct_effect", "direct_strength", lambda _scene: 1e-3),
-        lambda value, _stated: (
+        lambda _fitted, value, _stated: (
             f"a direct effect of {value:.3g} (friction that rises with speed at once: add direct_effect to effects)"
         ),
     ),
     Suspect(
         "load_exponent",
         _by_load,
-        lambda value, _stated: (
+        lambda _fitted, value, _stated: (
             f"friction coefficients that change with the normal force (exponent {-value:.3g}: add "
             "load_dependence to effects)"
         ),

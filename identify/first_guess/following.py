@@ -74,7 +74,6 @@ class _Course:
         self.model, self.log, self.along = model, log, Along(model, log, p)
         self.stretches: list[Stretch] = []
         self.sure = 0  # of these, up to the last slip that shows for sure
-        self.last_shown = np.inf  # how far the last slip stands out of the noise
         self.start = np.array([s.start for s in model.states])
 
     def guess(self, start: Array) -> Guess:
@@ -99,19 +98,19 @@ class _Course:
         else:
             self.start = x = first_state(self.along)
             sliding = False
-        hidden, train = 0, 0.0
+        hidden, train, shown = 0, 0.0, np.inf
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
             if sliding:
                 t, x, sliding = self.slide(t, x)
                 if np.isnan(t):
                     return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
-                self.last_shown = shown = self.shown()
+                shown = self.shown()
                 hidden, train = (hidden + 1, 0.0) if shown < SHOWN else (0, train + shown)
                 self.sure = len(self.stretches) if shown >= SURE or train >= TRAIN else self.sure
                 if hidden == HIDDEN:  # to go on would make up how often it slips until the window ends
                     return self.so_far()
             else:
-                t, x, sliding = self.rest(t, x)
+                t, x, sliding = self.rest(t, x, shown)
         return Followed(self.guess(self.start), t) if t >= self.log.end else self.so_far()
 
     def shown(self) -> float:
@@ -148,8 +147,12 @@ class _Course:
             made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
         return Followed(self.guess(self.start), end)
 
-    def rest(self, t: float, x: Array) -> tuple[float, Array, bool]:
-        """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides."""
+    def rest(self, t: float, x: Array, shown: float) -> tuple[float, Array, bool]:
+        """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides.
+
+        Args:
+            shown: how far the slip before it stands out of the noise.
+        """
         onset, at_onset, legs = self.along.onset(t, x)
         before = x
         for until, after in legs:
@@ -159,16 +162,16 @@ class _Course:
         if not np.isfinite(onset):
             self.stretches.append(Stretch("rest", self.log.end, "time", np.stack([before, legs[-1][1]])))
             return self.log.end, x, False
-        found = self.along.placed(t, onset, at_onset, self.spread(onset))
+        found = self.along.placed(t, onset, at_onset, self.spread(onset, shown))
         self.stretches.append(Stretch("rest", found, "onset", np.stack([before, at_onset])))
         return found, at_onset, True
 
-    def spread(self, onset: float) -> float:
+    def spread(self, onset: float, shown: float) -> float:
         """How far off an expected onset may be [s]; infinite where the last slip shows so well that the data alone say
         where the next one is. Slips that hardly show are each moved by the noise; what the train of them has in common
         is when the model lets them follow each other."""
         last = self.last_rest()
-        return UNSURE * (onset - self.stretches[last].until) if last is not None and self.last_shown < SURE else np.inf
+        return UNSURE * (onset - self.stretches[last].until) if last is not None and shown < SURE else np.inf
 
     def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""

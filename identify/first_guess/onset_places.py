@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.detection.local_fits import line_slope
+from identify.detection.local_fits import line_slope, slope_error
 from identify.preparation.guess import LogData
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ class DataSide:
         Args:
             spread: how far off the expected onset may be, one standard deviation [s]; infinite: the data alone say.
         """
-        log, certain = self.log, np.isfinite(spread)
+        log, by_chance = self.log, BY_CHANCE if np.isinf(spread) else 0.0
         reach = max(REACH * self.half, 2.0 * log.interval)
         step = max(self.half / PER_HALF_PERIOD, 0.25 * log.interval)
         centres = self.centres(since, onset, wave, reach)
@@ -79,7 +79,7 @@ class DataSide:
             if index.size < 2:
                 continue
             if centre == onset:
-                least = self._misfit(index, onset, wave) - (0.0 if certain else BY_CHANCE) / index.size
+                least = self._misfit(index, onset, wave) - by_chance / index.size
             places = centre + around
             for place in places[(places > since + 1e-3 * self.half) & (places < latest)].tolist():
                 misfit = self._misfit(index, place, wave) + ((place - onset) / spread) ** 2 / index.size
@@ -113,8 +113,8 @@ class DataSide:
         if used.size < FEWEST or any(begin < change < end for change in self.changes):
             return True
         t = self.log.time[used]
-        error = self.log.noise / (np.sqrt(t.size) * float(np.std(t)))
-        return line_slope(t, self.log.force[used], self.log.noise) > LEVEL * slope - SURE * error
+        least = LEVEL * slope - SURE * slope_error(t, self.log.noise)
+        return line_slope(t, self.log.force[used], self.log.noise) > least
 
     def first_peak(self, moving: float) -> float:
         """When the smoothed force is highest from where the drive moves until its speed changes [s]."""

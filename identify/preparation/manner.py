@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.thinned import kept, thinned, thinned_steps
-from identify.detection.local_fits import line_slope
+from identify.detection.local_fits import line_slope, slope_error
 from identify.detection.segment import SLIDING, STICK, Segmentation
 from identify.motion.drive import Drive
 
@@ -100,8 +100,7 @@ def _slides(time: Array, force: Array, since: float, noise: float, stick_slope: 
     """Whether a level force rises so much more slowly than a stick [N/s] that it cannot be one."""
     good = np.isfinite(force) & (time >= since)
     t = time[good]
-    error = noise / (np.sqrt(t.size) * float(np.std(t)))
-    return line_slope(t, force[good], noise) < stick_slope - STUCK * error
+    return line_slope(t, force[good], noise) < stick_slope - STUCK * slope_error(t, noise)
 
 
 def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:

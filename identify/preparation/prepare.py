@@ -90,11 +90,6 @@ class Prepared:
         sound = self.judgement.verdict != "reject" and not self.judgement.swapped
         return self.left_out is not None and sound and self.segmentation.count == 0
 
-    @property
-    def ends_loading(self) -> bool:
-        """Whether the log was stopped before its first slip."""
-        return any(part.loading for part in self.judgement.slips)
-
     @cached_property
     def mean_load(self) -> float:
         """Mean of the measured normal force, all of it [N]."""
@@ -286,8 +281,7 @@ def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
     if manner.name == "cycles" and log.falls.size == 0 and cycles:
         return f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
     if manner.name == "cycles" and log.falls.size == 0:
-        loading = any(part.loading for part in judgement.slips)
-        told = f": {ENDS_LOADING}; {REMEDY}" if loading else ""
+        told = f": {ENDS_LOADING}; {REMEDY}" if judgement.ends_loading else ""
         return f"{name} shows no complete stick-slip cycle{told}"
     if manner.name == "sliding" and manner.settled is None:
         return f"{name} slides without sticking, and its force never settles within its noise"

@@ -65,7 +65,7 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
     # What is wrong with a log that is rejected, or of which all cycles are skipped, no other test would mend. One that
     # was stopped before its first slip says its own: recorded slower, it would slip later still.
     slower = ", and record slower, with a softer spring or at a higher load"
-    remedy = slower if any(log.never_slips and not log.ends_loading for log in prepared) else ""
+    remedy = slower if any(log.never_slips and not log.judgement.ends_loading for log in prepared) else ""
     if any(log.judgement.swapped for log in prepared):
         remedy = f"{remedy}; {EXCHANGE}"
     return Status.NO_CYCLES, f"there is nothing to fit: {reason}; see the classical table{remedy}"
