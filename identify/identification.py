@@ -139,8 +139,9 @@ def find(
     clock.add("detect", since)
     sources = starts or _default_starts(scene)
 
-    def searched(logs: list[Prepared]) -> _Searched:
-        return logs, *search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+    def searched(logs: list[Prepared], last: bool) -> _Searched:
+        found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
+        return logs, *found
 
     prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)
     if attempt is not None and unknowns.model.vibrates:
@@ -166,16 +167,16 @@ def _default_starts(scene: Scene) -> Sources:
 
 
 def _by_way_of_calm(
-    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared]], _Searched], clock: Clock
+    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared], bool], _Searched], clock: Clock
 ) -> _Searched:
     """What a search finds; where loads tremble it goes by way of calm ones, whose answer is easily found, and follows
     the tremor from there. What no motion follows counts as unknown."""
     calm = [replace(log, data=calmed(log.data)) for log in prepared]
     if all(quiet.data is log.data for quiet, log in zip(calm, prepared, strict=True)):
-        return searched(prepared)
-    logs, known, left_out = searched(calm)
+        return searched(prepared, True)
+    logs, known, left_out = searched(calm, False)
     if known is None or known.gate.status is not Status.CONVERGED:
-        found = searched(prepared)
+        found = searched(prepared, True)
         converged = found[1] is not None and found[1].gate.status is Status.CONVERGED
         return found if converged or known is None else (logs, known, left_out)
     followed = solve_from(prepared, list(known.logs), replace(unknowns, start=known.solved.theta), clock)

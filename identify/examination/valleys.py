@@ -21,7 +21,7 @@ from identify.numerics.level import LEVEL
 from identify.numerics.quantiles import chi_square
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Attempt, Clock, crept, resolve_firmly, solve_from, solve_held, usable
+from identify.search.attempt import Attempt, Clock, resolve_firmly, solve_or_hold, usable
 from identify.search.ranking import ranked
 from identify.search.starts import own_starts, suggested_starts
 
@@ -89,9 +89,7 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples; None where
     it does not."""
     logs = list(attempt.prepared)
-    found = solve_from(logs, usable(logs), unknowns, Clock())
-    if found is not None and crept(found):  # its own ridge has no end: what the data do not tell is held
-        found = solve_held(logs, usable(logs), unknowns, Clock()) or found
+    found = solve_or_hold(logs, usable(logs), unknowns, Clock())
     if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
         return None
     if found.solved.problem.samples != attempt.solved.problem.samples:

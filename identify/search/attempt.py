@@ -183,6 +183,12 @@ def solve_held(
     return best
 
 
+def solve_or_hold(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Solve from a start; where its ridge has no end, with what the data do not tell held."""
+    found = solve_from(prepared, chosen, unknowns, clock)
+    return found if found is None or not crept(found) else solve_held(prepared, chosen, unknowns, clock) or found
+
+
 def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
     """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
     None where it fails at once."""

@@ -7,7 +7,7 @@ given is one more start, never the only one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 
@@ -18,15 +18,17 @@ from identify.first_guess.levels import level_starts
 from identify.outcome import Status
 from identify.preparation.prepare import Prepared, settled_part
 from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held
+from identify.search.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held, solve_or_hold
 from identify.search.events import with_events_mended
 from identify.search.gate import PER_CYCLE
 from identify.search.joining import from_some, join
-from identify.search.starts import Sources, drawn_starts, starts_of
+from identify.search.ranking import ranked
+from identify.search.starts import Sources, drawn_starts, starts_of, suggested_starts
 from identify.shooting.trust import Trust
 from identify.telling import Progress, to_nobody
 
 Array = NDArray[np.float64]
+_Stage = Callable[[list[Prepared], list[int], Unknowns, Clock], Attempt | None]
 
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 ATTEMPTS = 4  # starts that are solved before giving up
@@ -45,11 +47,13 @@ def search(
     clock: Clock | None = None,
     progress: Progress | None = None,
     thorough: bool = True,
+    last: bool = False,
 ) -> tuple[Attempt | None, dict[int, str]]:
     """Find the solution of all logs together.
 
     Args:
-        thorough: False takes the data's own start alone, and none where that does not fit one cycle.
+        thorough: False takes the data's own start alone, and none where that does not fit one cycle. last: no other
+            search comes after this one, so that what nothing else fits is tried from whatever the data suggest.
         sources: starts from the data, from the user's values (unknowns.start), or both.
 
     Returns:
@@ -65,7 +69,7 @@ def search(
     cycling = [[i for i in able if prepared[i].typical >= least] for least in LEAST]
     faint = {i for i in able if prepared[i].manner.faint}
     choices = [[i for i in cycling[0] if i not in faint], *cycling, able]
-    way = _Way(sources, seed, thorough, clock, told)
+    way = _Way(sources, seed, thorough, last, clock, told)
     best: Attempt | None = None
     for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
         best = _better(best, _from_logs(prepared, first, able, unknowns, way))
@@ -97,6 +101,7 @@ class _Way:
     sources: Sources
     seed: int
     thorough: bool
+    last: bool
     clock: Clock
     told: Progress
 
@@ -133,23 +138,58 @@ def _from_logs(
         white = best is not None and best.gate.status is Status.CONVERGED and best.gate.level == 1.0
         if best is not None and white and set(first) <= set(best.logs):
             break
-    if way.thorough and not unequal and way.sources != "user" and len(wandered) == solved > 0:
-        # All were lost: features can be described where no motion is, and all the starts lie there.
-        lots = drawn_starts([prepared[i] for i in first], unknowns, way.seed, wandered, clock)
-        for theta in islice(lots, DRAWN):
-            told("solving from a start by lot", 0.65)
-            best = _better(best, _attempted(prepared, first, able, replace(unknowns, start=theta), unequal, way))
-            if best is not None and best.gate.status is Status.CONVERGED:
-                break
-    others = (
-        (_in_short_passes, "going in short passes", SHORT),
-        (solve_held, "holding what the logs do not tell", ATTEMPTS),
-    )
-    for stage, say, most in others:
-        if way.thorough and not unequal and best is not None and best.gate.status is not Status.CONVERGED:
-            told(say, 0.7)
-            best = _better(best, _again_from(stage, wandered[:most], prepared, first, able, unknowns, clock))
+    if not unequal and not _fits(best):
+        all_lost = len(wandered) == solved > 0
+        best = _by_other_means(best, wandered, prepared, first, able, unknowns, way, all_lost)
     return None if best is None else disowned(best, prepared, first)
+
+
+def _fits(best: Attempt | None) -> bool:
+    return best is not None and best.gate.status is Status.CONVERGED
+
+
+def _by_other_means(
+    best: Attempt | None,
+    wandered: list[Array],
+    prepared: list[Prepared],
+    first: list[int],
+    able: list[int],
+    unknowns: Unknowns,
+    way: _Way,
+    all_lost: bool,
+) -> Attempt | None:
+    """What is found where no start of the features leads to an answer; the best of before where nothing is.
+
+    Args:
+        wandered: the starts from which the solver did not come back; all_lost: there were no others.
+    """
+    clock, told = way.clock, way.told
+    logs = [prepared[i] for i in first]
+    if all_lost and way.sources != "user":
+        # Features can be described where no motion is, and all the starts lie there.
+        for theta in islice(drawn_starts(logs, unknowns, way.seed, wandered, clock), DRAWN):
+            told("solving from a start by lot", 0.65)
+            best = _better(best, _attempted(prepared, first, able, replace(unknowns, start=theta), False, way))
+            if _fits(best):
+                return best
+    stages: list[tuple[_Stage, str, Iterable[Array]]] = [
+        (_in_short_passes, "going in short passes", wandered[:SHORT]),
+        (solve_held, "holding what the logs do not tell", wandered[:ATTEMPTS]),
+    ]
+    if way.last and way.sources != "user":
+        stages.append((solve_or_hold, "solving from what the levels suggest", _suggested(logs, unknowns)))
+    for stage, say, starts in stages:
+        told(say, 0.7)
+        best = _better(best, _again_from(stage, starts, prepared, first, able, unknowns, clock))
+        if _fits(best):
+            break
+    return best
+
+
+def _suggested(logs: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
+    """What the levels of the data suggest, as it stands: where friction drifts, or ages on and on, a settled cycle,
+    which is what the features are, leads astray."""
+    yield from (start.theta for start in ranked(logs, unknowns, suggested_starts(logs, unknowns)))
 
 
 def _attempted(
@@ -208,8 +248,8 @@ def _followed(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns, cl
 
 
 def _again_from(
-    stage: Callable[[list[Prepared], list[int], Unknowns, Clock], Attempt | None],
-    starts: Sequence[Array],
+    stage: _Stage,
+    starts: Iterable[Array],
     prepared: list[Prepared],
     first: list[int],
     able: list[int],
