@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from experiments.run_recovery_study import CLOSE, FAR, Study, fit_case
+from experiments.study_problem import scene_of
+from identify import fit
 from identify.examination import worth_a_walk
-from identify.uncertainty.widened import ENOUGH, widened
+from identify.numerics.level import NORMAL
+from identify.uncertainty.widened import ENOUGH, widened, widened_on_both_scales
 
 LIMIT = 3.84
 
@@ -45,3 +48,35 @@ def test_a_bent_ridge_of_ten_percent_is_followed(monkeypatch):
     assert fit_case(case, start, "data").distance < CLOSE
     monkeypatch.setattr(worth_a_walk, "CURVED", np.inf)
     assert fit_case(case, start, "data").distance > FAR
+
+
+def test_likely_points_are_held_as_values_too():
+    # Of two logarithms their sum is told: a straight ridge, whose ends are off it by 20 % as values.
+    along = np.linspace(-0.8, 0.8, 9)
+    away, values, both = np.stack([along, -along], axis=1), np.array([300.0, 4e-5]), np.array([True, True])
+    covariance = np.array([[0.16, -0.16], [-0.16, 0.16]]) + 1e-6 * np.eye(2)
+    limits = np.full(len(away), LIMIT)
+    np.testing.assert_array_equal(widened(covariance, away, limits), covariance)
+    wider = widened_on_both_scales(covariance, away, limits, values, both)
+    moved = values * np.expm1(away)
+    assert np.max(_distances(covariance * np.outer(values, values), moved)) > 1e3 * LIMIT
+    assert np.max(_distances(wider * np.outer(values, values), moved)) <= ENOUGH * LIMIT * (1 + 1e-9)
+    assert np.max(_distances(wider, away)) <= ENOUGH * LIMIT * (1 + 1e-9)
+    straight = widened_on_both_scales(covariance, away, limits, values, ~both)
+    np.testing.assert_allclose(straight, covariance, rtol=1e-12)
+
+
+def test_standard_errors_times_correlations_of_a_result_are_its_covariance():
+    # a follows a bent ridge: with half its interval as standard error the truth was at a distance of 5000.
+    case, _, _ = Study("wide").case(53)
+    told = fit(scene_of(case), case.records).result
+    names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
+    assert told["correlation"]["standard_errors"] == [told["parameters"][n]["standard_error"] for n in names]
+    off = np.array([told["parameters"][name]["value"] - case.truth[name] for name in names])
+
+    def distance(errors):
+        return off @ np.linalg.solve(matrix * np.outer(errors, errors), off)
+
+    assert distance(told["correlation"]["standard_errors"]) < CLOSE
+    ends = np.array([told["parameters"][name]["interval"] for name in names])
+    assert distance((ends[:, 1] - ends[:, 0]) / (2.0 * NORMAL)) > FAR

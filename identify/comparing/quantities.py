@@ -100,7 +100,7 @@ def _quantity(name: str, entries: Sequence[FitEntry]) -> Quantity:
 def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:
     """Value and standard deviation on the scale of the quantity, or why there is none.
 
-    The wider of standard error and interval counts: where a profile was run, the interval is the better of the two.
+    The interval counts where it has two ends: where a profile was run, it is the better of the two.
     """
     if not isinstance(parameter, Mapping):
         return np.nan, np.nan, "not in its model"
@@ -111,9 +111,9 @@ def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:
     low, high = (finite(end) for end in ends) if isinstance(ends, list) and len(ends) == 2 else (None, None)
     if quantity.logarithmic:
         width = np.log(high / low) if low is not None and high is not None and 0.0 < low < high else 0.0
-        return float(np.log(value)), max(error / value, float(width) / (2.0 * NORMAL)), ""
+        return float(np.log(value)), float(width) / (2.0 * NORMAL) or error / value, ""
     width = high - low if low is not None and high is not None else 0.0
-    return value, max(error, width / (2.0 * NORMAL)), ""
+    return value, width / (2.0 * NORMAL) or error, ""
 
 
 def _correlation(entry: FitEntry, names: Sequence[str]) -> Array:

@@ -26,7 +26,7 @@ from identify.uncertainty.hints import hints, onsets, untold
 from identify.uncertainty.profile import Profiles, profile
 from identify.uncertainty.profile_ground import ProfilePoint
 from identify.uncertainty.uncertainty import Estimate, Information, Interval, estimates
-from identify.uncertainty.widened import widened
+from identify.uncertainty.widened import widened_on_both_scales
 
 Array = NDArray[np.float64]
 AtBound = Callable[[Array], Mapping[str, str]]
@@ -138,7 +138,9 @@ def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question)
     told = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
     joint, f = seen.joint.copy(), len(seen.white)
     if walked is not None:
-        joint[:f, :f] = widened(seen.covariance, walked.likely, walked.objection)
+        free = q.unknowns.free
+        values, logarithmic = q.unknowns.values(solved.theta, q.base)[free], q.unknowns.logarithmic[free]
+        joint[:f, :f] = widened_on_both_scales(seen.covariance, walked.likely, walked.objection, values, logarithmic)
     ends = {} if walked is None else walked.ends
     intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
     found = estimates(q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals)

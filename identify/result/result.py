@@ -165,8 +165,8 @@ def _parameter(estimate: Estimate, converged: bool) -> dict[str, Any]:
 
 
 def _correlation(found: Findings) -> dict[str, Any] | None:
-    """Correlation of all estimates and the standard errors [SI] that go with it. A profile may give a parameter another
-    error than the covariance has; the correlation times that one would be no covariance any more."""
+    """Correlation of all estimates and the standard errors [SI] that go with it: those of the parameters, and of those
+    that have none because the data do not tell them."""
     if found.covariance is None:
         return None
     free = np.flatnonzero(found.unknowns.free).tolist()

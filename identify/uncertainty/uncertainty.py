@@ -161,7 +161,8 @@ def estimates(
         theta: (n_p,); base (n_p,) of the rig the values are given for; covariance (f, f) of the free ones.
         at_bound: sentence per parameter that sits at a bound.
         hints: per parameter, what test would tell it, used where it is not identified.
-        profiles: intervals of theta by name, where profiles were run; else from the covariance.
+        profiles: intervals of theta by name, where profiles were run; else from the covariance, from which all
+            standard errors are: times their correlations they have to be one.
     """
     values = unknowns.values(theta, base)
     sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
@@ -174,8 +175,7 @@ def estimates(
         if source[i] != i:
             to, share = source[i], quantile * sd[source[i]]
             followed = profiles.get(unknowns.names[to], Interval(theta[to] - share, theta[to] + share))
-            known = None if unknowns.names[to] in profiles else sd[to]
-            out.append(_tied(unknowns, i, value, base, followed, known, float(size_of[i])))
+            out.append(_tied(unknowns, i, value, base, followed, sd[to], float(size_of[i])))
             continue
         if i not in sd:
             out.append(Estimate(name, unit, value, None, None, None, "fixed", "not estimated"))
@@ -197,9 +197,7 @@ def estimates(
         if verdict != "identified":
             reason = "; ".join(filter(None, (hints.get(name, "more cycles would tell"), prior)))
         assert low is not None and high is not None
-        error = (
-            (high - low) / (2 * quantile) if name in profiles else sd[i] * (value if declared.scale == "log" else 1.0)
-        )
+        error = sd[i] * (value if declared.scale == "log" else 1.0)
         out.append(Estimate(name, unit, value, float(error), low, high, verdict, reason))
     return out
 
@@ -212,10 +210,10 @@ def sizes(unknowns: Unknowns, values: Array) -> Array:
 
 
 def _tied(
-    unknowns: Unknowns, i: int, value: float, base: Array, followed: Interval, sd: float | None, size: float
+    unknowns: Unknowns, i: int, value: float, base: Array, followed: Interval, sd: float, size: float
 ) -> Estimate:
     """The estimate of a parameter that follows another one: as sure as that one, whose interval of theta and standard
-    deviation are given (None: a profile gave the interval, and the error is its half width)."""
+    deviation are given."""
     declared, to = unknowns.model.parameters[i], int(unknowns.source[i])
     logarithmic, reason = declared.scale == "log", f"tied to {unknowns.names[to]}"
     interval, _ = _within_walls(unknowns, to, followed)
@@ -223,7 +221,7 @@ def _tied(
     verdict = _verdict(value, low, high, size, logarithmic)
     if verdict == "not identifiable" or low is None or high is None:
         return Estimate(declared.name, declared.unit, value, None, None, None, "not identifiable", reason)
-    error = (high - low) / (2 * NORMAL) if sd is None else sd * (value if logarithmic else 1.0)
+    error = sd * (value if logarithmic else 1.0)
     return Estimate(declared.name, declared.unit, value, float(error), low, high, verdict, reason)
 
 

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 ENOUGH = 1.5  # times the limit that a point's squared distance may have
 ROUNDS = 200
+FARTHEST = 20.0  # a logarithm that is farther off than that is open
 
 
 def widened(covariance: Array, away: Array, limits: Array) -> Array:
@@ -35,3 +37,20 @@ def widened(covariance: Array, away: Array, limits: Array) -> Array:
         # Rank one: the point itself then lies at the limit exactly, and nothing comes nearer than it was.
         out = out + (1.0 / limits[far] - 1.0 / distances[far]) * np.outer(away[far], away[far])
     return out
+
+
+def widened_on_both_scales(covariance: Array, away: Array, limits: Array, values: Array, logarithmic: Bools) -> Array:
+    """The covariance (f, f) of theta, widened until it holds the likely points both as theta has them and as values.
+
+    Standard errors and correlations of a result are a covariance of values, by which distances are measured: a ridge on
+    which the product of two parameters is told is a straight line in logarithms, and none in values.
+
+    Args:
+        away, limits: as `widened`; values: (f,) at the answer; logarithmic: (f,) which of theta are logarithms of them.
+    """
+    out = widened(covariance, away, limits)
+    if away.size == 0:
+        return out
+    scale = np.where(logarithmic, values, 1.0)
+    moved = np.where(logarithmic, values * np.expm1(np.minimum(away, FARTHEST)), away)
+    return widened(out * np.outer(scale, scale), moved, limits) / np.outer(scale, scale)
