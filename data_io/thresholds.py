@@ -30,7 +30,7 @@ LIMITS: Final = (
           "friction force shown before the drive moves, or while nothing presses"),
     Limit("stopped_rows", 0.0, "of the rows", "warning", "above", "rows after the drive has stopped"),
     Limit("friction_drift", 0.10, "of the friction force", "warning", "above",
-          "change of the friction force from the first to the last third of the slips"),
+          "change of the friction force over the load from the first to the last third of the slips"),
     Limit("unloaded_rows", 0.0, "of the rows", "warning", "above", "rows that press with a tenth of the load or less"),
     Limit("load_drift", 0.10, "of the load", "warning", "above", "change of the normal force from first to last tenth"),
     Limit("load_ripple", 0.05, "of the load", "warning", "above", "standard deviation of the normal force"),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import oracle
@@ -26,6 +27,7 @@ from experiments.record_kinds import (
 from identify import Scene, fit
 from identify.effects import MAIN
 from identify.examination.certainty import certainty
+from identify.examination.examined import _another_start
 from identify.first_guess.following import follow, glide
 from identify.model.model import assemble
 from identify.motion.drive import Drive
@@ -38,6 +40,7 @@ from identify.preparation.parting import name_of, parts_of
 from identify.preparation.prepare import prepare
 from identify.preparation.unknowns import from_scene
 from identify.search import search, starts
+from identify.search.gate import Gate
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 from identify.uncertainty.uncertainty import information
@@ -269,6 +272,25 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
     words = ("another start is better", "start values", "t_cr = ")
     message = sure.attempt.gate.message
     assert [word in message for word in words] == 3 * [status is Status.BETTER_START_FOUND]
+
+
+@pytest.mark.parametrize("kinetic", [0.4, 0.7])
+def test_a_better_place_that_no_start_can_say_is_not_advised_as_one(kinetic):
+    """The scene refuses a start of mu_k0 above mu_s."""
+    scene = Scene.from_document({"effects": list(MAIN), "rig": dict(RIG), "logs": [{"path": "a.csv"}]}, Path())
+    unknowns = from_scene(scene)
+    base = unknowns.base(dict(RIG))
+    values = unknowns.values(unknowns.start, base)
+    for name, value in (("mu_s", 0.6), ("mu_k0", kinetic)):
+        values[unknowns.names.index(name)] = value
+    better = SimpleNamespace(theta=unknowns.theta(values, base))
+    one = np.ones(1)
+    gate = Gate(1.0, one, one.astype(np.int64), one.astype(np.int64), "Failed", 0.0, Status.SOLVER_FAILED, "")
+    moved = SimpleNamespace(gate=gate)
+    message = _another_start(moved, unknowns, 40.0, better, base).message
+    assert ("give these as start values" in message) == (kinetic < 0.6)
+    assert ("bound mu_k0" in message) == (kinetic > 0.6)
+    assert f"mu_k0 = {kinetic:g}" in message
 
 
 def test_a_level_that_never_settles_is_left_out_with_its_reason():

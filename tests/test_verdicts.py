@@ -1,6 +1,7 @@
 """Every warning and every rejection: a log that triggers it, one that just does not, and the threshold moved away."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from data_io import LogError, Record
 from data_io.thresholds import LIMITS, Thresholds
 from identify.detection.judgement import judge
 from identify.detection.sharpness import harmonic_share, sharpness
-from tests.verdict_cases import CASES, made, sensor_lag
+from tests.verdict_cases import CASES, RATE, N, made, saw, sensor_lag
 
 LIMIT = {limit.name: limit for limit in LIMITS}
 
@@ -66,6 +67,15 @@ def test_what_no_threshold_can_excuse():
         used = np.arange(n) < rows
         found = {f.severity for f in judge(record, parts, used=used).findings if f.code == "no_rows"}
         assert found == ({severity} if severity else set())
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_friction_that_falls_with_its_load_does_not_drift(told):
+    time = np.arange(N) / RATE
+    load = 1.0 - 0.25 * time / time[-1]
+    record, (part,) = made((0.4 + saw(time)) * load, normal=load)
+    codes = {finding.code for finding in judge(record, [replace(part, load=load if told else None)]).findings}
+    assert ("friction_drift" in codes) != told
 
 
 def test_swapped_forces_need_three_slips_of_the_wrong_one():

@@ -67,7 +67,8 @@ def inspection(path: str, record: Record, rig: Rig = Rig(), thresholds: Threshol
 def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> Part:
     rows = slice(seen.step.start, seen.step.stop)
     expected = stiffness * abs(speed) if stiffness is not None and speed else None
-    return Part(record.time[rows], seen.sign * record.friction_force[rows], seen.phases, expected)
+    force, load = seen.sign * record.friction_force[rows], record.normal_force[rows]
+    return Part(record.time[rows], force, seen.phases, expected, load)
 
 
 def _seen(record: Record, step: Step) -> StepSeen:

@@ -23,12 +23,14 @@ FOR_SCATTER = 4
 @dataclass(frozen=True)
 class Part:
     """One step of a log, or what the scene leaves of it: time [s], force [N] (n,) with sliding positive, its phases;
-    expected_slope: stiffness times drive speed [N/s], None where either is unknown."""
+    expected_slope: stiffness times drive speed [N/s], None where either is unknown; load [N] (n,): normal force, None
+    where it counts as steady."""
 
     time: Array
     force: Array
     found: Segmentation
     expected_slope: float | None = None
+    load: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,10 @@ def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
         )
         notes.append(Finding("stick_slope", severity, text))
     if drift is not None and (severity := limits.severity("friction_drift", abs(drift))):
+        word = "rises" if drift > 0 else "falls"
         text = (
-            f"the friction force {'rises' if drift > 0 else 'falls'} by {100 * abs(drift):.0f} % from the first to the "
-            "last third of the slips: running-in, wear or a drifting zero? Cut it with skip_cycles or window"
+            f"the friction force over the load {word} by {100 * abs(drift):.0f} % from the first to the last third of "
+            "the slips: running-in, wear or a drifting zero? Cut it with skip_cycles or window"
         )
         notes.append(Finding("friction_drift", severity, text))
     scatter = _scatter(found)
@@ -161,12 +164,21 @@ def _scatter(found: Segmentation) -> float | None:
     return float(1.4826 * np.median(np.abs(np.diff(drop))) / np.sqrt(2.0) / np.mean(drop))
 
 
+def _load_at(part: Part, times: Array) -> Array:
+    """The load at some times (m,), over its median; ones where it counts as steady or is no load."""
+    known = None if part.load is None else np.isfinite(part.load)
+    if part.load is None or known is None or not known.any():
+        return np.ones(times.size)
+    load = np.interp(times, part.time[known], part.load[known])
+    return load / np.median(load) if load.size and np.all(load > 0.0) else np.ones(times.size)
+
+
 def _drift(part: Part) -> float | None:
-    """Middles between peak and valley, last third against first; the loading from rest does not count."""
+    """Middles between peak and valley over the load, last third against first; the loading from rest does not count."""
     cycles = part.found.cycles
     if cycles.count < FOR_DRIFT:
         return None
-    middle = 0.5 * (cycles.onset_force + cycles.arrest_force)[1:]
+    middle = (0.5 * (cycles.onset_force + cycles.arrest_force) / _load_at(part, cycles.fall))[1:]
     third = max(middle.size // 3, 1)
     level = abs(float(np.median(middle)))
     return float(np.median(middle[-third:]) - np.median(middle[:third])) / level if level else None

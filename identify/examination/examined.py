@@ -245,8 +245,15 @@ def _another_start(moved: Attempt, unknowns: Unknowns, gain: float, better: Prof
         f"{unknowns.names[i]} = {values[i]:.4g} {unknowns.model.parameters[i].unit}".rstrip()
         for i in np.flatnonzero(unknowns.free).tolist()
     )
+    static, kinetic = (values[unknowns.names.index(name)] for name in ("mu_s", "mu_k0"))
+    remedy = "give these as start values under [parameters]"
+    if not kinetic < static:  # no start can say that
+        remedy = (
+            "there contacts weaken while they rest (mu_k0 above mu_s); bound mu_k0 from above by what is known of it "
+            "under [parameters], or add a log at another speed; that place"
+        )
     message = (
         f"another start is better: chi^2 falls by {gain:.3g} below that of the answer found, and the solver "
-        f"does not settle there ({moved.gate.solver}); give these as start values under [parameters]: {told}"
+        f"does not settle there ({moved.gate.solver}); {remedy}: {told}"
     )
     return replace(moved.gate, status=Status.BETTER_START_FOUND, message=message)

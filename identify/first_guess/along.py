@@ -11,7 +11,8 @@ from identify.errors import SimulationError
 from identify.first_guess.onset_places import DataSide, Wave
 from identify.model.model import Model
 from identify.motion.drive import NormalForce
-from identify.motion.phases import stick
+from identify.motion.phases import rest
+from identify.motion.resting import Resting
 from identify.motion.simulate import run
 from identify.motion.situated import Situated
 from identify.motion.steadiness import Steadiness, steadiness
@@ -33,6 +34,7 @@ class Along:
         self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
         changes = [] if log.programme is None else log.programme.changes(log.begin, log.end)
         self.data = DataSide(log, self.half, tuple(changes))
+        self.knots, self.rests = np.asarray(log.normal_force.times), Resting(model)
 
     def inputs(self, t: float, just_before: bool = False) -> Array:
         """Inputs (4,) of the model at a time [s]."""
@@ -62,17 +64,21 @@ class Along:
         change of the drive before it."""
         legs: list[tuple[float, Array]] = []
         while t < self.log.end:
-            until = self.data.change_after(t)
+            change = self.data.change_after(t)
+            # What the load does is a line from knot to knot, and no longer.
+            knot = int(np.searchsorted(self.knots, t, side="right"))
+            until = min(change, float(self.knots[knot])) if knot < self.knots.size else change
             force, slope = self.log.normal_force.line(t)
             speed = self.log.speed_at(t)
-            made = stick(self.model, x, Situated(self.p, speed, 1.0, force, slope, t), t, until - t)
+            made = rest(self.rests, x, Situated(self.p, speed, 1.0, force, slope, t), t, until - t)
             t, x = made.start + made.duration, made.end
             if made.ended_by is not None:
                 if made.pull < 0.0:
                     raise SimulationError("the mass is pulled back")
                 return t, x, legs
             t = until
-            legs.append((t, x))
+            if t == change:
+                legs.append((t, x))
         return np.nan, x, legs
 
     def motion(self, t: float, x: Array, duration: float) -> Trajectory:
