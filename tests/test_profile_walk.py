@@ -85,3 +85,19 @@ def test_a_walk_is_given_up_after_failures_in_a_row_not_after_as_many_on_the_way
     assert not found.failed and found.end == pytest.approx(0.5 + sd * np.sqrt(CRITICAL), rel=1e-6)
     lost = side(Winding(sd, stride=1e-5 * sd))
     assert lost.failed and lost.end is None
+
+
+@pytest.mark.parametrize("own", [(3.0, 10.0), ()])
+def test_what_is_known_very_well_is_looked_for_in_its_own_measure(own, monkeypatch):
+    """A stiffness known to 1e-4: its interval was open, as the solver fails at 2.5e-3 from a point beyond its end."""
+    sd = 1e-5
+
+    class Narrow(Line):
+        def point(self, near, index, value):
+            return None if abs(value - self.best.theta[index]) > 20.0 * sd else super().point(near, index, value)
+
+    monkeypatch.setattr(profile_side, "OWN_LEAPS", own)
+    found = side(Narrow(sd, first=0.5 * sd, last=5.0 * sd))
+    assert found.failed == (not own)
+    if own:
+        assert 0.5 + 5.0 * sd < found.end < 0.5 + 8.0 * sd

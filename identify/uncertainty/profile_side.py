@@ -31,7 +31,8 @@ STRIDE, NEAR = 1.0, 0.05  # in steps that long, up to that near
 FAILURES = 4  # of the solver in a row, each with half the step, before a walk is given up
 LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
 HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
-LEAPS = (0.1, 0.4, 0.9)  # of HEMMED: where it is looked for past a stretch on which the solver fails
+LEAPS = (0.1, 0.4, 0.9)  # of HEMMED: where it is looked for past a stretch on which the solver fails,
+OWN_LEAPS = (3.0, 10.0)  # and before these, of what is known better than that, in standard intervals
 FARTHER_APART = 2.5  # times HEMMED: what is an end still where none of these is solved
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
@@ -96,8 +97,10 @@ def walk_one_way(
         done, done_root, here = target, root, point
     # The solver may fail on the way to an end that is hemmed in already: the far side of it is the cautious one.
     near = HEMMED * _reach(line, index)
-    for leap in LEAPS if objects - done > near else ():
-        target = min(done + leap * near, reach)
+    leaps = [leap * near for leap in LEAPS]
+    leaps = [leap * limit * first for leap in OWN_LEAPS if leap * limit * first < min(leaps, default=0.0)] + leaps
+    for leap in leaps if objects - done > near else ():
+        target = min(done + leap, reach)
         point = line.point(here, index, centre + sign * target)
         if point is not None and line.loss_root(point) >= limit:
             objects = target
