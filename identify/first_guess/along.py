@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from functools import lru_cache
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +14,7 @@ from identify.errors import SimulationError
 from identify.first_guess.onset_places import DataSide, Wave
 from identify.model.model import Model
 from identify.motion.drive import NormalForce
-from identify.motion.phases import rest
+from identify.motion.phases import Stick, rest
 from identify.motion.resting import Resting
 from identify.motion.simulate import run
 from identify.motion.situated import Situated
@@ -22,6 +25,16 @@ from identify.preparation.guess import LogData
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-7  # of a simulation step
+BLOCK = 64  # knots of the load under the least of which a rest is looked at first
+
+
+@lru_cache(maxsize=32)
+def _moved_by_load(model: Model) -> bool:
+    """Whether the load says how a rest goes on, not only when it ends."""
+    x, p, u, t = (
+        ca.SX.sym(n, k) for n, k in (("x", len(model.states)), ("p", len(model.parameters)), ("u", 4), ("t", 1))
+    )
+    return bool(ca.depends_on(model.rest(x, p, u, t), u[1]))
 
 
 class Along:
@@ -34,7 +47,7 @@ class Along:
         self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
         changes = [] if log.programme is None else log.programme.changes(log.begin, log.end)
         self.data = DataSide(log, self.half, tuple(changes))
-        self.knots, self.rests = np.asarray(log.normal_force.times), Resting(model)
+        self.rests = Resting(model)
 
     def inputs(self, t: float, just_before: bool = False) -> Array:
         """Inputs (4,) of the model at a time [s]."""
@@ -65,12 +78,7 @@ class Along:
         legs: list[tuple[float, Array]] = []
         while t < self.log.end:
             change = self.data.change_after(t)
-            # What the load does is a line from knot to knot, and no longer.
-            knot = int(np.searchsorted(self.knots, t, side="right"))
-            until = min(change, float(self.knots[knot])) if knot < self.knots.size else change
-            force, slope = self.log.normal_force.line(t)
-            speed = self.log.speed_at(t)
-            made = rest(self.rests, x, Situated(self.p, speed, 1.0, force, slope, t), t, until - t)
+            made, until = self._quiet(t, x, change) or self._rest(t, x, change)
             t, x = made.start + made.duration, made.end
             if made.ended_by is not None:
                 if made.pull < 0.0:
@@ -81,12 +89,29 @@ class Along:
                 legs.append((t, x))
         return np.nan, x, legs
 
+    def _rest(self, t: float, x: Array, change: float) -> tuple[Stick, float]:
+        """A rest from x at t [s] until the slope of the load changes, or the drive does; and when that is [s]."""
+        force, slope = self.log.normal_force.line(t)
+        knot = bisect_right(self.log.normal_force.times, t)
+        until = min([change, *self.log.normal_force.times[knot : knot + 1]])
+        return rest(self.rests, x, Situated(self.p, self.log.speed_at(t), 1.0, force, slope, t), t, until - t), until
+
+    def _quiet(self, t: float, x: Array, change: float) -> tuple[Stick, float] | None:
+        """As `_rest`, over BLOCK knots of a load of many at once, where not even the least of them would end it."""
+        load = self.log.normal_force
+        last = bisect_right(load.times, t) + BLOCK
+        if last >= len(load.times) or not load.times[last] < change or _moved_by_load(self.model):
+            return None
+        until = load.times[last]
+        least = float(np.min([load.at(t), *load.knots[1][last - BLOCK : last + 1]]))
+        made = rest(self.rests, x, Situated(self.p, self.log.speed_at(t), 1.0, least, 0.0, t), t, until - t)
+        return (made, until) if made.ended_by is None else None
+
     def motion(self, t: float, x: Array, duration: float) -> Trajectory:
         """The simulated motion from state x at t [s]."""
         names = [s.name for s in self.model.states]
         load = self.log.normal_force
-        inner = [c for c in load.times if t < c < t + duration]
-        times = np.array([t, *inner, t + duration])
+        times = np.array([t, *load.between(t, t + duration)[0], t + duration])
         course = NormalForce.of((times - t, load.at(times)))
         start = dict(zip(names, x.tolist(), strict=True))
         return run(self.model, self.values, self.log.speed_at(t), course, duration, start=start, rtol=TOLERANCE)

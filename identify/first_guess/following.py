@@ -213,8 +213,7 @@ class _Course:
 
     def glide(self, since: float, until: float) -> None:
         """Steady sliding between two times, in as many pieces as the course of the normal force has."""
-        knots = [t for t in self.log.normal_force.times if since < t < until]
-        count = min(max(2 * len(knots), 1), PIECES)
+        count = min(max(2 * self.log.normal_force.between(since, until)[0].size, 1), PIECES)
         edges = np.linspace(since, until, count + 1)
         found = [self.along.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
         if any(s is None for s in found):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -94,21 +96,30 @@ class NormalForce:
 
     def at(self, t: ArrayLike) -> Array:
         """Force [N] at times t [s], any shape."""
-        return np.asarray(np.interp(np.asarray(t, float), self.times, self.values))
+        return np.asarray(np.interp(np.asarray(t, float), *self.knots))
+
+    @cached_property
+    def knots(self) -> tuple[Array, Array]:
+        """Times [s] and values [N] as arrays: a measured load has tens of thousands, and is asked as often."""
+        return np.array(self.times), np.array(self.values)
+
+    def between(self, begin: float, end: float) -> tuple[Array, Array]:
+        """Times and values of the knots between two times [s], neither of them counted."""
+        inner = slice(bisect_right(self.times, begin), bisect_left(self.times, end))
+        return self.knots[0][inner], self.knots[1][inner]
 
     def mean(self, begin: float, end: float) -> float:
         """Mean force [N] between two times [s], exactly."""
         if len(self.values) == 1 or end <= begin:
             return float(self.at(begin))
-        inner = [t for t in self.times if begin < t < end]
-        times = np.array([begin, *inner, end])
+        times = np.array([begin, *self.between(begin, end)[0], end])
         return float(np.trapezoid(self.at(times), times) / (end - begin))
 
     def line(self, t: float) -> tuple[float, float]:
         """Force [N] and its slope [N/s] just after t [s]."""
         if len(self.times) == 1:
             return self.values[0], 0.0
-        i = int(np.searchsorted(self.times, t, side="right")) - 1
+        i = bisect_right(self.times, t) - 1
         if i < 0 or i >= len(self.times) - 1:
             return float(self.at(t)), 0.0
         return float(self.at(t)), (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i])

@@ -26,6 +26,7 @@ WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaik
 DRAWN = 8  # straight pieces per spline segment
 NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a pulse is a line, a tremor a band
 SKIRT = 3.0  # [Hz] about a line that stands out in which more of its rhythm may hide
+WHITE = 3  # the fastest lines, one of so many, show the white noise alone
 FALSE_ALARMS = 0.01  # rhythms per log that white noise alone may show
 FEWEST_FOR_SPECTRUM = 64
 EVEN = 0.05  # of a sampling interval that intervals may differ, where a spectrum is taken
@@ -173,9 +174,11 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> _Rhythms | None:
         at = step * ((np.arange(padded.size) + 0.5) / finer - 0.5)
         wave = scipy.fft.idct(padded, norm="ortho") * np.sqrt(finer)
         told, fast = (np.full(times.size, noise * np.sum(kept) / t.size), noise * float(np.sum(kept[calm:])) / t.size)
-        left = lines**2
+        left = ((1.0 - kept) * lines) ** 2
     lost = np.where(near & (kept == 0.0), left - noise, 0.0) / t.size
     whole, quick = (max(float(np.sum(lost[first:])), 0.0) for first in (0, calm))
+    beyond = max(_unfollowed(lines**2, left, kept, told, times) - whole, 0.0)
+    whole, quick = whole + beyond, quick + beyond
     coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
     at, wave = t[0] + at[::coarser], wave[::coarser]
     inside = (at >= t[0]) & (at <= t[-1])
@@ -183,6 +186,21 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> _Rhythms | None:
     course = slow.at(places) + np.interp(places, at, wave)
     force = NormalForce.of((places, np.maximum(course, 1e-9)))
     return _Rhythms(force, t[0] + times, told + whole, fast + quick)
+
+
+def _unfollowed(power: Array, left: Array, kept: Array, told: Array, times: Array) -> float:
+    """Variance [N^2] of what a course leaves of the load wherever in the spectrum, by Stein's unbiased estimate of the
+    error of a smoother (1981), less what is told of it; 0 where the white noise is not seen by itself.
+
+    Args:
+        power, left: (n,) of the lines of a record, and of what the course leaves of it; kept: (n,) their shares that it
+            follows; told: (k,) variance of the course at times (k,) [s].
+    """
+    fast = slice(-(power.size // WHITE), None)
+    if np.any(kept[fast]):
+        return 0.0
+    typical = float(np.trapezoid(told, times) / (times[-1] - times[0]))
+    return float(np.mean(left) - np.mean(power[fast])) + typical
 
 
 def _towards_the_ends(length: float) -> Array:
