@@ -140,7 +140,8 @@ class Guess:
 
     start (n_x,): state at the begin of the window; onset, saturation, arrest (c,) [s], saturation NaN where
     the bounded state never reaches its bound; deviation (c,) of the normal force from its measured course [N];
-    slip_deviation (c,): that in the slip, where it has one of its own (empty: as at the onset);
+    slip_deviation (s,): that in every slip from rest (`slip_parts`), where it has one of its own (empty: as at the
+    onset);
     slip (c, n1 + 1, n_x) nodes from onset to
     saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest; own (n_p,): search variables
     this log has for itself (NaN: shared with the others; empty: all are); tail: what follows the last cycle where that
@@ -225,8 +226,27 @@ class Guess:
     @property
     def sliding_deviation(self) -> Array:
         """Deviation of the normal force in every part (p,) [N] while the mass slides."""
-        own = self.slip_deviation
-        return np.concatenate([own, self.deviation[own.size :]])
+        out, own = self.deviation.copy(), self.slip_deviation
+        out[self.slip_parts[: own.size]] = own
+        return out
+
+    @property
+    def own_slips(self) -> list[int]:
+        """Places in the tail of the slips from rest in which the normal force may have a deviation of its own."""
+        ends, tail = ("saturation", "arrest"), self.tail
+        begun = [i for i in range(1, len(tail)) if tail[i - 1].ended_by == "onset"]
+        return [i for i in begun if tail[i].kind == "slip" and tail[i].ended_by in ends]
+
+    @property
+    def slip_parts(self) -> NDArray[np.int64]:
+        """Number of the part of the record of each such slip (s,), those of the cycles first."""
+        units = self.units
+        return np.array([*range(self.cycles), *(units[i] for i in self.own_slips)], dtype=np.int64)
+
+    @property
+    def slid_at(self) -> Array:
+        """When the deviation of its own counts in each of them (s,) [s]."""
+        return np.append(self.arrest, [self.tail[i].until for i in self.own_slips])
 
     @property
     def course(self) -> tuple[tuple[bool, ...], tuple[tuple[str, str], ...]]:

@@ -140,7 +140,7 @@ def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
         off = _load_pulls(data, guess)
         excess = (float(off @ off) - off.size) / np.sqrt(2.0 * off.size)
         worst = int(np.argmax(np.abs(off)))
-        cycle = worst % guess.deviation.size
+        cycle = np.append(np.arange(guess.deviation.size), guess.slip_parts)[worst]
         if max(excess, abs(float(off[worst]))) > PER_CYCLE:
             return (
                 f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
@@ -153,9 +153,10 @@ def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
 def _load_pulls(data: LogData, guess: Guess) -> Array:
     """By how many of its standard errors the normal force is off in every part, then at the end of every slip."""
     slid = guess.slip_deviation.size
-    mean = np.where(np.arange(guess.deviation.size) < guess.cycles, data.expected[0], 0.0)
+    mean = np.zeros(guess.deviation.size)
+    mean[guess.slip_parts] = data.expected[0]
     at_onset = (guess.deviation - mean) / data.onset_load_sd_at(guess.loaded_at)
-    return np.append(at_onset, (guess.slip_deviation - data.expected[1]) / data.load_sd_at(guess.arrest[:slid]))
+    return np.append(at_onset, (guess.slip_deviation - data.expected[1]) / data.load_sd_at(guess.slid_at[:slid]))
 
 
 def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:

@@ -26,6 +26,7 @@ class _LogWalk(Footing):
         self.events = {name: np.full(guess.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
         self.loads = np.full(guess.parts, KNOWN)
         self.loads_in_slips: list[int] = []
+        self.sliding_deviation = guess.sliding_deviation
         self.tail: list[StretchPlaces] = []
         self.slip = np.full(guess.slip.shape, KNOWN)
         self.saturated = np.full(guess.saturated.shape, KNOWN)
@@ -96,13 +97,17 @@ class _LogWalk(Footing):
         kind: BlockKind = "slip"
         if self.log.tremor_sd > 0.0:
             kind = "slip_trembling"
-            sd, mean = self.log.load_sd_at([self.guess.arrest[cycle]]), np.array([self.log.expected[1]])
-            value = self.guess.sliding_deviation[[cycle]]
-            index = self.c.add(value, sd, mean=mean, sd=sd)
-            self.loads_in_slips.append(int(index[0]))
-            self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
+            self._swing(cycle, float(self.guess.arrest[cycle]))
         self._part(kind, cycle, self.slip, self.guess.slip[cycle], span, end, (), known_at_end)
         self.load, self.load_value = self.load[-1:], self.load_value[-1:]
+
+    def _swing(self, part: int, at: float) -> None:
+        """The deviation of the normal force to which that at the onset goes over in a slip, as it is at a time [s]."""
+        sd, mean = self.log.load_sd_at([at]), np.array([self.log.expected[1]])
+        value = self.sliding_deviation[[part]]
+        index = self.c.add(value, sd, mean=mean, sd=sd)
+        self.loads_in_slips.append(int(index[0]))
+        self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
 
     def _middle(self, cycle: int) -> float:
         """When the slip saturates, or its end where it never does [s]."""
@@ -162,9 +167,11 @@ class _LogWalk(Footing):
     def _tail(self) -> None:
         """What follows the last cycle: rests and slides as they come."""
         stretches, units = self.guess.tail, self.guess.units
+        swings = set(self.guess.own_slips)
+        slips = {units[i] for i in swings}
         for i, (unit, stretch) in enumerate(zip(units, stretches, strict=True)):
             if i == 0 or unit != units[i - 1]:
-                self._load(unit, 0.0)
+                self._load(unit, self.log.expected[0] if unit in slips else 0.0)
             if stretch.steady:
                 self._steady(unit, stretch)
                 continue
@@ -182,12 +189,12 @@ class _LogWalk(Footing):
                 nodes[-1] = self._rest_until(unit, stretch.until, index, stretch.nodes[-1])
                 self.reaged = False
             else:
-                nodes[1:] = self._sliding(unit, stretch, index)
+                nodes[1:] = self._sliding(unit, stretch, index, trembling=i in swings and self.log.tremor_sd > 0.0)
             self.tail.append(StretchPlaces(index, nodes))
             self.since = stretch.until
 
-    def _sliding(self, unit: int, stretch: Stretch, index: int) -> Indices:
-        """A part of a slide in one mode, whatever ends it."""
+    def _sliding(self, unit: int, stretch: Stretch, index: int, *, trembling: bool) -> Indices:
+        """A part of a slide in one mode, whatever ends it; trembling: a slip as `_falling` has it."""
         saturated = stretch.kind == "saturated"
         inside = self.held if saturated else ()
         arrests = (SPEED,) if stretch.ended_by == "arrest" else ()
@@ -197,9 +204,14 @@ class _LogWalk(Footing):
         if stretch.ended_by == "release":
             kind = "released"
             rows[list(self.held)] = self._pace_of_bound(stretch.nodes[-1], stretch.until)
+        if trembling:
+            kind = "slip_trembling"
+            self._swing(unit, stretch.until)
         local = self._line_by_line(rows, (self.since, stretch.until), stretch.nodes.shape[0] - 1)
         self.reaged = saturated
-        return self._intervals(kind, unit, stretch.nodes, (self.since, stretch.until), index, inside, at_end, local)
+        places = self._intervals(kind, unit, stretch.nodes, (self.since, stretch.until), index, inside, at_end, local)
+        self.load, self.load_value = self.load[-1:], self.load_value[-1:]
+        return places
 
     def _steady(self, unit: int, stretch: Stretch) -> None:
         """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
