@@ -69,7 +69,8 @@ def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(do
         ends = np.interp([-np.sqrt(3.8415), np.sqrt(3.8415)], root, values)
         half = 0.5 * (curve["interval"][1] - curve["interval"][0])
         assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
-        assert half == pytest.approx(1.96 * entry["standard_error"], rel=0.01)
+        # The covariance holds how the ridge bends past the ends besides: up to a quarter more, never less.
+        assert 0.8 < half / (1.96 * entry["standard_error"]) < 1.01
 
 
 def test_bootstrap_intervals_hold_the_value_and_are_of_the_same_size(document):

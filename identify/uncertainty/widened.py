@@ -14,6 +14,7 @@ Bools = NDArray[np.bool_]
 
 ENOUGH = 1.5  # times the limit that a point's squared distance may have
 ROUNDS = 200
+ROUNDING = 1e-9
 FARTHEST = 20.0  # a logarithm that is farther off than that is open
 
 
@@ -32,10 +33,11 @@ def widened(covariance: Array, away: Array, limits: Array) -> Array:
         except np.linalg.LinAlgError:
             return out
         far = int(np.argmax(distances / limits))
-        if not distances[far] > ENOUGH * limits[far]:
+        enough = ENOUGH * limits[far]
+        if not distances[far] > enough * (1.0 + ROUNDING):
             return out
-        # Rank one: the point itself then lies at the limit exactly, and nothing comes nearer than it was.
-        out = out + (1.0 / limits[far] - 1.0 / distances[far]) * np.outer(away[far], away[far])
+        # Rank one: the point itself then lies where it may, exactly, and nothing becomes surer than it was.
+        out = out + (1.0 / enough - 1.0 / distances[far]) * np.outer(away[far], away[far])
     return out
 
 
