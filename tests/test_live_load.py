@@ -319,12 +319,17 @@ class _Start:
 HOLDS = ((0.0, 1e-3), (4.0, 0.0), (6.0, 1e-3), (9.0, 0.0), (14.0, 1e-3))
 
 
+def _broad(count, step, random):
+    """A tremor about 9 Hz, of half its power half a hertz to either side, of one in the mean square."""
+    turn, left = np.exp((-2 * np.pi * 0.5 + 2j * np.pi * 9.0) * step), random.standard_normal((2, count))
+    tremor = lfilter([1.0], [1.0, -turn], left[0] + 1j * left[1]).real
+    return tremor / np.std(tremor)
+
+
 def _held_in_a_live_grip():
     """Slide, hold and slide again in a grip that relaxes, beats and trembles in a broad band; seen with noise."""
     knots, random = np.arange(8501) * 2e-3, np.random.default_rng(501)
-    turn, left = np.exp((-2 * np.pi * 0.5 + 2j * np.pi * 9.0) * 2e-3), random.standard_normal((2, knots.size))
-    tremor = lfilter([1.0], [1.0, -turn], left[0] + 1j * left[1]).real
-    grip = 1.2 * _load(knots, tremor=0.0) * (1.0 + 0.005 * tremor / np.std(tremor))
+    grip = 1.2 * _load(knots, tremor=0.0) * (1.0 + 0.005 * _broad(knots.size, 2e-3, random))
     pair = PAIR | {"mu_s": 0.8, "mu_k0": 0.52, "delta_mu_k": -0.09, "a": 180.0, "D": 35e-6, "t_cr": 4.0}
     motion = run(assemble(MAIN), pair | RIG, HOLDS, NormalForce.of((knots, grip)), 17.0)
     times = np.arange(8501) / 500.0
@@ -370,9 +375,7 @@ def test_a_tremor_in_a_broad_band_is_not_known_better_than_it_is(monkeypatch, co
     ratios = []
     for seed in range(6):
         knots, random = np.arange(20001) * 1e-3, np.random.default_rng(seed)
-        turn, left = np.exp((-2 * np.pi * 0.5 + 2j * np.pi * 9.0) * 1e-3), random.standard_normal((2, knots.size))
-        tremor = lfilter([1.0], [1.0, -turn], left[0] + 1j * left[1]).real
-        grip = 3.0 * (1.0 + 0.005 * tremor / np.std(tremor))
+        grip = 3.0 * (1.0 + 0.005 * _broad(knots.size, 1e-3, random))
         made = smooth(knots, grip + 4.6e-3 * random.standard_normal(knots.size))
         inside = slice(500, -500)
         told = made.sd if made.sd_course is None else made.sd_course.at(knots[inside])

@@ -161,7 +161,7 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
     moving = part.good.copy()
     moving[: begin if loaded else 0] = False
     peaks = cycles.onset_force / np.interp(cycles.onset, part.time, load)
-    middles = 0.5 * (cycles.onset_force + cycles.arrest_force) / np.interp(cycles.fall, part.time, load)
+    middles = cycles.middle / np.interp(cycles.fall, part.time, load)
     breakaway = (float(peaks[0]) if cycles.count else _first_peak(part, load, begin)) if loaded else None
     _put(told, "mean_coefficient", coefficient[moving])
     _put(told, "static_peak_coefficient", peaks[1:] if loaded else peaks)

@@ -48,6 +48,11 @@ class Cycles:
         return self.onset_force - self.arrest_force
 
     @property
+    def middle(self) -> Array:
+        """Middle between peak and valley [N], shape (c,): where an undamped slip is symmetric."""
+        return 0.5 * (self.onset_force + self.arrest_force)
+
+    @property
     def period(self) -> Array:
         """Time from fall to fall [s], shape (c - 1,)."""
         return np.diff(self.fall)

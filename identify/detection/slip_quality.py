@@ -166,11 +166,12 @@ def _scatter(found: Segmentation) -> float | None:
 
 def _load_at(part: Part, times: Array) -> Array:
     """The load at some times (m,), over its median; ones where it counts as steady or is no load."""
-    known = None if part.load is None else np.isfinite(part.load)
-    if part.load is None or known is None or not known.any():
-        return np.ones(times.size)
+    steady = np.ones(times.size)
+    if part.load is None or not np.isfinite(part.load).any():
+        return steady
+    known = np.isfinite(part.load)
     load = np.interp(times, part.time[known], part.load[known])
-    return load / np.median(load) if load.size and np.all(load > 0.0) else np.ones(times.size)
+    return load / np.median(load) if np.all(load > 0.0) else steady
 
 
 def _drift(part: Part) -> float | None:
@@ -178,7 +179,7 @@ def _drift(part: Part) -> float | None:
     cycles = part.found.cycles
     if cycles.count < FOR_DRIFT:
         return None
-    middle = (0.5 * (cycles.onset_force + cycles.arrest_force) / _load_at(part, cycles.fall))[1:]
+    middle = (cycles.middle / _load_at(part, cycles.fall))[1:]
     third = max(middle.size // 3, 1)
     level = abs(float(np.median(middle)))
     return float(np.median(middle[-third:]) - np.median(middle[:third])) / level if level else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import casadi as ca
@@ -47,7 +47,11 @@ class Along:
         self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
         changes = [] if log.programme is None else log.programme.changes(log.begin, log.end)
         self.data = DataSide(log, self.half, tuple(changes))
-        self.rests = Resting(model)
+
+    @cached_property
+    def rests(self) -> Resting:
+        """Rests of the model: steady sliding has none."""
+        return Resting(self.model)
 
     def inputs(self, t: float, just_before: bool = False) -> Array:
         """Inputs (4,) of the model at a time [s]."""

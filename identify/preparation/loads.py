@@ -154,8 +154,9 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> _Rhythms | None:
         return None
     rest = f - slow.at(t)
     lines = scipy.fft.dct(rest, norm="ortho")
-    noise = _white(lines**2)
-    kept, near = _standing_out(lines**2, noise, round(2.0 * SKIRT * (t[-1] - t[0])))
+    power = lines**2
+    noise = _white(power)
+    kept, near = _standing_out(power, noise, round(2.0 * SKIRT * (t[-1] - t[0])))
     kept[0] = 0.0  # the level is no rhythm
     strongest = int(np.count_nonzero(kept))
     if not strongest:
@@ -177,7 +178,7 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> _Rhythms | None:
         left = ((1.0 - kept) * lines) ** 2
     lost = np.where(near & (kept == 0.0), left - noise, 0.0) / t.size
     whole, quick = (max(float(np.sum(lost[first:])), 0.0) for first in (0, calm))
-    beyond = max(_unfollowed(lines**2, left, kept, told, times) - whole, 0.0)
+    beyond = max(_unfollowed(power, left, kept, told, times) - whole, 0.0)
     whole, quick = whole + beyond, quick + beyond
     coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
     at, wave = t[0] + at[::coarser], wave[::coarser]
@@ -257,7 +258,7 @@ def calmed(log: LogData) -> LogData:
     An onset is where the pull reaches the grip. Where the grip trembles, that row bends within a few milliseconds, and
     no solver finds its way from events that are still off by more; from the events of a calm load it does.
     """
-    times = np.asarray(log.normal_force.times)
+    times = log.normal_force.knots[0]
     if log.calm or times.size < FEWEST_FOR_SPECTRUM or float(np.min(np.diff(times))) > CALM / 2.0:
         return log
     fine = np.linspace(times[0], times[-1], int(np.ceil((times[-1] - times[0]) / CALM * PER_PERIOD)) + 2)
@@ -301,7 +302,7 @@ def as_far_as_told(log: LogData) -> LogData:
         return log
     if log.tremor_sd > BLURRED * calm.tremor_sd:
         return replace(calm, blurred=True)
-    times, values = np.asarray(log.normal_force.times), np.asarray(log.normal_force.values)
+    times, values = log.normal_force.knots
     steps = np.diff(times)
     rates = np.diff(values - calm.normal_force.at(times)) / steps
     fastest = float(np.sqrt(2.0 * np.average(rates**2, weights=steps)))
@@ -311,8 +312,7 @@ def as_far_as_told(log: LogData) -> LogData:
 
 def swing(course: NormalForce, begin: float, end: float) -> float:
     """By how much a course varies between two times [s]: half its range, as a share of its mean."""
-    inner = [force for t, force in zip(course.times, course.values, strict=True) if begin < t < end]
-    values = np.array([*course.at([begin, end]), *inner])
+    values = np.concatenate([course.at([begin, end]), course.between(begin, end)[1]])
     return float(np.ptp(values) / 2.0 / np.mean(values))
 
 

@@ -170,7 +170,8 @@ def _judged(log: Segmented, scene: Scene, unknowns: Unknowns) -> Judgement:
     """What the quality gate says of a log."""
     soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
     expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
-    load = log.record.normal_force[np.searchsorted(log.record.time, log.time)]
+    begin = int(np.searchsorted(log.record.time, log.time[0]))
+    load = log.record.normal_force[begin : begin + log.time.size]
     part = Part(log.time, log.measured, log.found, expected, load)
     return judge(log.record, [part], scene.thresholds, log.used)
 

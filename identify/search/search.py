@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,9 +74,9 @@ def search(
     best: Attempt | None = None
     for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
         best = _better(best, _from_logs(prepared, first, able, unknowns, way))
-        if best is not None and best.gate.status is Status.CONVERGED and faint <= set(best.logs):
+        if _fits(best) and faint <= set(best.logs):
             break
-    if best is None or best.gate.status is not Status.CONVERGED:
+    if not _fits(best):
         best = _levels_only(prepared, able, unknowns, clock) or best
     return best, left_out | _missing(best, prepared, able)
 
@@ -91,7 +92,7 @@ def _levels_only(prepared: list[Prepared], able: list[int], unknowns: Unknowns, 
         having[i] = part or prepared[i]
     theta = level_starts([having[i] for i in able], unknowns)[0]
     found = solve_from(having, able, replace(unknowns, start=theta), clock)
-    return found if found is not None and found.gate.status is Status.CONVERGED else None
+    return found if _fits(found) else None
 
 
 @dataclass(frozen=True)
@@ -135,8 +136,7 @@ def _from_logs(
         if attempt is not None and not attempt.solved.solution.success:
             wandered.append(theta)
         # What passes as noise with a memory may yet be a misfit that another start has not.
-        white = best is not None and best.gate.status is Status.CONVERGED and best.gate.level == 1.0
-        if best is not None and white and set(first) <= set(best.logs):
+        if _fits(best) and best.gate.level == 1.0 and set(first) <= set(best.logs):
             break
     if not unequal and not _fits(best):
         all_lost = len(wandered) == solved > 0
@@ -144,7 +144,7 @@ def _from_logs(
     return None if best is None else disowned(best, prepared, first)
 
 
-def _fits(best: Attempt | None) -> bool:
+def _fits(best: Attempt | None) -> TypeGuard[Attempt]:
     return best is not None and best.gate.status is Status.CONVERGED
 
 
@@ -242,9 +242,7 @@ def _followed(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns, cl
         return attempt
     having = [log.as_course if i in doubted else log for i, log in enumerate(prepared)]
     found = solve_from(having, list(attempt.logs), replace(unknowns, start=attempt.solved.theta), clock)
-    if found is None or found.gate.status is not Status.CONVERGED or set(found.logs) != set(attempt.logs):
-        return attempt
-    return found
+    return found if _fits(found) and set(found.logs) == set(attempt.logs) else attempt
 
 
 def _again_from(
@@ -259,7 +257,7 @@ def _again_from(
     """From the first of these starts from which another way of solving finds an answer, which the other logs join."""
     for theta in starts:
         found = stage(prepared, first, replace(unknowns, start=theta), clock)
-        if found is not None and found.gate.status is Status.CONVERGED:
+        if _fits(found):
             return join(found, prepared, [i for i in able if i not in found.logs], unknowns, clock)
     return None
 

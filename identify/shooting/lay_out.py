@@ -167,8 +167,7 @@ class _LogWalk(Footing):
     def _tail(self) -> None:
         """What follows the last cycle: rests and slides as they come."""
         stretches, units = self.guess.tail, self.guess.units
-        swings = set(self.guess.own_slips)
-        slips = {units[i] for i in swings}
+        swings, slips = self.guess.own_slips, self.guess.slip_parts
         for i, (unit, stretch) in enumerate(zip(units, stretches, strict=True)):
             if i == 0 or unit != units[i - 1]:
                 self._load(unit, self.log.expected[0] if unit in slips else 0.0)

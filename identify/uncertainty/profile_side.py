@@ -97,9 +97,9 @@ def walk_one_way(
         done, done_root, here = target, root, point
     # The solver may fail on the way to an end that is hemmed in already: the far side of it is the cautious one.
     near = HEMMED * _reach(line, index)
-    leaps = [leap * near for leap in LEAPS]
-    leaps = [leap * limit * first for leap in OWN_LEAPS if leap * limit * first < min(leaps, default=0.0)] + leaps
-    for leap in leaps if objects - done > near else ():
+    wide, own = [leap * near for leap in LEAPS], [leap * limit * first for leap in OWN_LEAPS]
+    shorter = [leap for leap in own if leap < min(wide, default=0.0)]
+    for leap in [*shorter, *wide] if objects - done > near else ():
         target = min(done + leap, reach)
         point = line.point(here, index, centre + sign * target)
         if point is not None and line.loss_root(point) >= limit:
