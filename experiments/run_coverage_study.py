@@ -41,6 +41,7 @@ from identify.shooting.warm import Settled, Warm
 from identify.uncertainty.bootstrap import bootstrap
 from identify.uncertainty.coloured import colour, coloured_covariance
 from identify.uncertainty.influence import Influence, influence, sample_moves
+from identify.uncertainty.objection import Remembering
 from identify.uncertainty.profile import profile
 from identify.uncertainty.profile_side import CRITICAL
 
@@ -129,7 +130,8 @@ def repeat(
     cycles = [guess.cycles for guess in solved.guesses]
     known = influence(problem, settled.z, cycles, absorbed=deep)
     fitted = problem.fitted(settled.z)
-    colours = [colour(log.force - curve) for log, curve in zip(data, fitted, strict=True)]
+    colours = tuple(colour(log.force - curve) for log, curve in zip(data, fitted, strict=True))
+    noise = Remembering(tuple(log.weight for log in data), colours, (1.0,) * len(data))
     moves = sample_moves(problem, settled.z, known.columns)
     allowed = coloured_covariance(moves, [NOISE**2] * len(data), colours) + known.prior
     off = np.abs(theta - setting.truth)
@@ -138,7 +140,7 @@ def repeat(
         "white covariance": off <= QUANTILE * np.sqrt(np.diag(known.covariance)),
     }
     if deep:
-        out |= _deep(setting, problem, settled, known, allowed, data, random, walked)
+        out |= _deep(setting, problem, settled, known, allowed, noise, data, random, walked)
     return out
 
 
@@ -158,13 +160,14 @@ def _deep(
     settled: Settled,
     known: Influence,
     allowed: Array,
+    noise: Remembering,
     data: list[LogData],
     random: np.random.Generator,
     walked: bool,
 ) -> dict[str, Array]:
     """Profile and bootstrap of one repeat. A profile interval holds the truth where the data, with the parameter held
-    there, lose less than the limit; `walked`: that the ends found by walking say the same is asserted."""
-    layout = problem.layout
+    there, object no more than the limit; `walked`: that the ends found by walking say the same is asserted."""
+    layout, here = problem.layout, problem.fitted(settled.z)
     memory = np.diag(allowed) / np.diag(known.covariance)
     held = np.zeros(layout.free.size, bool)
     for i in range(layout.free.size):
@@ -175,9 +178,11 @@ def _deep(
             held=(i, setting.truth[i] / layout.scale[i]),
             within=0.05,
         )
-        held[i] = found is not None and 2 * (found.cost - settled.cost) <= CRITICAL * memory[i]
+        if found is not None:
+            change = noise.change(here, problem.fitted(found.z))
+            held[i] = change.objection(2 * (found.cost - settled.cost)) <= CRITICAL
     if walked:
-        _same_by_walking(setting, problem, settled.z, known, memory, data, held)
+        _same_by_walking(setting, problem, settled.z, known, noise, memory, data, held)
     cycles = [guess.cycles for guess in setting.solved.guesses]
     seed = int(random.integers(2**31))
     made = bootstrap(problem, settled.z, known, 200, cycles=cycles, seed=seed, refine=False)
@@ -186,9 +191,16 @@ def _deep(
 
 
 def _same_by_walking(
-    setting: Setting, problem: Problem, z: Array, known: Influence, memory: Array, data: list[LogData], held: Array
+    setting: Setting,
+    problem: Problem,
+    z: Array,
+    known: Influence,
+    noise: Remembering,
+    memory: Array,
+    data: list[LogData],
+    held: Array,
 ) -> None:
-    """The ends that a profile finds hold the truth where the loss at the truth says so, but within 3 % of an end."""
+    """The ends that a profile finds hold the truth where the objection to it says so, but within 3 % of an end."""
     solved, layout = setting.solved, problem.layout
     x = z * layout.scale
     guesses: list[Guess] = [p.read(g, x) for p, g in zip(layout.places, solved.formed_from, strict=True)]
@@ -197,7 +209,7 @@ def _same_by_walking(
     here = replace(solved, problem=problem, guesses=guesses, theta=theta)
     logs = tuple(replace(log, data=d) for log, d in zip(setting.prepared, data, strict=True))
     unknowns = replace(setting.unknowns, start=theta)
-    walked = profile(logs, here, unknowns, known.covariance, lambda _stage, _share: None, memory=memory)
+    walked = profile(logs, here, unknowns, known.covariance, lambda _stage, _share: None, noise, memory=memory)
     for i, index in enumerate(layout.free.tolist()):
         low, high = (side.end for side in walked.ends[unknowns.names[index]])
         if low is None or high is None:

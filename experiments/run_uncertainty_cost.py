@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
 from experiments.study_problem import DEMO, scene_of, simulated_case
+from identify.examination.allowed import noise_of
 from identify.examination.examined import CURVE_STEPS
 from identify.identification import find
 from identify.search.attempt import Clock
@@ -57,7 +58,8 @@ def main(fast: bool = False) -> dict[str, float]:
         return bootstrap(solved.problem, solved.solution.z, known, replicates, cycles=cycles)
 
     def walk(steps: int) -> object:
-        return profile(attempt.prepared, solved, unknowns, covariance, lambda _stage, _share: None, steps=steps)
+        noise = noise_of(attempt)
+        return profile(attempt.prepared, solved, unknowns, covariance, lambda _stage, _share: None, noise, steps=steps)
 
     print(describe())
     print(f"{solved.problem.samples} samples, {sum(cycles)} cycles; one fit {one:.2f} s of processor time")

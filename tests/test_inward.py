@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind, Log
+from identify.examination.allowed import noise_of
 from identify.outcome import Status
 from identify.preparation.prepare import prepare
 from identify.preparation.unknowns import from_scene
@@ -51,11 +52,11 @@ def test_an_answer_at_a_bound_that_the_data_do_not_ask_for_is_taken_inside(slow)
     unknowns = _from(unknowns, i, SOON)
     at = _held_at(found, unknowns, "t_cr", SOON)
     assert at.gate.status is Status.CONVERGED and at_own_bounds(unknowns, at.solved.theta)[i]
-    inside = taken_inside(at, unknowns)
+    inside = taken_inside(at, unknowns, noise_of(at))
     assert inside is not None and inside.gate.status is Status.CONVERGED
     assert not np.any(at_own_bounds(unknowns, inside.solved.theta))
     assert inside.solved.solution.cost < at.solved.solution.cost + 8.0
-    assert taken_inside(inside, unknowns) is None, "it is inside already"
+    assert taken_inside(inside, unknowns, noise_of(inside)) is None, "it is inside already"
 
 
 def test_an_answer_at_a_bound_of_the_scene_stays(slow):
@@ -65,7 +66,7 @@ def test_an_answer_at_a_bound_of_the_scene_stays(slow):
     walled = replace(walled, given=np.stack([np.arange(walled.lower.size) == i, np.zeros(walled.lower.size, bool)]))
     at = _held_at(found, walled, "t_cr", SOON)
     assert at.gate.status is Status.CONVERGED
-    assert taken_inside(at, walled) is None
+    assert taken_inside(at, walled, noise_of(at)) is None
 
 
 def test_an_answer_at_a_bound_that_the_data_ask_for_stays():
@@ -74,4 +75,4 @@ def test_an_answer_at_a_bound_that_the_data_ask_for_stays():
     bound = float(found.solved.theta[i]) + 0.003  # the data want less
     at = _held_at(found, _from(unknowns, i, bound), "mu_s", bound)
     assert at.solved.solution.success
-    assert taken_inside(at, _from(unknowns, i, bound)) is None
+    assert taken_inside(at, _from(unknowns, i, bound), noise_of(at)) is None

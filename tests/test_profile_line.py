@@ -8,6 +8,7 @@ import pytest
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene
 from identify.effects import MAIN
+from identify.examination.allowed import noise_of
 from identify.examination.fine_enough import information_at
 from identify.preparation.prepare import prepare
 from identify.preparation.unknowns import from_scene
@@ -36,7 +37,7 @@ def fitted():
 @pytest.fixture
 def line(fitted):
     attempt, unknowns, size = fitted
-    return ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
+    return ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
 
 
 def held(line, name, off):
@@ -75,7 +76,7 @@ def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monke
     near = line._warm(line.best, index, value)
     monkeypatch.setattr(profile_ground, "MOVED", 1e-4)
     attempt, unknowns, size = fitted
-    at = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
+    at = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
     moved = at._warm(at.best, index, value)
     assert near.home is line.best.home
     assert moved is not None and moved.home is not at.best.home
@@ -86,7 +87,7 @@ def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monke
 def test_homes_are_let_go_and_made_anew(fitted, monkeypatch):
     monkeypatch.setattr(profile_ground, "MOVED", 1e-4)
     attempt, unknowns, size = fitted
-    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
+    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
     index, value = held(line, "mu_k0", OFF)
     first = line._warm(line.best, index, value)
     for off in (-OFF, 0.5 * OFF, -0.5 * OFF):
@@ -101,12 +102,12 @@ def test_where_newtons_steps_have_no_factors_the_solver_is_asked(fitted, monkeyp
         raise RuntimeError("Factor is exactly singular")
 
     attempt, unknowns, size = fitted
-    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
+    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
     index, value = held(line, "mu_k0", OFF)
     warm = line.best.home().warm
     monkeypatch.setattr("identify.shooting.warm.Factors", singular)
     assert warm.settle(line.best.z, held=(0, 2.0 * line.best.z[0])) is None
-    without = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size)
+    without = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
     found = without.point(without.best, index, value)
     assert without.best.home is None and found is not None and found.home is None
     assert 2 * (found.cost - without.best.cost) == pytest.approx(OFF**2, rel=0.3)

@@ -11,7 +11,8 @@ from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.asked import NOTHING_MORE
 from identify.examination import certainty as sureness
 from identify.examination import valleys as room
-from identify.examination.valleys import other_valleys
+from identify.examination.allowed import noise_of
+from identify.examination.valleys import other_valleys, within
 from identify.first_guess.vibration import tuned
 from identify.outcome import Status
 from identify.preparation.parting import parted
@@ -21,6 +22,8 @@ from identify.preparation.unknowns import from_scene
 from identify.search import search
 from identify.search.attempt import Clock, resolve, solve_from
 from identify.search.ranking import ranked
+from identify.uncertainty.coloured import Colour
+from identify.uncertainty.objection import Remembering
 from identify.uncertainty.profile import profile
 from identify.uncertainty.uncertainty import information
 
@@ -66,8 +69,8 @@ def test_a_profile_hands_back_the_lowest_point_from_which_it_began(pair):
     d = [unknowns.names.index("D")]
     found = {}
     for name, attempt in (("right", right), ("early", early)):
-        solved = attempt.solved
-        found[name] = profile(attempt.prepared, solved, unknowns, covariance, lambda *_: None, only=d)
+        solved, noise = attempt.solved, noise_of(attempt)
+        found[name] = profile(attempt.prepared, solved, unknowns, covariance, lambda *_: None, noise, only=d)
     assert found["right"].better is None
     gain = 2.0 * (early.solved.solution.cost - right.solved.solution.cost)
     assert gain == pytest.approx(25.0, rel=0.2), "five standard errors"
@@ -88,7 +91,7 @@ def test_an_answer_that_stopped_too_early_is_moved_to_the_lowest_point(pair):
 
 def test_intervals_seen_from_an_answer_that_they_do_not_hold_are_open(pair):
     right, early, unknowns, covariance = pair
-    walked = profile(right.prepared, right.solved, unknowns, covariance, lambda *_: None)
+    walked = profile(right.prepared, right.solved, unknowns, covariance, lambda *_: None, noise_of(right))
     low, high = walked.ends["mu_k0"]
     assert low.end is not None and high.end is not None
     seen = walked.seen_from(unknowns, early.solved.theta)
@@ -126,7 +129,7 @@ def doubled():
     start = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
     wrong = solve_from(prepared, [0, 1], replace(unknowns, start=start), Clock())
     assert wrong.gate.status is Status.CONVERGED, "it passes the gate"
-    return made, wrong, unknowns, other_valleys(wrong, unknowns, seed=0)
+    return made, wrong, unknowns, other_valleys(wrong, unknowns, 0, noise_of(wrong))
 
 
 def _off(theta, made, unknowns, name):
@@ -164,19 +167,40 @@ def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(doubled, mo
     first, lower, beside, above, beyond = (at(cost) for cost in (100.0, 97.0, 99.0, 101.0, 109.0))
     looks, own = [[lower, beside, beyond], [above]], []
     monkeypatch.setattr(room, "other_valleys", lambda *_, **how: own.append(how["own"]) or looks.pop(0))
-    answer, others = room.lowest_valley(first, unknowns, 0)
+    answer, others = room.lowest_valley(first, unknowns, 0, noise_of(first))
     assert answer is lower and own == [True, False], "about the data's own start once"
     assert {id(other) for other in others} == {id(first), id(beside), id(above)}, "109 is outside the joint region"
     looks = [[beside]]
-    assert room.lowest_valley(at(99.02), unknowns, 0)[1] == [beside], "hardly lower: no place to move to"
+    assert room.lowest_valley(at(99.02), unknowns, 0, noise_of(first))[1] == [beside], (
+        "hardly lower: no place to move to"
+    )
+
+
+def test_where_noise_has_a_memory_a_valley_counts_that_white_noise_would_object_to(doubled):
+    _, wrong, unknowns, _ = doubled
+    limit = float(chi2.ppf(0.95, np.count_nonzero(unknowns.free)))
+    weights = tuple(log.data.weight for log in wrong.prepared)
+    curves = wrong.solved.fitted
+    off = np.sqrt(2.0 * limit / np.sum(weights[0][np.isfinite(curves[0])]))
+    solution = replace(wrong.solved.solution, cost=wrong.solved.solution.cost + limit)
+    beside = replace(wrong.solved, solution=solution)
+    beside.__dict__["fitted"] = [curves[0] + off, *curves[1:]]  # twice the limit, all along the first log
+    other, levels = replace(wrong, solved=beside), (1.0,) * len(weights)
+    white = Remembering(weights, (Colour(np.empty(0), 1.0),) * len(weights), levels)
+    slow = Remembering(weights, (Colour(np.array([0.9]), 1.0 - 0.9**2),) * len(weights), levels)
+    assert not within(wrong, other, unknowns, white)
+    assert within(wrong, other, unknowns, slow)
 
 
 def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     made, wrong, unknowns, found = doubled
     i, truth = unknowns.names.index("mu_k0"), made.truth["mu_k0"]
     covariance, ends = _covariance(wrong, unknowns), []
+    solved, noise = wrong.solved, noise_of(wrong)
     for valleys in ([], [valley.solved for valley in found]):
-        walked = profile(wrong.prepared, wrong.solved, unknowns, covariance, lambda *_: None, only=[i], valleys=valleys)
+        walked = profile(
+            wrong.prepared, solved, unknowns, covariance, lambda *_: None, noise, only=[i], valleys=valleys
+        )
         ends.append([side.end for side in walked.ends["mu_k0"]])
     assert ends[0][0] > truth + 0.02, "who does not look for it claims what is wrong"
     assert ends[1][0] < truth - 0.005 and truth < ends[1][1]

@@ -13,6 +13,7 @@ from identify.search.attempt import Attempt
 from identify.shooting.passes import Solved
 from identify.uncertainty.coloured import Colour, colour, coloured_covariance
 from identify.uncertainty.influence import Influence, influence, sample_moves
+from identify.uncertainty.objection import Remembering
 from identify.uncertainty.uncertainty import Information
 
 Array = NDArray[np.float64]
@@ -23,19 +24,25 @@ class Allowed:
     """Covariances of the free parameters (f,) at an answer.
 
     white (f, f) without the memory of the noise, joint (f + o, f + o) with it and with the parameters of single logs or
-    groups; colours of the noise of each log; reached: how the residuals reached the parameters, where the noise has a
-    memory.
+    groups; remembered (f,): by how much the memory and the level of the noise alone widen each variance; noise of all
+    logs; reached: how the residuals reached the parameters, where the noise has a memory.
     """
 
     white: Array
     joint: Array
-    colours: list[Colour]
+    remembered: Array
+    noise: Remembering
     reached: Influence | None
 
     @property
     def covariance(self) -> Array:
         """(f, f)."""
         return self.joint[: len(self.white), : len(self.white)]
+
+    @property
+    def colours(self) -> list[Colour]:
+        """Of the noise of each log."""
+        return list(self.noise.colours)
 
     @property
     def memory(self) -> Array:
@@ -49,22 +56,25 @@ def allowed(attempt: Attempt, known: Information, speed_tolerance: float) -> All
     Args:
         speed_tolerance: relative error of all drive speeds together.
     """
-    white, by_speed, colours = known.covariance(), known.drive_speed_shift(), noise_colours(attempt)
+    white, by_speed, noise = known.covariance(), known.drive_speed_shift(), noise_of(attempt)
     joint = known.joint_covariance()
     joint[: len(white), : len(white)] = white + speed_tolerance**2 * np.outer(by_speed, by_speed)
-    if attempt.gate.status is not Status.CONVERGED or all(c.white for c in colours):
-        return Allowed(white, joint, colours, None)
+    if attempt.gate.status is not Status.CONVERGED or noise.white:
+        return Allowed(white, joint, np.ones(len(white)), noise, None)
     reached = influence_at(attempt.solved)
-    return Allowed(white, joint + _excess(attempt, reached, colours), colours, reached)
+    excess = _excess(attempt, reached, noise)
+    remembered = 1.0 + np.diag(excess)[: len(white)] / np.diag(white)
+    return Allowed(white, joint + excess, remembered, noise, reached)
 
 
-def noise_colours(attempt: Attempt) -> list[Colour]:
-    """The colour of the residuals of every log of an attempt."""
-    fitted = attempt.solved.fitted
-    return [
-        colour(np.where(log.data.weight > 0, log.data.force - curve, np.nan))
-        for log, curve in zip(attempt.prepared, fitted, strict=True)
-    ]
+def noise_of(attempt: Attempt) -> Remembering:
+    """The noise of all logs of an attempt, coloured like its residuals."""
+    logs, fitted = [log.data for log in attempt.prepared], attempt.solved.fitted
+    colours = (
+        colour(np.where(log.weight > 0, log.force - curve, np.nan)) for log, curve in zip(logs, fitted, strict=True)
+    )
+    levels = np.broadcast_to(attempt.gate.levels, len(logs)).tolist()
+    return Remembering(tuple(log.weight for log in logs), tuple(colours), tuple(levels))
 
 
 def slowness(attempt: Attempt, colours: Sequence[Colour]) -> float:
@@ -78,12 +88,11 @@ def influence_at(solved: Solved) -> Influence:
     return influence(solved.problem, solved.solution.z, cycles, absorbed=False)
 
 
-def _excess(attempt: Attempt, known: Influence, colours: list[Colour]) -> Array:
+def _excess(attempt: Attempt, known: Influence, noise: Remembering) -> Array:
     """What the memory of the noise adds to the covariance of white noise."""
     problem = attempt.solved.problem
     moves = sample_moves(problem, attempt.solved.solution.z, known.columns)
-    levels = np.broadcast_to(attempt.gate.levels, len(problem.logs)).tolist()
     variances = [
-        level / max(float(np.max(log.weight)), 1e-300) for log, level in zip(problem.logs, levels, strict=True)
+        level / max(float(np.max(weight)), 1e-300) for weight, level in zip(noise.weights, noise.levels, strict=True)
     ]
-    return coloured_covariance(moves, variances, colours) - known.white.sum(axis=0)
+    return coloured_covariance(moves, variances, noise.colours) - known.white.sum(axis=0)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identify.asked import Asked
 from identify.examination.agreeing import agreeing
+from identify.examination.allowed import noise_of
 from identify.examination.examined import AtBound, Question, examine
 from identify.examination.fine_enough import fine_enough
 from identify.examination.hanging import hanging
@@ -81,7 +82,7 @@ def certainty(
     """
     if attempt.gate.status is Status.CONVERGED:
         attempt = strengthened(attempt, unknowns) or attempt
-        attempt = taken_inside(attempt, unknowns) or attempt
+        attempt = taken_inside(attempt, unknowns, noise_of(attempt)) or attempt
         attempt = let_go(attempt, unknowns) or attempt
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):

@@ -12,7 +12,7 @@ from identify.asked import Asked
 from identify.examination.allowed import Allowed, allowed
 from identify.examination.fine_enough import information_at
 from identify.examination.ridge_ends import better_course, other_sign
-from identify.examination.valleys import lowest_valley
+from identify.examination.valleys import lowest_valley, within
 from identify.examination.worth_a_walk import doubtful, ridge
 from identify.numerics.level import LEVEL
 from identify.numerics.quantiles import chi_square
@@ -152,7 +152,7 @@ def _lowest_about(here: Examined, q: Question) -> Examined:
     if not (here.accepted and _doubtful(here, q)):
         return here
     q.progress("looking for other valleys", None)
-    lowest, valleys = lowest_valley(here.attempt, q.unknowns, q.seed)
+    lowest, valleys = lowest_valley(here.attempt, q.unknowns, q.seed, here.view.allowed.noise)
     trail = replace(here.trail, valleys=tuple(valleys))
     return replace(here, trail=trail) if lowest is here.attempt else _moved(lowest, q, trail)
 
@@ -166,7 +166,11 @@ def _elsewhere(here: Examined, q: Question) -> Examined:
     if other is None and here.walked is not None:
         other = better_course(here.attempt, q.unknowns, here.walked.likely)
     trail = replace(here.trail, mirrored=True)
-    return replace(here, trail=trail) if other is None else _moved(other, q, trail)
+    if other is None:
+        return replace(here, trail=trail)
+    if within(other, here.attempt, q.unknowns, here.view.allowed.noise):
+        trail = replace(trail, valleys=(*trail.valleys, here.attempt))
+    return _moved(other, q, trail)
 
 
 def _tells(attempt: Attempt) -> bool:
@@ -206,7 +210,9 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
         q.unknowns,
         seen.white,
         q.progress,
-        memory=seen.memory,
+        seen.noise,
+        memory=seen.remembered,
+        beside=seen.memory / seen.remembered,
         steps=CURVE_STEPS if q.asked.profile else 1,
         only=along,
         valleys=[valley.solved for valley in trail.valleys],
@@ -225,7 +231,7 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
     """At the better place that a walk met, where the solver settles there."""
     theta, trail = here.attempt.solved.theta, here.trail
     moved = resolve_firmly(here.attempt, q.unknowns, better.theta, better.guesses)
-    inside = walked.gain < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
+    inside = walked.clear < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
     converged = moved.gate.status is Status.CONVERGED
     if inside and (not converged or np.any(at_own_bounds(q.unknowns, moved.solved.theta))):
         # Inside the joint region: another point of the same ridge, at which the solver finds no end, or which has

@@ -24,6 +24,7 @@ from identify.preparation.unknowns import Unknowns
 from identify.search.attempt import Attempt, Clock, resolve_firmly, solve_or_hold, usable
 from identify.search.ranking import ranked
 from identify.search.starts import own_starts, suggested_starts
+from identify.uncertainty.objection import Remembering
 
 Array = NDArray[np.float64]
 
@@ -34,42 +35,55 @@ LOOKS = 3  # how often starts are thrown about an answer, each time about a lowe
 FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coefficient: half as far
 
 
-def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int) -> tuple[Attempt, list[Attempt]]:
+def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering) -> tuple[Attempt, list[Attempt]]:
     """Return the lowest place to which starts lead that are thrown about an answer, and about a lower one once more;
-    and the other valleys within its joint region: of all looks, and the answer given where it was left."""
+    and the other valleys within its joint region: of all looks, and the answer given where it was left.
+
+    Args:
+        noise: of all logs: its memory widens that region.
+    """
     valleys: list[Attempt] = []
     for look in range(LOOKS):
-        valleys += other_valleys(attempt, unknowns, seed, own=look == 0)
+        valleys += other_valleys(attempt, unknowns, seed, noise, own=look == 0)
         lowest = min(valleys, key=_cost, default=attempt)
         if _cost(lowest) > _cost(attempt) - 0.5 * LOWER:
             break
         valleys = [attempt, *(valley for valley in valleys if valley is not lowest)]
         attempt = lowest
-    limit = _limit(attempt, unknowns)
-    return attempt, [valley for valley in valleys if _cost(valley) < limit]
+    return attempt, [valley for valley in valleys if within(attempt, valley, unknowns, noise)]
 
 
-def other_valleys(attempt: Attempt, unknowns: Unknowns, seed: int, *, own: bool = True) -> list[Attempt]:
+def other_valleys(
+    attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering, *, own: bool = True
+) -> list[Attempt]:
     """Return the answers at which solves from thrown starts settle, the lowest first; all lie below the one given, or
     where the data object no more than within its joint region. That answer itself may be among them.
 
     They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere.
 
     Args:
-        own: starts are thrown about the data's own start too, and those that its levels suggest are tried.
+        noise: as `lowest_valley`; own: starts are thrown about the data's own start too, and those that its levels
+            suggest are tried.
     """
-    limit = _limit(attempt, unknowns)
     settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed, own))
-    return sorted((other for other in settled if other is not None and _cost(other) < limit), key=_cost)
+    there = (other for other in settled if other is not None and within(attempt, other, unknowns, noise))
+    return sorted(there, key=_cost)
 
 
 def _cost(attempt: Attempt) -> float:
     return attempt.solved.solution.cost
 
 
-def _limit(attempt: Attempt, unknowns: Unknowns) -> float:
-    """The cost at the edge of the joint region of an answer."""
-    return _cost(attempt) + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
+def within(attempt: Attempt, other: Attempt, unknowns: Unknowns, noise: Remembering) -> bool:
+    """Whether another answer, of the same samples, lies below one, or where the data object to it no more than within
+    the joint region of that one."""
+    if other.solved.problem.samples != attempt.solved.problem.samples:
+        return False
+    loss = 2.0 * (_cost(other) - _cost(attempt))
+    if loss <= 0.0:
+        return True
+    change = noise.change(attempt.solved.fitted, other.solved.fitted)
+    return change.objection(loss) < chi_square(LEVEL, int(np.sum(unknowns.free)))
 
 
 def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:

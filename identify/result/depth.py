@@ -114,7 +114,7 @@ def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]
             continue
         out[name] = {
             "values": [parameter_value(unknowns, i, float(t), base[i]) for t in curve.theta],
-            "loss": (curve.loss / memory[k]).tolist(),
+            "loss": curve.loss.tolist(),
             "interval": ends[name],
             "failed": [side.failed for side in sides],
             "at_bound": [side.walled for side in sides],

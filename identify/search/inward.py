@@ -17,6 +17,7 @@ from identify.numerics.quantiles import chi_square
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
 from identify.search.attempt import SLOWLY, Attempt, released
+from identify.uncertainty.objection import Remembering
 
 Array = NDArray[np.float64]
 
@@ -31,18 +32,24 @@ def at_own_bounds(unknowns: Unknowns, theta: Array) -> NDArray[np.bool_]:
     return np.asarray(unknowns.free & (low | high))
 
 
-def taken_inside(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
+def taken_inside(attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> Attempt | None:
     """Return the answer inside the model's bounds that the data like nearly as well, held as loosely as it can be; None
-    where the answer is inside already, or the data want it where it is."""
+    where the answer is inside already, or the data want it where it is.
+
+    Args:
+        noise: of all logs: with a memory it objects less.
+    """
     theta = attempt.solved.theta
     outside = at_own_bounds(unknowns, theta)
     if not np.any(outside):
         return None
-    limit = attempt.solved.solution.cost + 0.5 * chi_square(LEVEL, int(np.sum(unknowns.free)))
+    limit = chi_square(LEVEL, int(np.sum(unknowns.free)))
     about = replace(unknowns, start=np.where(outside, unknowns.start, theta))
     best: Attempt | None = None
     for _, tried in released(attempt, about, SLOWLY):
         if tried.gate.status is not Status.CONVERGED or np.any(at_own_bounds(unknowns, tried.solved.theta)):
             break
-        best = tried if tried.solved.solution.cost < limit else best
+        loss = 2.0 * (tried.solved.solution.cost - attempt.solved.solution.cost)
+        change = noise.change(attempt.solved.fitted, tried.solved.fitted)
+        best = tried if change.objection(loss) < limit else best
     return best

@@ -18,6 +18,7 @@ from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 from identify.shooting.passes import Solved
 from identify.telling import Progress
+from identify.uncertainty.objection import Remembering
 from identify.uncertainty.profile_ground import ProfilePoint
 from identify.uncertainty.profile_line import ProfileLine
 from identify.uncertainty.profile_side import (
@@ -42,7 +43,8 @@ ALIKE = 0.02  # of a standard interval: a side that has this length by its curva
 
 @dataclass(frozen=True)
 class Curve:
-    """The profile of one parameter: theta (k,), rising, and what the data lose there, 2 (cost - smallest) (k,)."""
+    """The profile of one parameter: theta (k,), rising, and what the data object there (k,): 2 (cost - smallest), for
+    white noise."""
 
     theta: Array
     loss: Array
@@ -51,13 +53,15 @@ class Curve:
 @dataclass(frozen=True)
 class Profiles:
     """Interval ends and curves per parameter name, the point of a better optimum where one was met, the
-    likelihood-ratio statistic by which it is better, theta (n_p,) at the middle of the walks, the points met that the
-    data hardly object to, from there (m, f), the squared distance (m,) at which each should lie, and these points."""
+    likelihood-ratio statistic by which it is better, and what of it the memory of the noise leaves, theta (n_p,)
+    at the middle of the walks, the points met that the data hardly object to, from there (m, f), the squared
+    distance (m,) at which each should lie, and these points."""
 
     ends: dict[str, tuple[Side, Side]]
     better: ProfilePoint | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
     gain: float = 0.0
+    clear: float = 0.0
     middle: Array = field(default_factory=lambda: np.empty(0))
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
     objection: Array = field(default_factory=lambda: np.empty(0))
@@ -85,8 +89,10 @@ def profile(
     unknowns: Unknowns,
     covariance: Array,
     progress: Progress,
+    noise: Remembering,
     *,
     memory: Array | None = None,
+    beside: Array | None = None,
     steps: int = 1,
     only: Sequence[int] | None = None,
     valleys: Sequence[Solved] = (),
@@ -96,22 +102,25 @@ def profile(
 
     Args:
         covariance: (f, f) of the free theta for white noise, for the first steps.
-        memory: (f,) by how much the variance of each is larger than that: noise with a memory objects later.
+        noise: of all logs: with a memory it objects later.
+        memory: (f,) by how much that memory widens the variance of each; beside: (f,) by how much all else that is
+            allowed for widens it.
         steps: of a side, at least: one finds the ends, more draw the curve.
         only: indices of parameters, where not all are asked.
         valleys: other places that count as points met, as far as the data do not object to them.
         before: points met by walks from another answer of the same samples.
     """
     sizes = np.sqrt(np.diag(covariance))
-    line = ProfileLine.at(logs, solved, unknowns, sizes)
+    line = ProfileLine.at(logs, solved, unknowns, sizes, noise)
     line.seen.extend(before)
     for valley in valleys:
         line.settled(valley.theta, valley.guesses)
-    beside, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
-    free = [i for i in searched.tolist() if not beside[i] and (only is None or i in only)]
+    beats, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
+    free = [i for i in searched.tolist() if not beats[i] and (only is None or i in only)]
     place = {index: number for number, index in enumerate(searched.tolist())}
-    wait = {i: 1.0 if memory is None else float(memory[place[i]]) for i in free}
-    walks = _walks(line, {i: float(sizes[place[i]]) for i in free}, wait, steps, progress)
+    wait = {i: 1.0 if beside is None else float(beside[place[i]]) for i in free}
+    remembered = sizes if memory is None else sizes * np.sqrt(memory)
+    walks = _walks(line, {i: float(remembered[place[i]]) for i in free}, wait, steps, progress)
     for (index, sign), walk in walks.items():
         mark_past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
@@ -125,12 +134,13 @@ def profile(
             _stretched(walks[i, -1.0].side, min(inside), min),
             _stretched(walks[i, 1.0].side, max(inside), max),
         )
-        curves[unknowns.names[i]] = _curve(line, i)
+        curves[unknowns.names[i]] = _curve(line, i, wait[i])
     slow = max(wait.values(), default=1.0)
     likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
-    return Profiles(ends, better, curves, gain, line.best.theta, away, objection, tuple(likely))
+    clear = 0.0 if better is None else better.change.objection(gain)
+    return Profiles(ends, better, curves, gain, clear, line.best.theta, away, objection, tuple(likely))
 
 
 def _walks(
@@ -168,7 +178,7 @@ def _walks(
     return walks
 
 
-def _curve(line: ProfileLine, index: int) -> Curve:
+def _curve(line: ProfileLine, index: int, wait: float) -> Curve:
     """The points at which this parameter was held, and the best one."""
     mine = [line.best, *(point for point in line.seen if point.held == index)]
     mine.sort(key=lambda point: (float(point.theta[index]), point.cost))
@@ -177,7 +187,7 @@ def _curve(line: ProfileLine, index: int) -> Curve:
     first = np.append(True, np.diff([point.theta[index] for point in mine]) > apart)
     mine = [point for point, counts in zip(mine, first.tolist(), strict=True) if counts]
     theta = np.array([point.theta[index] for point in mine])
-    return Curve(theta, np.array([2 * (point.cost - line.best.cost) for point in mine]))
+    return Curve(theta, np.array([line.loss_root(point) ** 2 / wait for point in mine]))
 
 
 def _stretched(side: Side, farthest: float, farther: Callable[[float, float], float]) -> Side:

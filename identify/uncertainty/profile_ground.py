@@ -17,6 +17,7 @@ from identify.shooting.passes import Solved
 from identify.shooting.shooting import Problem, transcribe
 from identify.shooting.solve import solve
 from identify.shooting.warm import Settled, Warm
+from identify.uncertainty.objection import UNCHANGED, Change, Remembering
 
 Array = NDArray[np.float64]
 
@@ -46,13 +47,14 @@ class Home:
 @dataclass(frozen=True)
 class ProfilePoint:
     """A solved point: theta (n_p,), the motion there, the cost of data and user's priors; the parameter held (FREE:
-    none); where it was reached warm the home, as long as it is kept, z (n,) and multipliers (m,) in its problem, else
-    None."""
+    none); change: of the curves since the answer; where it was reached warm the home, as long as it is kept, z (n,) and
+    multipliers (m,) in its problem, else None."""
 
     theta: Array
     guesses: list[Guess]
     cost: float
     held: int
+    change: Change = UNCHANGED
     home: weakref.ReferenceType[Home] | None = None
     z: Array | None = None
     multipliers: Array | None = None
@@ -63,7 +65,8 @@ class Ground:
     """What all points of a profile have in common; costs are of the data and the user's priors only.
 
     logs; grid: steps of a point; unknowns: as the scene gives them; soft: with priors that only keep the search in
-    place; size (f,): standard errors of the free parameters.
+    place; size (f,): standard errors of the free parameters; noise of all logs; curves: what the load cell sees at the
+    answer, per log (n,) [N].
     """
 
     logs: tuple[LogData, ...]
@@ -71,9 +74,13 @@ class Ground:
     unknowns: Unknowns
     soft: Unknowns
     size: Array
+    noise: Remembering
+    curves: list[Array]
 
     @classmethod
-    def about(cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array) -> Ground:
+    def about(
+        cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array, noise: Remembering
+    ) -> Ground:
         """The ground about an answer; size (f,): standard errors of the free parameters there."""
         soft = unknowns.softened()
         told = np.isfinite(unknowns.prior_sd)
@@ -85,6 +92,8 @@ class Ground:
             unknowns=unknowns,
             soft=replace(soft, prior_mean=mean, start=solved.theta),
             size=size,
+            noise=noise,
+            curves=[] if noise.white else solved.fitted,
         )
 
     def home(self, theta: Array, guesses: list[Guess]) -> Home | None:
@@ -133,4 +142,5 @@ class Ground:
         missing = np.sum(priors[self.unknowns.free & told & ~counted])
         cost += float(missing - np.sum(priors[counted & ~told]))
         moved = [place.read(guess, x) for place, guess in zip(layout.places, guesses, strict=True)]
-        return ProfilePoint(found, moved, cost, held)
+        change = UNCHANGED if self.noise.white else self.noise.change(self.curves, problem.fitted(z))
+        return ProfilePoint(found, moved, cost, held, change)

@@ -14,6 +14,7 @@ from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 from identify.shooting.passes import Solved
 from identify.shooting.warm import Settled
+from identify.uncertainty.objection import Remembering
 from identify.uncertainty.profile_ground import FREE, Ground, Home, ProfilePoint
 
 Array = NDArray[np.float64]
@@ -40,9 +41,11 @@ class ProfileLine:
     recent: deque[Home]
 
     @classmethod
-    def at(cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array) -> ProfileLine:
+    def at(
+        cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array, noise: Remembering
+    ) -> ProfileLine:
         """The line through an answer, which is settled first; size (f,): standard errors of the free parameters."""
-        ground = Ground.about(logs, solved, unknowns, size)
+        ground = Ground.about(logs, solved, unknowns, size, noise)
         home = ground.home(solved.theta, solved.guesses)
         recent = deque([] if home is None else [home], maxlen=KEPT)  # of a long log each is as large as the log
         answer, settled = solved.solution.cost, None
@@ -70,8 +73,8 @@ class ProfileLine:
         return self._solved(theta, guesses, FREE)
 
     def loss_root(self, point: ProfilePoint) -> float:
-        """The square root of what the data lose against the best point."""
-        return float(np.sqrt(max(2 * (point.cost - self.best.cost), 0.0)))
+        """The square root of what the data object to a point, against the best one."""
+        return float(np.sqrt(max(point.change.objection(2 * (point.cost - self.best.cost)), 0.0)))
 
     def _warm(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
         """The point by Newton's steps from a neighbour, None where they do not get there; where events move far, once

@@ -144,7 +144,9 @@ def follow_open_end(line: ProfileLine, index: int, sign: float, walk: Walk, wait
     here, limit, step, failures = walk.last, np.sqrt(CRITICAL * wait), STRIDE, 0
     within = unknowns.lower[index] + NEAR, unknowns.upper[index] - NEAR
     last = float(np.clip(here.theta[index] + sign * FARTHER, *within))
-    while failures < FAILURES and sign * (last - here.theta[index]) > NEAR:
+    for _ in range(POINTS):
+        if failures == FAILURES or sign * (last - here.theta[index]) <= NEAR:
+            return
         point = line.point(here, index, here.theta[index] + sign * min(step, sign * (last - here.theta[index])))
         if point is None:
             failures, step = failures + 1, 0.5 * step
