@@ -108,7 +108,7 @@ def profile(
         steps: of a side, at least: one finds the ends, more draw the curve.
         only: indices of parameters, where not all are asked.
         valleys: other places that count as points met, as far as the data do not object to them.
-        before: points met by walks from another answer of the same samples.
+        before: points met by walks from another answer of the same samples; their change of the curves is from there.
     """
     sizes = np.sqrt(np.diag(covariance))
     line = ProfileLine.at(logs, solved, unknowns, sizes, noise)
