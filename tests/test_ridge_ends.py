@@ -13,6 +13,7 @@ from data_io import Record
 from experiments import run_design_study
 from experiments.run_recovery_study import Study
 from experiments.study_problem import NAMES, RIG, scene_of
+from identify.examination.allowed import noise_of
 from identify.examination.ridge_ends import _stronger, better_course, other_sign, strengthened
 from identify.model.model import assemble
 from identify.motion.simulate import run
@@ -123,14 +124,14 @@ def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
     wrong = weakening.solved.theta
     assert wrong[mu_s] < wrong[mu_k0] and weakening.gate.chi2_per_sample < 1.03
     assert 2 * (weakening.solved.solution.cost - right.solved.solution.cost) > 40
-    found = strengthened(weakening, unknowns)
+    found = strengthened(weakening, unknowns, noise_of(weakening))
     assert found is not None and abs(found.solved.theta[mu_s] - made.truth["mu_s"]) < 0.005
     assert found.solved.theta[mu_s] > found.solved.theta[mu_k0]
-    # Its slips were laid out from afar: a few samples lie in no cell. Laid out anew both count the same samples.
+    assert found.solved.problem.samples == weakening.solved.problem.samples
     anew = settle(found.solved.theta)
     assert anew.solved.problem.samples == right.solved.problem.samples
     assert abs(2 * (anew.solved.solution.cost - right.solved.solution.cost)) < 1
-    assert strengthened(right, unknowns) is None
+    assert strengthened(right, unknowns, noise_of(right)) is None
     fixed = np.array([name == "t_cr" for name in unknowns.names])
     held = replace(unknowns, free=unknowns.free & ~fixed, start=np.where(fixed, wrong, unknowns.start))
     assert list(_stronger(weakening, unknowns)) and not list(_stronger(weakening, held)), "they move t_cr"

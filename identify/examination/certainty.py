@@ -81,7 +81,7 @@ def certainty(
             theta; speed_tolerance: relative error of all drive speeds together.
     """
     if attempt.gate.status is Status.CONVERGED:
-        attempt = strengthened(attempt, unknowns) or attempt
+        attempt = strengthened(attempt, unknowns, noise_of(attempt)) or attempt
         attempt = taken_inside(attempt, unknowns, noise_of(attempt)) or attempt
         attempt = let_go(attempt, unknowns) or attempt
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)

@@ -12,7 +12,7 @@ from identify.asked import Asked
 from identify.examination.allowed import Allowed, allowed
 from identify.examination.fine_enough import information_at
 from identify.examination.ridge_ends import better_course, other_sign
-from identify.examination.valleys import lowest_valley, within
+from identify.examination.valleys import lowest_valley, preferred, weakens, within
 from identify.examination.worth_a_walk import doubtful, ridge
 from identify.numerics.level import LEVEL
 from identify.numerics.quantiles import chi_square
@@ -168,6 +168,8 @@ def _elsewhere(here: Examined, q: Question) -> Examined:
     trail = replace(here.trail, mirrored=True)
     if other is None:
         return replace(here, trail=trail)
+    if not preferred(other, here.attempt, q.unknowns, here.view.allowed.noise):
+        return replace(here, trail=replace(trail, valleys=(*trail.valleys, other)))
     if within(other, here.attempt, q.unknowns, here.view.allowed.noise):
         trail = replace(trail, valleys=(*trail.valleys, here.attempt))
     return _moved(other, q, trail)
@@ -233,15 +235,20 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
     moved = resolve_firmly(here.attempt, q.unknowns, better.theta, better.guesses)
     inside = walked.clear < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
     converged = moved.gate.status is Status.CONVERGED
-    if inside and (not converged or np.any(at_own_bounds(q.unknowns, moved.solved.theta))):
+    lost = not converged or bool(np.any(at_own_bounds(q.unknowns, moved.solved.theta)))
+    if inside and (lost or _turns_weak(theta, moved.solved.theta, q.unknowns)):
         # Inside the joint region: another point of the same ridge, at which the solver finds no end, or which has
-        # none within the model.
+        # none within the model, or only among contacts that weaken while they rest.
         return _with_walk(here, walked.seen_from(q.unknowns, theta), q)
     if not converged:
         moved = replace(moved, gate=_another_start(moved, q.unknowns, walked.gain, better, q.base))
     if inside:  # the data hardly prefer the one to the other
         trail = replace(trail, valleys=(*trail.valleys, here.attempt))
     return _moved(moved, q, trail, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
+
+
+def _turns_weak(here: Array, there: Array, unknowns: Unknowns) -> bool:
+    return weakens(unknowns, there) and not weakens(unknowns, here)
 
 
 def _another_start(moved: Attempt, unknowns: Unknowns, gain: float, better: ProfilePoint, base: Array) -> Gate:

@@ -15,12 +15,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.examination.valleys import of_same_samples, preferred, weakens
 from identify.model.model import SPEED
 from identify.numerics.level import LEVEL
 from identify.numerics.quantiles import chi_square
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
 from identify.search.attempt import Attempt, Clock, place_on, solve_placed, usable
+from identify.uncertainty.objection import Remembering
 
 Array = NDArray[np.float64]
 
@@ -54,26 +56,35 @@ def other_sign(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     return _better(attempt, _mirrored(attempt, unknowns))
 
 
-def strengthened(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
-    """Return the better answer whose contact strengthens at rest, where that of the answer weakens; None if there is
-    none."""
-    return _better(attempt, _stronger(attempt, unknowns))
+def strengthened(attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> Attempt | None:
+    """Return the best answer whose contact strengthens at rest, where that of the answer weakens and the data do not
+    tell it from that; None if there is none."""
+    answers = (of_same_samples(attempt, other, unknowns) for other in _answers(attempt, _stronger(attempt, unknowns)))
+    stronger = (other for other in answers if other is not None and not weakens(unknowns, other.solved.theta))
+    known = (other for other in stronger if preferred(other, attempt, unknowns, noise))
+    return min(known, key=lambda other: other.solved.solution.cost, default=None)
 
 
 def _better(attempt: Attempt, starts: Iterable[Unknowns], *, other_course: bool = False) -> Attempt | None:
-    """The best accepted answer from any of these starts, if it is clearly better than this one; only from starts whose
-    motion takes another course, if that is asked for."""
+    """The best accepted answer from any of these starts, if it is clearly better than this one."""
+    limit = attempt.solved.solution.cost - CLEAR / 2
+    others = _answers(attempt, starts, other_course=other_course)
+    clear = (other for other in others if other.solved.solution.cost < limit)
+    return min(clear, key=lambda other: other.solved.solution.cost, default=None)
+
+
+def _answers(attempt: Attempt, starts: Iterable[Unknowns], *, other_course: bool = False) -> Iterator[Attempt]:
+    """The accepted answers from these starts; only from starts whose motion takes another course, if that is asked
+    for."""
     logs = list(attempt.prepared)
-    best, limit = None, attempt.solved.solution.cost - CLEAR / 2
     for start in starts:
         placed = place_on(logs, usable(logs), start)
         same = other_course and [g.course for *_, g in placed] == [g.course for g in attempt.solved.guesses]
         if len(placed) < len(logs) or same:
             continue
         tried = solve_placed(logs, placed, start, Clock())
-        if tried.gate.status is Status.CONVERGED and tried.solved.solution.cost < limit:
-            best, limit = replace(tried, logs=attempt.logs), tried.solved.solution.cost
-    return best
+        if tried.gate.status is Status.CONVERGED:
+            yield replace(tried, logs=attempt.logs)
 
 
 def _mirrored(attempt: Attempt, unknowns: Unknowns) -> Iterator[Unknowns]:

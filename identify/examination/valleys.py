@@ -36,8 +36,9 @@ FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coeffic
 
 
 def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering) -> tuple[Attempt, list[Attempt]]:
-    """Return the lowest place to which starts lead that are thrown about an answer, and about a lower one once more;
-    and the other valleys within its joint region: of all looks, and the answer given where it was left.
+    """Return the lowest place (the preferred one) to which starts lead that are thrown about an answer, and about a
+    lower one once more; and the other valleys within its joint region: of all looks, and the answer given where it was
+    left.
 
     Args:
         noise: of all logs: its memory widens that region.
@@ -45,10 +46,11 @@ def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int, noise: Rememb
     valleys: list[Attempt] = []
     for look in range(LOOKS):
         valleys += other_valleys(attempt, unknowns, seed, noise, own=look == 0)
-        lowest = min(valleys, key=_cost, default=attempt)
-        if _cost(lowest) > _cost(attempt) - 0.5 * LOWER:
+        here = attempt
+        lowest = min((v for v in valleys if preferred(v, here, unknowns, noise)), key=_cost, default=here)
+        if lowest is here:
             break
-        valleys = [attempt, *(valley for valley in valleys if valley is not lowest)]
+        valleys = [here, *(valley for valley in valleys if valley is not lowest)]
         attempt = lowest
     return attempt, [valley for valley in valleys if within(attempt, valley, unknowns, noise)]
 
@@ -68,6 +70,22 @@ def other_valleys(
     settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed, own))
     there = (other for other in settled if other is not None and within(attempt, other, unknowns, noise))
     return sorted(there, key=_cost)
+
+
+def preferred(other: Attempt, attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> bool:
+    """Whether another answer takes the place of one: it is lower; but of two that the data do not tell apart it is the
+    one whose contact strengthens at rest."""
+    one, two = (weakens(unknowns, tried.solved.theta) for tried in (attempt, other))
+    if one and not two:
+        return within(attempt, other, unknowns, noise)
+    lower = _cost(other) < _cost(attempt) - 0.5 * LOWER
+    return lower and (one or not two or not within(other, attempt, unknowns, noise))
+
+
+def weakens(unknowns: Unknowns, theta: Array) -> bool:
+    """Whether contacts weaken while they rest (n_p,): mu_k0 above mu_s, which no scene admits as a start."""
+    static, kinetic = (unknowns.names.index(name) for name in ("mu_s", "mu_k0"))
+    return bool(theta[static] < theta[kinetic])
 
 
 def _cost(attempt: Attempt) -> float:
@@ -106,6 +124,11 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     found = solve_or_hold(logs, usable(logs), unknowns, Clock())
     if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
         return None
+    return of_same_samples(attempt, found, unknowns)
+
+
+def of_same_samples(attempt: Attempt, found: Attempt, unknowns: Unknowns) -> Attempt | None:
+    """Another answer of all logs of one, of the very samples of it; None where it does not settle there."""
     if found.solved.problem.samples != attempt.solved.problem.samples:
         found = resolve_firmly(attempt, unknowns, found.solved.theta, found.solved.guesses)
     return replace(attempt, solved=found.solved, gate=found.gate) if found.gate.status is Status.CONVERGED else None
