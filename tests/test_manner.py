@@ -1,9 +1,11 @@
 """How a log moves, told from records drawn by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identify.detection.segment import segment
+from identify.detection.segment import SLIDING, segment
 from identify.motion.drive import Drive
 from identify.preparation.manner import Manner, manner_of, since_settled
 
@@ -41,3 +43,23 @@ def test_a_level_force_slides_where_a_stick_would_be_seen_to_rise(after: float) 
 def test_what_is_too_short_to_be_told_from_a_stick_is_not_called_sliding() -> None:
     told, level_since = manner(1.5, 0.0, 4)
     assert level_since is not None and told.settled is None
+
+
+def slide_hold_slide(drive: Drive, first: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of a sliding level of 0.65 N, 0.3 N in the holds, and a first rise from `first` in 12 ms, which swings after."""
+    time = np.arange(0.0, 26.0, 1e-3)
+    force = np.where([drive.at(t) > 0.0 for t in time], 0.65, 0.3)
+    swing = 0.65 - (0.65 - first) * np.cos(time / 8e-3) * np.exp(-time / 0.04)
+    force = np.where(time < 0.5, swing, force)
+    return time, force + NOISE * np.random.default_rng(3).standard_normal(time.size)
+
+
+@pytest.mark.parametrize(("first", "slides"), [(0.15, False), (0.0, False), (0.65, True)])
+def test_a_fast_drive_is_through_its_first_rise_in_a_few_samples(first: float, slides: bool) -> None:
+    """The holds are the most of this record, and the rise is a thousandth of it."""
+    drive = Drive.of(((0.0, 0.02), (2.0, 0.0), (6.0, 0.02), (7.5, 0.0), (24.0, 0.02)))
+    time, force = slide_hold_slide(drive, first)
+    found = segment(time, force, half_period=0.026, noise=NOISE)
+    found = replace(found, phase=np.full_like(found.phase, SLIDING))  # too short a stick to be seen as one
+    told = manner_of(found, time, force, found.cycles.fall, noise=NOISE, half_period=0.026, drive=drive)
+    assert told.name == "course" and told.begins_sliding == slides

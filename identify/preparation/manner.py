@@ -50,7 +50,7 @@ def manner_of(
     if settled is not None and drive.constant and found.stick_slope is not None:
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.
         settled = settled if _slides(time, force, settled, noise, found.stick_slope[0]) else None
-    begins = bool(found.phase.size and found.phase[0] == SLIDING) and _starts_loaded(force)
+    begins = bool(found.phase.size and found.phase[0] == SLIDING) and _starts_loaded(time, force, noise, drive)
     if not drive.constant:
         return Manner("course", settled, begins)
     slides = found.ends_sliding and (falls.size < FEW or found.share(SLIDING) > MOSTLY)
@@ -109,6 +109,15 @@ def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, f
     return [(a, b, drive.at(0.5 * (a + b))) for a, b in pairwise(edges) if drive.at(0.5 * (a + b)) > 0.0]
 
 
-def _starts_loaded(force: Array) -> bool:
-    finite = force[np.isfinite(force)]
-    return bool(finite.size and np.median(finite[: max(finite.size // 100, 3)]) > LEVEL * np.median(thinned(finite)))
+def _starts_loaded(time: Array, force: Array, noise: float, drive: Drive) -> bool:
+    """Whether a force begins near the level that it has while the drive moves; through a first rise and the swing after
+    it a fast drive is in a few samples, which lie below that."""
+    good = np.isfinite(force)
+    if not np.any(good):
+        return False
+    t, f = kept(time, good), kept(force, good)
+    moves = np.zeros(t.size, bool)
+    for begin, end, _ in moving_pieces(drive, float(t[0]), float(t[-1])):
+        moves |= (t >= begin) & (t <= end)
+    loaded = LEVEL * float(np.median(thinned(f[moves] if np.any(moves) else f)))
+    return bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:SEEN_RISE]) > loaded - STUCK * noise)
