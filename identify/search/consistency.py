@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.first_guess.last_onsets import turned_back
 from identify.model.model import SPEED
 from identify.preparation.guess import Guess, LogData
 from identify.preparation.unknowns import Unknowns
@@ -18,7 +19,6 @@ from identify.preparation.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 MARGIN = 0.5  # standard deviations of the force noise: closer to being pulled back, the answer may hide that it is
-BACKWARDS = 1e-3  # of the fastest speed of a slip
 
 
 def inconsistency(
@@ -73,11 +73,5 @@ def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tup
 
 def _goes_back(guess: Guess) -> int | None:
     """The first cycle with a node at which the mass moves backwards."""
-    fastest = np.nanmax(np.abs(guess.slip[..., SPEED]), axis=1, initial=0.0)
-
-    def wrong(nodes: Array) -> NDArray[np.bool_]:
-        return np.any(nodes[..., SPEED] < -BACKWARDS * fastest[:, None], axis=1)
-
-    # A slip that never saturates has nodes after its saturation that stand for nothing.
-    found = wrong(guess.slip) | (guess.saturates & wrong(guess.saturated))
+    found = np.any(np.concatenate(turned_back(guess), axis=1), axis=1)
     return int(np.argmax(found)) if found.any() else None

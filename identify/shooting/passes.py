@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.first_guess.first_onsets import with_first_onsets
+from identify.first_guess.last_onsets import turned_back, with_last_onsets
 from identify.preparation.guess import Grid, Guess, LogData
 from identify.preparation.loads import calmed
 from identify.preparation.unknowns import Unknowns
@@ -43,7 +44,7 @@ LOST = 10.0  # misfit over noise with which a solve that did not succeed is not 
 OVERTIME = 80  # iterations more where a load trembles and
 ALMOST = 1.5  # times the noise variance is what is left
 HANGS = 1e-5  # largest row of a motion that hangs together
-AGAIN = 3  # how often slips that begin too late are put where they begin
+AGAIN = 3  # how often slips that begin too late, or too early, are put where they begin
 NEAR = 0.5  # largest row from which the exact Hessian is tried
 
 
@@ -99,13 +100,10 @@ def solve_in_passes(
     way = _Way(hopeless, steps, most, trust)
     solved = _from_calm(logs, guesses, unknowns, way)
     for _ in range(AGAIN):
-        if not np.isfinite(solved.solution.cost):
-            break
         at_answer = replace(unknowns, start=solved.theta)
-        earlier = [with_first_onsets(log, g, at_answer, COARSE) for log, g in zip(logs, solved.guesses, strict=True)]
-        if all(g is None for g in earlier):
+        placed = _begun_anew(logs, solved, at_answer)
+        if placed is None:
             break
-        placed = [new or old for new, old in zip(earlier, solved.guesses, strict=True)]
         other = _in_passes(logs, logs, placed, at_answer, way)
         if not _better(other, solved):
             break
@@ -113,11 +111,31 @@ def solve_in_passes(
     return solved
 
 
+def _begun_anew(logs: list[LogData], solved: Solved, at_answer: Unknowns) -> list[Guess] | None:
+    """The motion found, with the slips that begin too late or too early put where they begin; None where none does."""
+    if not np.isfinite(solved.solution.cost):
+        return None
+    moved = [
+        with_first_onsets(log, guess, at_answer, COARSE) or (with_last_onsets(guess) if _fits(solved) else None)
+        for log, guess in zip(logs, solved.guesses, strict=True)
+    ]
+    if all(guess is None for guess in moved):
+        return None
+    return [new or old for new, old in zip(moved, solved.guesses, strict=True)]
+
+
 def _better(other: Solved, than: Solved) -> bool:
-    """Whether another motion is the one to go on with."""
+    """Whether another motion is the one to go on with: of two that fit, the one in which no slip turns back."""
     if other.solution.success != than.solution.success:
         return other.solution.success
+    turns, turned = (any(np.any(turned_back(guess)[0]) for guess in tried.guesses) for tried in (other, than))
+    if turns != turned and _fits(other) and _fits(than):
+        return turned
     return other.solution.cost < than.solution.cost
+
+
+def _fits(solved: Solved) -> bool:
+    return 2.0 * solved.solution.cost < ALMOST * solved.problem.samples
 
 
 def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, way: _Way) -> Solved:

@@ -1,0 +1,93 @@
+"""Slips whose onset was put at a dip of a trembling grip before the one at which they begin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import identify.shooting.passes as room
+from data_io import Record
+from identify import Scene
+from identify.first_guess.last_onsets import turned_back, with_last_onsets
+from identify.model.model import SPEED, assemble
+from identify.motion.simulate import run
+from identify.outcome import Status
+from identify.preparation.guess import Guess
+from identify.preparation.prepare import prepare
+from identify.preparation.unknowns import from_scene
+from identify.search.attempt import Clock, resolve, solve_from
+
+EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
+PAIR = {"mu_s": 0.8, "mu_k0": 0.7, "delta_mu_k": -0.03, "a": 340.0, "D": 37e-6, "t_cr": 0.67}
+RIG = {"mass": 0.21, "stiffness": 1000.0, "damping": 100.0}
+DRIVE_SPEED, DURATION, RATE = 8e-5, 16.0, 500.0
+DIP = 0.1  # s: about a period of the tremor
+
+
+@pytest.fixture(scope="module")
+def trembling():
+    """The answer to a log whose grip trembles faster than the drive pulls, the unknowns, and the true onsets [s]."""
+    knots = np.arange(0.0, DURATION + 0.1, 1 / 200)
+    grip = 1.0 + 0.005 * np.sin(2 * np.pi * 9.3 * knots) + 0.004 * np.sin(2 * np.pi * 10.7 * knots + 1.0)
+    motion = run(assemble(EFFECTS), PAIR | RIG, DRIVE_SPEED, (knots, grip), DURATION)
+    time, random = np.arange(int(DURATION * RATE) + 1) / RATE, np.random.default_rng(1)
+    force = motion.sample(time)["force"] + 0.004 * random.standard_normal(time.size)
+    load = np.interp(time, knots, grip) + 0.002 * random.standard_normal(time.size)
+    known = {name: {"start" if name == "mu_s" else "fixed": value} for name, value in PAIR.items()}
+    logs = [{"path": "log.csv", "drive_speed": DRIVE_SPEED}]
+    scene = Scene.from_document({"effects": list(EFFECTS), "rig": RIG, "parameters": known, "logs": logs})
+    unknowns = from_scene(scene)
+    unknowns = replace(
+        unknowns, start=unknowns.theta(np.array([(PAIR | RIG)[n] for n in unknowns.names]), unknowns.base(RIG))
+    )
+    prepared = prepare(scene, scene.logs[0], Record(time, load, force), unknowns)
+    assert prepared.data.loose > 0.0, "what the grip is at an onset is not told"
+    return solve_from([prepared], [0], unknowns, Clock()), unknowns, motion.onsets
+
+
+def begun_early(guess: Guess, cycle: int, early: float) -> Guess:
+    """The motion with one onset earlier [s]: the mass stands until it moved before."""
+    onset, slip, last = guess.onset.copy(), guess.slip.copy(), guess.slip.shape[1] - 1
+    end = guess.saturation[cycle] if guess.saturates[cycle] else guess.arrest[cycle]
+    onset[cycle] -= early
+    place = (np.linspace(onset[cycle], end, last + 1) - guess.onset[cycle]) / (end - guess.onset[cycle]) * last
+    nodes = [np.interp(place, np.arange(last + 1), column) for column in guess.slip[cycle].T]
+    slip[cycle] = np.stack(nodes, axis=1)
+    slip[cycle, place < 0.0, SPEED] = 0.0
+    return replace(guess, onset=onset, slip=slip)
+
+
+@pytest.mark.parametrize("cycle", [1, 2])
+@pytest.mark.parametrize("early", [DIP / 2, DIP])
+def test_an_onset_at_an_earlier_dip_is_put_where_the_slip_begins(trembling, cycle, early, monkeypatch):
+    right, unknowns, onsets = trembling
+    assert right.gate.status is Status.CONVERGED
+    placed = replace(right.solved, guesses=[begun_early(right.solved.guesses[0], cycle, early)])
+    start = replace(unknowns, start=right.solved.theta)
+    found = resolve(replace(right, solved=placed), start)
+    assert found.gate.status is Status.CONVERGED
+    np.testing.assert_allclose(found.solved.guesses[0].onset, onsets, atol=4e-3)
+    assert not np.any(turned_back(found.solved.guesses[0])[0])
+    monkeypatch.setattr(room, "with_last_onsets", lambda _guess: None)  # who leaves it there
+    left = resolve(replace(right, solved=placed), start)
+    assert left.gate.status is Status.WRONG_EVENT_COUNT and "runs backwards" in left.gate.message
+    assert left.solved.guesses[0].onset[cycle] < onsets[cycle] - 0.02
+
+
+def test_a_slip_begins_anew_where_its_speed_rises_through_zero(trembling):
+    guess = trembling[0].solved.guesses[0]
+    assert with_last_onsets(guess) is None and not np.any(turned_back(guess)[0])
+    slip, n = guess.slip.copy(), guess.slip.shape[1] - 1
+    slip[1, :, SPEED] = 0.05 * np.linspace(-1.0, n - 1.0, n + 1)  # zero at the second node
+    slip[1, 0, SPEED] = 0.0
+    slip[1, 1, SPEED] = -0.05
+    back = replace(guess, slip=slip)
+    mended = with_last_onsets(back)
+    assert turned_back(back)[0][1].sum() == 1 and mended is not None
+    end = guess.saturation[1] if guess.saturates[1] else guess.arrest[1]
+    share = (1.0 + 0.05 / (0.05 + slip[1, 2, SPEED])) / n
+    assert mended.onset[1] == pytest.approx(guess.onset[1] + share * (end - guess.onset[1]))
+    assert np.all(mended.slip[1, 1:, SPEED] > 0.0) and mended.slip[1, 0, SPEED] == 0.0
+    np.testing.assert_array_equal(mended.slip[1, -1], slip[1, -1])
+    np.testing.assert_array_equal(mended.slip[[0, 2]], slip[[0, 2]])
+    np.testing.assert_array_equal(mended.arrest, guess.arrest)
