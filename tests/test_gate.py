@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import shooting_case as case
 
+import identify.search.gate as room
 from identify.outcome import Status
 from identify.search.gate import pass_gate
+from identify.search.remembered import Remembered
 from identify.shooting.passes import COARSE, solve_in_passes
 
 NAMES = ("calm.csv", "brisk.csv")
@@ -165,3 +167,21 @@ def test_noise_measured_too_large_is_no_misfit_unless_it_was_stated():
     assert pass_gate(gate[0.5], NAMES, (True, True)).status is Status.MODEL_MISFIT
     wrong = _fit(lambda data: _scaled(_scaled(data, mass=1.3), weight=0.85))
     assert pass_gate(wrong, NAMES, (True, True)).status is not Status.CONVERGED
+
+
+def test_a_cycle_with_more_noise_is_none_too_many_where_the_noise_has_a_memory(monkeypatch):
+    """White noise is never 9 standard deviations off in one cycle; noise whose memory doubles the spread may be."""
+
+    def louder(data):
+        mine = (data[0].time > 0.9) & (data[0].time < 1.4)
+        extra = np.sqrt(9.0 * np.sqrt(2.0 / np.count_nonzero(mine))) * case.NOISE
+        signs = np.random.default_rng(5).choice([-1.0, 1.0], mine.size)
+        return [replace(data[0], force=data[0].force + np.where(mine, extra * signs, 0.0)), data[1]]
+
+    loud, exact = _fit(louder), np.ones(2)
+    refused = pass_gate(loud, NAMES, EXACT)
+    assert refused.status is Status.MODEL_MISFIT and 6 < refused.z[refused.worst] < 12
+    monkeypatch.setattr(room, "remembered", lambda *_: Remembered(exact, 2.0 * exact))
+    passed = pass_gate(loud, NAMES, EXACT)
+    assert passed.status is Status.CONVERGED and passed.z[passed.worst] == pytest.approx(refused.z[refused.worst] / 2)
+    assert "noise with a memory" in passed.message and "in common" not in passed.message, "that was not looked at"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from identify.scene import Scene
 from identify.search import gate
 from identify.search.attempt import Clock
 from identify.search.gate import pass_gate
-from identify.search.remembered import CHANCE, in_common
+from identify.search.remembered import CHANCE, in_common, remembered
 
 LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
 WHITE, SLOW, TIME = 5e-3, 2e-3, 0.02  # standard deviations [N] and memory [s]
@@ -84,3 +85,21 @@ def test_noise_has_nothing_in_common_and_a_misfit_has(cycles):
         misfit.append(in_common([stack + 2.0 * place for stack in stacks], random))
     assert np.mean(noise) == pytest.approx(0.5, abs=4.0 / np.sqrt(12 * 60)), "a chance is spread evenly"
     assert min(noise) > CHANCE > np.median(misfit)
+
+
+@pytest.mark.parametrize(("correlation", "stated"), [(0.8, False), (0.8, True), (0.0, False)])
+def test_noise_as_large_as_in_the_sticks_may_scatter_more_from_cycle_to_cycle(correlation, stated):
+    count, random = 20000, np.random.default_rng(4)
+    new = np.sqrt(1.0 - correlation**2) * random.standard_normal(count + 200)
+    force = WHITE * lfilter([1.0], [1.0, -correlation], new)[200:]
+    data = SimpleNamespace(time=np.arange(count) * 1e-3, force=force, weight=np.full(count, WHITE**-2), noise=WHITE)
+    guess = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
+    pieces = np.array_split((force / WHITE) ** 2, 10)
+    squares, counts = np.array([p.sum() for p in pieces]), np.array([float(p.size) for p in pieces])
+    known = remembered([data], [guess], [np.zeros(count)], [not stated], squares, counts, np.zeros(10, int))
+    if stated or correlation == 0.0:
+        assert known is None
+        return
+    assert known is not None and known.levels[0] == pytest.approx(1.0, abs=0.02)
+    # of a sum of squares of an autoregression of first order, against that of white noise
+    assert known.slowness[0] == pytest.approx(np.sqrt((1 + correlation**2) / (1 - correlation**2)), rel=0.05)

@@ -15,7 +15,7 @@ from identify.outcome import Status
 from identify.preparation.guess import Guess, LogData
 from identify.search.consistency import inconsistency
 from identify.search.leaning import most_leaning
-from identify.search.remembered import MORE, remembered
+from identify.search.remembered import CLOSE, MORE, remembered
 from identify.shooting.passes import SETTLED, Solved
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
         variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
         message = f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
     levels = np.ones(len(names))
-    slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and 1.0 < chi2 < 1.0 + MORE
+    slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE
     fitted = solved.fitted if slow or status is Status.CONVERGED else []
     if slow:
         known = remembered(solved.problem.logs, solved.guesses, fitted, noise_estimated, squares, counts, log)
@@ -91,7 +91,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
                 levels, z, status = known.levels, again, likely
                 message = (
                     f"the misfit is noise with a memory ({chi2:.3f} of the variance measured in the sticks) in all "
-                    f"{z.size} cycles, which have nothing in common"
+                    f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
                 )
     if status is Status.CONVERGED:
         problem = solved.problem

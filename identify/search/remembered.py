@@ -48,6 +48,9 @@ def remembered(
 ) -> Remembered | None:
     """What the residuals are, if they are noise with a memory; None where they are not, or too few cycles tell.
 
+    Where no log leaves more than the noise of its sticks, they are noise on the whole, and the memory only widens the
+    spread of each cycle.
+
     Args:
         fitted: (n,) force [N] at the samples of each log, NaN where none is fitted; noise_estimated: per log, whether
             its noise is from its sticks; squares, counts, log (c,): weighted squares and number of the samples of each
@@ -61,12 +64,14 @@ def remembered(
             return None
         residual = np.where(data.weight > 0, data.force - curve, np.nan) / data.noise
         noise = colour(residual)
-        if level > 1.0 and noise_estimated[number] and not noise.white:
-            levels[number], slowness[number] = level, float(np.sqrt(_summed_squares(noise)))
+        if noise_estimated[number] and not noise.white:
+            levels[number], slowness[number] = max(level, 1.0), float(np.sqrt(_summed_squares(noise)))
         if level > 1.0 + CLOSE:
             stacks.append(by_phase(data.time, residual, guess))
+    if not stacks:
+        return Remembered(levels, slowness) if np.max(slowness) > 1.0 else None
     rows = [len(stack) for stack in stacks]
-    if not rows or min(rows) < OF_EACH or sum(rows) < FEWEST:
+    if min(rows) < OF_EACH or sum(rows) < FEWEST:
         return None
     return Remembered(levels, slowness) if in_common(stacks, np.random.default_rng(0)) > CHANCE else None
 
