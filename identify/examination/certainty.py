@@ -17,10 +17,11 @@ from identify.examination.hanging import hanging
 from identify.examination.letting_go import let_go
 from identify.examination.ridge_ends import strengthened
 from identify.examination.shares import Share, share_estimates, shares
+from identify.examination.valleys import weakens
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
 from identify.search.attempt import Attempt
-from identify.search.inward import taken_inside
+from identify.search.inward import at_own_bounds, taken_inside
 from identify.shooting.accuracy import AccuracyRow, accuracy_table
 from identify.telling import Progress
 from identify.uncertainty.bootstrap import Bootstrap, bootstrap
@@ -81,8 +82,10 @@ def certainty(
             theta; speed_tolerance: relative error of all drive speeds together.
     """
     if attempt.gate.status is Status.CONVERGED:
-        attempt = strengthened(attempt, unknowns, noise_of(attempt)) or attempt
-        attempt = taken_inside(attempt, unknowns, noise_of(attempt)) or attempt
+        if weakens(unknowns, attempt.solved.theta):
+            attempt = strengthened(attempt, unknowns, noise_of(attempt)) or attempt
+        if np.any(at_own_bounds(unknowns, attempt.solved.theta)):
+            attempt = taken_inside(attempt, unknowns, noise_of(attempt)) or attempt
         attempt = let_go(attempt, unknowns) or attempt
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
