@@ -111,3 +111,18 @@ def test_where_newtons_steps_have_no_factors_the_solver_is_asked(fitted, monkeyp
     found = without.point(without.best, index, value)
     assert without.best.home is None and found is not None and found.home is None
     assert 2 * (found.cost - without.best.cost) == pytest.approx(OFF**2, rel=0.3)
+
+
+def test_a_place_at_which_the_solver_finds_no_end_is_met_with_what_is_farthest_off_held(line, monkeypatch):
+    index, value = held(line, "t_cr", OFF)
+    place = line.point(line.best, index, value)
+    solved, asked = type(line.ground).solved, []
+
+    def without_end(ground, theta, guesses, what):
+        asked.append(what)
+        return None if what == profile_ground.FREE else solved(ground, theta, guesses, what)
+
+    monkeypatch.setattr(type(line.ground), "solved", without_end)
+    met = line.settled(place.theta, place.guesses)
+    assert asked[0] == profile_ground.FREE and len(asked) == 2
+    assert met is not None and met.held == asked[1] and met.cost == pytest.approx(place.cost, abs=0.05)

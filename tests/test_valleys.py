@@ -205,3 +205,16 @@ def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     assert ends[0][0] > truth + 0.02, "who does not look for it claims what is wrong"
     assert ends[1][0] < truth - 0.005 and truth < ends[1][1]
     assert ends[1][1] > wrong.solved.theta[i], "and holds the answer still"
+
+
+def test_a_place_on_a_ridge_without_end_counts_and_takes_nobodys_place(doubled, monkeypatch):
+    _, wrong, unknowns, _ = doubled
+    solution = replace(wrong.solved.solution, cost=wrong.solved.solution.cost - 1.0, success=False)
+    gate = replace(wrong.gate, status=Status.SOLVER_FAILED, solver="Maximum_Iterations_Exceeded")
+    crept = replace(wrong, solved=replace(wrong.solved, solution=solution), gate=gate)
+    monkeypatch.setattr(room, "solve_or_hold", lambda *_: crept)
+    answer, others = room.lowest_valley(wrong, unknowns, 0, noise_of(wrong))
+    assert answer is wrong and others and all(other.gate.status is Status.SOLVER_FAILED for other in others)
+    misfit = replace(crept, gate=replace(gate, chi2_per_sample=1.6))
+    monkeypatch.setattr(room, "solve_or_hold", lambda *_: misfit)
+    assert room.lowest_valley(wrong, unknowns, 0, noise_of(wrong))[1] == [], "what does not fit says nothing"

@@ -21,7 +21,7 @@ from identify.numerics.level import LEVEL
 from identify.numerics.quantiles import chi_square
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Attempt, Clock, resolve_firmly, solve_or_hold, usable
+from identify.search.attempt import Attempt, Clock, crept, resolve_firmly, solve_or_hold, usable
 from identify.search.ranking import ranked
 from identify.search.starts import own_starts, suggested_starts
 from identify.uncertainty.objection import Remembering
@@ -47,7 +47,8 @@ def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int, noise: Rememb
     for look in range(LOOKS):
         valleys += other_valleys(attempt, unknowns, seed, noise, own=look == 0)
         here = attempt
-        lowest = min((v for v in valleys if preferred(v, here, unknowns, noise)), key=_cost, default=here)
+        ended = (valley for valley in valleys if valley.gate.status is Status.CONVERGED)
+        lowest = min((v for v in ended if preferred(v, here, unknowns, noise)), key=_cost, default=here)
         if lowest is here:
             break
         valleys = [here, *(valley for valley in valleys if valley is not lowest)]
@@ -61,7 +62,8 @@ def other_valleys(
     """Return the answers at which solves from thrown starts settle, the lowest first; all lie below the one given, or
     where the data object no more than within its joint region. That answer itself may be among them.
 
-    They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere.
+    They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere. Where
+    the solver found no end to a ridge, they are no answers, but places on it all the same.
 
     Args:
         noise: as `lowest_valley`; own: starts are thrown about the data's own start too, and those that its levels
@@ -118,13 +120,15 @@ def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Itera
 
 
 def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
-    """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples; None where
-    it does not."""
+    """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples, or comes to
+    describe them on a ridge of which it finds no end; None where it does neither."""
     logs = list(attempt.prepared)
     found = solve_or_hold(logs, usable(logs), unknowns, Clock())
-    if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
+    if found is None or len(found.logs) < len(logs):
         return None
-    return of_same_samples(attempt, found, unknowns)
+    if crept(found) and found.solved.problem.samples == attempt.solved.problem.samples:
+        return replace(attempt, solved=found.solved, gate=found.gate)
+    return of_same_samples(attempt, found, unknowns) if found.gate.status is Status.CONVERGED else None
 
 
 def of_same_samples(attempt: Attempt, found: Attempt, unknowns: Unknowns) -> Attempt | None:

@@ -69,8 +69,11 @@ class ProfileLine:
         return self._warm(near, held, value) or self._from_theta(near, held, value)
 
     def settled(self, theta: Array, guesses: list[Guess]) -> ProfilePoint | None:
-        """The lowest point near a motion, nothing held; None where the solver fails."""
-        return self._solved(theta, guesses, FREE)
+        """The lowest point near a motion, nothing held, or where the solver finds none the parameter held that is
+        farthest off; None where it fails then too."""
+        free = np.flatnonzero(self.unknowns.free)
+        farthest = int(free[np.argmax(np.abs(theta - self.best.theta)[free] / self.ground.size)])
+        return self._solved(theta, guesses, FREE) or self._solved(theta, guesses, farthest)
 
     def loss_root(self, point: ProfilePoint) -> float:
         """The square root of what the data object to a point, against the best one."""
