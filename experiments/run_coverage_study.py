@@ -179,8 +179,8 @@ def _deep(
             within=0.05,
         )
         if found is not None:
-            change = noise.change(here, problem.fitted(found.z))
-            held[i] = change.objection(2 * (found.cost - settled.cost)) <= CRITICAL
+            loss = 2 * (found.cost - settled.cost)
+            held[i] = noise.objection(here, problem.fitted(found.z), loss) <= CRITICAL
     if walked:
         _same_by_walking(setting, problem, settled.z, known, noise, memory, data, held)
     cycles = [guess.cycles for guess in setting.solved.guesses]

@@ -251,14 +251,18 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
     # take chi^2 farther down.
     import identify.examination.examined as room
     from identify.asked import Asked
+    from identify.uncertainty.objection import Change
     from identify.uncertainty.profile import Profiles
     from identify.uncertainty.profile_ground import FREE, ProfilePoint
 
     kind = _kind(SLOW, FAST)
     prepared, unknowns = _prepared(kind)
     attempt, _ = search.search(prepared, unknowns)
-    place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.guesses, 0.0, FREE)
-    monkeypatch.setattr(room, "profile", lambda *_, **__: Profiles({}, place, gain=gain, clear=clear))
+    change = Change(moved=gain, remembered=gain * gain / clear)
+    place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.guesses, 0.0, FREE, change)
+    walked = Profiles({}, place, gain=gain)
+    assert walked.clear == pytest.approx(clear)
+    monkeypatch.setattr(room, "profile", lambda *_, **__: walked)
     lost = replace(attempt, gate=replace(attempt.gate, status=Status.SOLVER_FAILED, solver="Restoration_Failed"))
     monkeypatch.setattr(room, "resolve_firmly", lambda *_, **__: lost)
     base = prepared[0].data.base

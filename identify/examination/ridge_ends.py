@@ -109,7 +109,7 @@ def _stronger(attempt: Attempt, unknowns: Unknowns) -> Iterator[Unknowns]:
     (mu_s, mu_k0, delta_mu_k, a), fastest, level = told
     answer = attempt.solved.theta
     sticks = np.concatenate([g.sticks for g in attempt.solved.guesses])
-    if answer[mu_s] >= answer[mu_k0] or sticks.size == 0 or not np.min(sticks) > 0.0:
+    if not weakens(unknowns, answer) or sticks.size == 0 or not np.min(sticks) > 0.0:
         return
     for share, turns in STRONGER:
         theta = answer.copy()

@@ -102,8 +102,8 @@ def within(attempt: Attempt, other: Attempt, unknowns: Unknowns, noise: Remember
     loss = 2.0 * (_cost(other) - _cost(attempt))
     if loss <= 0.0:
         return True
-    change = noise.change(attempt.solved.fitted, other.solved.fitted)
-    return change.objection(loss) < chi_square(LEVEL, int(np.sum(unknowns.free)))
+    objection = noise.objection(attempt.solved.fitted, other.solved.fitted, loss)
+    return objection < chi_square(LEVEL, int(np.sum(unknowns.free)))
 
 
 def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:

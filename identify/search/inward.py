@@ -50,6 +50,5 @@ def taken_inside(attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> At
         if tried.gate.status is not Status.CONVERGED or np.any(at_own_bounds(unknowns, tried.solved.theta)):
             break
         loss = 2.0 * (tried.solved.solution.cost - attempt.solved.solution.cost)
-        change = noise.change(attempt.solved.fitted, tried.solved.fitted)
-        best = tried if change.objection(loss) < limit else best
+        best = tried if noise.objection(attempt.solved.fitted, tried.solved.fitted, loss) < limit else best
     return best

@@ -146,7 +146,7 @@ def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, wa
         return _in_passes(logs, calm, guesses, unknowns, way)
     at_once = _in_passes(logs, logs, guesses, unknowns, way)
     cost = at_once.solution.cost
-    near = at_once.grid is not COARSE and 2.0 * cost < ALMOST * at_once.problem.samples
+    near = at_once.grid is not COARSE and _fits(at_once)
     if at_once.solution.success or cost > way.hopeless or near or not trembling:
         return at_once
     other = _in_passes(logs, calm, guesses, unknowns, way)

@@ -71,6 +71,10 @@ class Remembering:
             remembered += self.levels[log] * (squares if self.colours[log].white else self._along(log, apart))
         return Change(moved, remembered)
 
+    def objection(self, here: Sequence[Array], there: Sequence[Array], loss: float) -> float:
+        """What the data object to the curves of another place that costs them `loss` more, as a loss in white noise."""
+        return self.change(here, there).objection(loss)
+
     def _along(self, log: int, apart: Array) -> float:
         seen = np.fft.rfft(apart, 2 * apart.size)  # padded: the end knows nothing of the beginning
         power = np.square(seen.real) + np.square(seen.imag)

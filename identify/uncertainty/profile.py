@@ -53,19 +53,22 @@ class Curve:
 @dataclass(frozen=True)
 class Profiles:
     """Interval ends and curves per parameter name, the point of a better optimum where one was met, the
-    likelihood-ratio statistic by which it is better, and what of it the memory of the noise leaves, theta (n_p,)
-    at the middle of the walks, the points met that the data hardly object to, from there (m, f), the squared
-    distance (m,) at which each should lie, and these points."""
+    likelihood-ratio statistic by which it is better, theta (n_p,) at the middle of the walks, the points met that the
+    data hardly object to, from there (m, f), the squared distance (m,) at which each should lie, and these points."""
 
     ends: dict[str, tuple[Side, Side]]
     better: ProfilePoint | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
     gain: float = 0.0
-    clear: float = 0.0
     middle: Array = field(default_factory=lambda: np.empty(0))
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
     objection: Array = field(default_factory=lambda: np.empty(0))
     met: tuple[ProfilePoint, ...] = ()
+
+    @property
+    def clear(self) -> float:
+        """What the memory of the noise leaves of the gain."""
+        return 0.0 if self.better is None else self.better.change.objection(self.gain)
 
     def seen_from(self, unknowns: Unknowns, answer: Array) -> Profiles:
         """The same points seen from an answer (n_p,) that is not their middle: what they say where no walk comes to an
@@ -119,8 +122,8 @@ def profile(
     free = [i for i in searched.tolist() if not beats[i] and (only is None or i in only)]
     place = {index: number for number, index in enumerate(searched.tolist())}
     wait = {i: 1.0 if beside is None else float(beside[place[i]]) for i in free}
-    remembered = sizes if memory is None else sizes * np.sqrt(memory)
-    walks = _walks(line, {i: float(remembered[place[i]]) for i in free}, wait, steps, progress)
+    wide = sizes if memory is None else sizes * np.sqrt(memory)
+    walks = _walks(line, {i: float(wide[place[i]]) for i in free}, wait, steps, progress)
     for (index, sign), walk in walks.items():
         mark_past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
@@ -139,8 +142,7 @@ def profile(
     likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
-    clear = 0.0 if better is None else better.change.objection(gain)
-    return Profiles(ends, better, curves, gain, clear, line.best.theta, away, objection, tuple(likely))
+    return Profiles(ends, better, curves, gain, line.best.theta, away, objection, tuple(likely))
 
 
 def _walks(
