@@ -126,3 +126,28 @@ def test_a_place_at_which_the_solver_finds_no_end_is_met_with_what_is_farthest_o
     met = line.settled(place.theta, place.guesses)
     assert asked[0] == profile_ground.FREE and len(asked) == 2
     assert met is not None and met.held == asked[1] and met.cost == pytest.approx(place.cost, abs=0.05)
+
+
+def test_where_the_answer_does_not_settle_with_coarser_steps_than_its_own_the_walks_take_its_own(fitted, monkeypatch):
+    attempt, unknowns, size = fitted
+    own = profile_ground.STEPS + 4
+    solved = replace(attempt.solved, grid=replace(attempt.solved.grid, steps=own))
+    asked = []
+    settle, free = profile_ground.Ground.home, profile_ground.Ground.solved
+
+    def home(ground, theta, guesses):
+        asked.append(ground.grid.steps)
+        return settle(ground, theta, guesses) if ground.grid.steps == own else None
+
+    def by_solver(ground, theta, guesses, held):
+        return free(ground, theta, guesses, held) if ground.grid.steps == own else None
+
+    coarse = ProfileLine.at(attempt.prepared, solved, unknowns, size, noise_of(attempt))
+    assert coarse.ground.grid.steps == profile_ground.STEPS and coarse.seen  # what settles coarsely is walked coarsely
+    monkeypatch.setattr(profile_ground.Ground, "home", home)
+    monkeypatch.setattr(profile_ground.Ground, "solved", by_solver)
+    fine = ProfileLine.at(attempt.prepared, solved, unknowns, size, noise_of(attempt))
+    assert asked == [profile_ground.STEPS, own]
+    assert fine.ground.grid.steps == own and fine.first is not None and fine.seen
+    point = fine.point(fine.best, unknowns.names.index("a"), fine.best.theta[unknowns.names.index("a")] + 0.01)
+    assert point is not None and np.isfinite(fine.loss_root(point))

@@ -79,16 +79,23 @@ class Ground:
 
     @classmethod
     def about(
-        cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array, noise: Remembering
+        cls,
+        logs: Sequence[Prepared],
+        solved: Solved,
+        unknowns: Unknowns,
+        size: Array,
+        noise: Remembering,
+        steps: int = STEPS,
     ) -> Ground:
-        """The ground about an answer; size (f,): standard errors of the free parameters there."""
+        """The ground about an answer; size (f,): standard errors of the free parameters there; steps: RK4 steps per
+        interval, those of the answer at most."""
         soft = unknowns.softened()
         told = np.isfinite(unknowns.prior_sd)
         mean = np.where(told, soft.prior_mean, solved.theta)
         return cls(
             logs=tuple(log.data for log in logs),
             # Differences of cost need no finer steps than this: their error is common to all points.
-            grid=replace(solved.grid, steps=min(solved.grid.steps, STEPS)),
+            grid=replace(solved.grid, steps=min(solved.grid.steps, steps)),
             unknowns=unknowns,
             soft=replace(soft, prior_mean=mean, start=solved.theta),
             size=size,

@@ -15,7 +15,7 @@ from identify.preparation.unknowns import Unknowns
 from identify.shooting.passes import Solved
 from identify.shooting.warm import Settled
 from identify.uncertainty.objection import Remembering
-from identify.uncertainty.profile_ground import FREE, Ground, Home, ProfilePoint
+from identify.uncertainty.profile_ground import FREE, STEPS, Ground, Home, ProfilePoint
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,15 @@ class ProfileLine:
         cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array, noise: Remembering
     ) -> ProfileLine:
         """The line through an answer, which is settled first; size (f,): standard errors of the free parameters."""
-        ground = Ground.about(logs, solved, unknowns, size, noise)
+        line = cls._on(Ground.about(logs, solved, unknowns, size, noise), solved)
+        if line.seen or solved.grid.steps <= STEPS:
+            return line
+        # With steps coarser than those of the answer a slip may not close, and no walk would begin.
+        return cls._on(Ground.about(logs, solved, unknowns, size, noise, solved.grid.steps), solved)
+
+    @classmethod
+    def _on(cls, ground: Ground, solved: Solved) -> ProfileLine:
+        """The line through an answer on a ground; nothing was seen where the answer does not settle on it."""
         home = ground.home(solved.theta, solved.guesses)
         recent = deque([] if home is None else [home], maxlen=KEPT)  # of a long log each is as large as the log
         answer, settled = solved.solution.cost, None
