@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 
 INTERVAL = 1 / 4  # of half a period: shooting intervals of a slide
 FIRST_INTERVALS = 8  # of the part of a slip in which the contact fades
-BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
+BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form,
+CLEAR = 1.0  # where without that it would come to rest too: times the speed at which it begins to, below nothing
+LOOK = 0.005  # of half a period: how far apart the speeds lie that say so
 
 
 @dataclass
@@ -71,8 +73,17 @@ class SlideParts:
         if len(self._parts) < 2 or self._parts[-2][2] != "release":
             return
         (mode, released, _), (_, end, ended) = self._parts[-2:]
-        if end - released <= BRIEF * self.half:
+        if end - released <= BRIEF * self.half and self._rests_anyway(released):
             self._parts[-2:] = [(mode, end, ended)]
+
+    def _rests_anyway(self, released: float) -> bool:
+        """Whether the mass would clearly come to rest with its contact saturated all the way: the closed form starts
+        from there. A mass that comes to rest by a hair does so because its contact ages."""
+        h = LOOK * self.half
+        moments = released - h * np.array([2.0, 1.0, 0.0])
+        first, second, last = _sampler(self.model, self._pieces)(moments)[:, SPEED].tolist()
+        pace, bend = (3.0 * last - 4.0 * second + first) / (2.0 * h), (last - 2.0 * second + first) / h**2
+        return pace < 0.0 and pace**2 >= 2.0 * bend * (1.0 + CLEAR) * last
 
 
 def _sampler(model: Model, pieces: list[tuple[float, Trajectory]]) -> Callable[[Array], Array]:
