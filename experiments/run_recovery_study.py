@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.in_parts import append, read
 from experiments.machine import describe
 from experiments.study_problem import NOISE, USUAL, WIDE, Case, random_case, scene_of, wrong_start
+from identify.diagnosis.findings import Findings
 from identify.identification import find
 from identify.outcome import Status
 from identify.search.attempt import Clock
@@ -68,7 +69,11 @@ def fit_case(case: Case, start: dict[str, float] | None, sources: Sources) -> Ou
     _, found = find(
         scene_of(case, start), case.records, clock=Clock(), progress=lambda _stage, _share: None, starts=sources
     )
-    seconds = time.perf_counter() - began
+    return compared(found, case, time.perf_counter() - began)
+
+
+def compared(found: Findings, case: Case, seconds: float) -> Outcome:
+    """What was found against the truth."""
     if found.attempt is None or found.covariance is None:
         return Outcome(found.status, {}, dict.fromkeys(FRICTION, np.inf), np.inf, seconds, found.message)
     unknowns, theta = found.unknowns, found.attempt.solved.theta

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,12 +105,16 @@ def wrong_start(random: np.random.Generator, truth: dict[str, float]) -> dict[st
             return start
 
 
-def scene_of(case: Case, start: dict[str, float] | None = None) -> Scene:
-    """The scene a user would write for the case; with the user's start where one is given."""
+def scene_of(case: Case, start: dict[str, float] | None = None, further: Sequence[float] = ()) -> Scene:
+    """The scene a user would write for the case; with the user's start where one is given, and with further logs, whose
+    drive speeds [m/s] are given."""
     document = {
         "effects": [*NAMES, "varying_normal_force"],
         "rig": dict(case.rig),
-        "logs": [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, _, _) in enumerate(SPEEDS, 1)],
+        "logs": [
+            {"path": f"log_{i}.csv", "drive_speed": speed}
+            for i, speed in enumerate([*(speed for speed, _, _ in SPEEDS), *further], 1)
+        ],
     }
     if start is not None:
         document["parameters"] = {name: {"start": value} for name, value in start.items()}

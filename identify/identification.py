@@ -23,6 +23,9 @@ from identify.errors import FitError
 from identify.examination.allowed import slowness
 from identify.examination.certainty import Certainty, certainty
 from identify.first_guess.vibration import tuned
+from identify.next_log.choosing import next_logs
+from identify.next_log.words import advised
+from identify.next_log.words import document as next_log_document
 from identify.numerics.heap import keep_freed_memory
 from identify.outcome import Fit, LogCurves, Status
 from identify.preparation.drives import with_drives
@@ -86,6 +89,11 @@ def fit(
         clock.add("choose", since)
     starts = starts or _default_starts(scene)
     prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
+    advice = None
+    if findings.status is Status.CONVERGED:
+        told("the log that would tell more", 0.95)
+        advice = next_logs(findings)
+        findings = findings if advice is None else advised(findings, advice)
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings.unknowns, findings.attempt)
     result = document(scene, prepared, findings, clock, began, seed, choice)
@@ -96,6 +104,7 @@ def fit(
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
+    result["next_logs"] = next_log_document(advice)
     if drives:
         result["notes"] = [*drives, *result["notes"]]
     result["provenance"] |= {"starts": starts, "asked": asked.document()}

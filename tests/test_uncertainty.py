@@ -226,7 +226,7 @@ def test_bound_and_fixed_have_no_interval():
 
 def test_slips_that_are_nearly_resolved_ask_for_another_speed_as_well():
     def asks(samples, speeds):
-        return _shape([samples], [samples / 200.0], speeds)
+        return str(_shape([samples], [samples / 200.0], speeds))
 
     assert asks(3.0, [1e-5, 1e-4]).endswith("sample at 2000 Hz or more")
     assert asks(11.0, [1e-6, 1e-5]).endswith("sample at 500 Hz or more, and add a faster log")

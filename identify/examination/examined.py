@@ -135,7 +135,8 @@ def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question)
     """What is seen from an answer; seen: what is allowed for there, which walks do not change."""
     solved = attempt.solved
     bounds = q.at_bound(solved.theta)
-    told = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
+    hinted = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
+    told = {name: str(hint) for name, hint in hinted.items()}
     joint, f = seen.joint.copy(), len(seen.white)
     if walked is not None:
         free = q.unknowns.free

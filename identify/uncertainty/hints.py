@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,8 +21,19 @@ MOST_LEVELS = 6  # that are told one by one
 SLOWER = "slower, with a softer spring or at a higher load"
 
 
-def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns, theta: np.ndarray) -> dict[str, str]:
-    """Per parameter, the sentence that stands beside a verdict other than identified.
+@dataclass(frozen=True)
+class Hint:
+    """What stands beside a verdict other than identified: what the logs show, and what to do ("": as it says)."""
+
+    shown: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.shown}: {self.remedy}" if self.remedy else self.shown
+
+
+def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns, theta: np.ndarray) -> dict[str, Hint]:
+    """Per parameter, what stands beside a verdict other than identified.
 
     Args:
         logs, guesses: the fitted logs and the motion behind them; theta (n_p,) the answer.
@@ -97,7 +109,7 @@ def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess], colours: Se
     return f"{slides}: {held_words}; add a log that sticks and slips ({SLOWER})"
 
 
-def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns) -> dict[str, str]:
+def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns) -> dict[str, Hint]:
     """Of logs that slide, or stick once: what they hold, and what would tell more."""
     sticks = onsets(guesses)
     slides = [speed for log, guess in zip(logs, guesses, strict=True) for _, _, speed in steady(log.data, guess)]
@@ -109,46 +121,47 @@ def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns
         else f"logs that slide hold the friction level at their speeds ({told}) and little more"
     )
     slower = f"add a log that sticks and slips: {SLOWER}"
-    out = dict.fromkeys(("mu_k0", "delta_mu_k", "a"), f"{level}: {slower}, and logs that slide at other speeds")
-    out |= dict.fromkeys(("mu_s", "t_cr", "D"), f"{level}: {slower}")
+    out = dict.fromkeys(("mu_k0", "delta_mu_k", "a"), Hint(level, f"{slower}, and logs that slide at other speeds"))
+    out |= dict.fromkeys(("mu_s", "t_cr", "D"), Hint(level, slower))
     if sticks:
         peaks = "one stick shows" if sticks == 1 else f"{sticks} sticks show"
-        hold = f"{peaks} the strength after those rests: add holds that last a tenth and ten times as long"
-        out |= {"mu_s": hold, "t_cr": hold, "D": f"the peaks hold too few samples: sample faster, or {slower}"}
+        hold = Hint(f"{peaks} the strength after those rests", "add holds that last a tenth and ten times as long")
+        out |= {"mu_s": hold, "t_cr": hold, "D": Hint("the peaks hold too few samples", f"sample faster, or {slower}")}
     return {name: reason for name, reason in out.items() if name in unknowns.names}
 
 
-def _shape(samples: Sequence[float], slips: Sequence[float], speeds: Sequence[float]) -> str:
+def _shape(samples: Sequence[float], slips: Sequence[float], speeds: Sequence[float]) -> Hint:
     best = int(np.argmax(samples))
     if samples[best] < RESOLVED:
         rate = WANTED / min(slips)
         # With some samples more it may be the speeds as well: which of both, only a profile of other designs would say.
         faster = ", and add a faster log" if samples[best] > RESOLVED / 2 else ""
-        return (
-            f"slips hold at most {samples[best]:.0f} samples, so their shape is not seen: "
-            f"sample at {_round_up(rate):.0f} Hz or more{faster}"
+        return Hint(
+            f"slips hold at most {samples[best]:.0f} samples, so their shape is not seen",
+            f"sample at {round_up(rate):.0f} Hz or more{faster}",
         )
     if len(speeds) == 1:
-        return (
-            f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip: "
-            f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip"
+        return Hint(
+            f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip",
+            f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip",
         )
-    return f"the slips of these {len(speeds)} speeds are too alike: add a faster log, or more cycles"
+    return Hint(f"the slips of these {len(speeds)} speeds are too alike", "add a faster log, or more cycles")
 
 
-def _holds(sticks: np.ndarray, t_cr: float) -> str:
+def _holds(sticks: np.ndarray, t_cr: float) -> Hint:
     if sticks.size == 0:
-        return "no stick between two slips was seen: record several cycles"
+        return Hint("no stick between two slips was seen", "record several cycles")
     longest, shortest = float(np.max(sticks)), float(np.min(sticks))
     if shortest > 3 * t_cr:
-        return (
-            f"every stick lasts {shortest:.2g} s or more, long enough to saturate the contact: "
-            "add a faster log, with sticks of a few tenths of that"
+        return Hint(
+            f"every stick lasts {shortest:.2g} s or more, long enough to saturate the contact",
+            "add a faster log, with sticks of a few tenths of that",
         )
     if longest < t_cr:
-        return f"the longest stick is {longest:.2g} s, too short to saturate the contact: add a slower log"
-    return "sticks of different length tell it: add a slower and a faster log"
+        return Hint(f"the longest stick is {longest:.2g} s, too short to saturate the contact", "add a slower log")
+    return Hint("sticks of different length tell it", "add a slower and a faster log")
 
 
-def _round_up(rate: float) -> float:
+def round_up(rate: float) -> float:
+    """The next sampling rate [Hz] that one would set."""
     return float(next(r for r in (100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 1e9) if r >= min(rate, 1e9)))

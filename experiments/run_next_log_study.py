@@ -1,0 +1,153 @@
+"""Does the log that a fit asks for tell what it is to tell? The advice of a fit, followed.
+
+A pair of the recovery study is fitted from its four logs. Where a parameter is weak or not identifiable, the logs that
+the fit asks for are simulated with the true parameters and new noise, and all logs are fitted again; at most ROUNDS
+times. Counted: parameters that a log was to tell, and of these the ones that are `identified` then; answers that are
+recovered then in the sense of the recovery study; false successes.
+
+    python experiments/run_next_log_study.py usual|wide FILE NUMBER...
+    python experiments/run_next_log_study.py table FILE...
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from data_io import Record
+from experiments.in_parts import append, read
+from experiments.machine import describe
+from experiments.run_recovery_study import FRICTION, Outcome, Study, compared
+from experiments.study_problem import NOISE, Case, scene_of
+from identify.diagnosis.findings import Findings
+from identify.effects import MAIN
+from identify.identification import find
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.next_log.choosing import NextLog, next_logs
+from identify.search.attempt import Clock
+from identify.speeds import speed_text
+
+ROUNDS = 2
+SEED = 11
+CODES = {"identified": "i", "weak": "w", "not identifiable": "-"}
+
+
+def recorded(case: Case, log: NextLog, random: np.random.Generator) -> Record:
+    """The log, simulated with the true parameters, from rest and with a fresh contact."""
+    motion = run(assemble(MAIN), case.truth | case.rig, log.drive_speed, log.normal_force, log.duration)
+    times = np.arange(round(log.duration * log.rate)) / log.rate
+    force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
+    return Record(times, np.full(times.size, log.normal_force), force)
+
+
+def fitted(case: Case, further: Sequence[float]) -> tuple[Findings, Outcome]:
+    """The fit of a case, and how it compares with the truth."""
+    began = time.perf_counter()
+    _, found = find(
+        scene_of(case, None, further), case.records, clock=Clock(), progress=lambda _stage, _share: None, starts="data"
+    )
+    return found, compared(found, case, time.perf_counter() - began)
+
+
+def trial(ranges: str, number: int) -> dict[str, Any]:
+    """One pair: what its fit asks for, and what becomes of it."""
+    case, _, _ = Study(ranges).case(number)
+    random = np.random.default_rng([SEED, number])
+    found, outcome = fitted(case, ())
+    line: dict[str, Any] = {"number": number, "ranges": ranges, "before": _told(outcome), "rounds": []}
+    speeds: list[float] = []
+    for _ in range(ROUNDS):
+        advice = next_logs(found)
+        logs = () if advice is None else advice.logs
+        if not logs:
+            break
+        speeds += [log.drive_speed for log in logs]
+        case = replace(case, records=(*case.records, *(recorded(case, log, random) for log in logs)))
+        found, outcome = fitted(case, speeds)
+        promised = [name for log in logs for name in log.tells if name in FRICTION]
+        line["rounds"].append(
+            {
+                "logs": [
+                    {"speed": log.drive_speed, "duration": log.duration, "rate": log.rate, "tells": dict(log.tells)}
+                    for log in logs
+                ],
+                "promised": promised,
+                "kept": [name for name in promised if outcome.verdicts.get(name) == "identified"],
+                "after": _told(outcome),
+            }
+        )
+    _say(line)
+    return line
+
+
+def _told(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "status": outcome.status.value,
+        "verdicts": outcome.verdicts,
+        "distance": outcome.distance,
+        "recovered": outcome.recovered,
+        "false_success": outcome.false_success,
+        "seconds": outcome.seconds,
+    }
+
+
+def _verdicts(told: dict[str, Any]) -> str:
+    codes = "".join(CODES.get(told["verdicts"].get(name, ""), "?") for name in FRICTION)
+    return f"{codes} {told['status']} {told['distance']:.1f}{' FALSE SUCCESS' if told['false_success'] else ''}"
+
+
+def _say(line: dict[str, Any]) -> None:
+    print(f"{line['number']:4d} {_verdicts(line['before'])}", flush=True)
+    for done in line["rounds"]:
+        logs = "; ".join(
+            f"{speed_text(log['speed'])}, {log['duration']:.3g} s, {log['rate']:.0f} Hz for {', '.join(log['tells'])}"
+            for log in done["logs"]
+        )
+        print(f"     + {logs}\n     = {_verdicts(done['after'])}, {done['after']['seconds']:.1f} s", flush=True)
+
+
+def table(lines: Sequence[dict[str, Any]]) -> None:
+    """Counts over all pairs that had something left to tell."""
+    print(f"\n{describe()}\n")
+    print("| pairs | left to tell | no log would | logs asked for | promised | kept | recovered before | after |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for ranges in sorted({line["ranges"] for line in lines}):
+        mine = [line for line in lines if line["ranges"] == ranges]
+        asked = [line for line in mine if set(line["before"]["verdicts"].values()) - {"identified"}]
+        last = [line["rounds"][-1]["after"] if line["rounds"] else line["before"] for line in mine]
+        rounds = [done for line in mine for done in line["rounds"]]
+        before = sum(line["before"]["recovered"] for line in mine)
+        count = Counter[str]()
+        for done in rounds:
+            count.update(logs=len(done["logs"]), promised=len(done["promised"]), kept=len(done["kept"]))
+        print(
+            f"| {ranges} ({len(mine)}) | {len(asked)} | {sum(not line['rounds'] for line in asked)} "
+            f"| {count['logs']} | {count['promised']} | {count['kept']} | {before} | "
+            f"{sum(told['recovered'] for told in last)} |"
+        )
+        wrong = [line["number"] for line, told in zip(mine, last, strict=True) if told["false_success"]]
+        print(f"\nfalse success after: {wrong or 'none'}")
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run pairs of the study, or make the table of finished ones."""
+    if arguments[:1] == ["table"]:
+        table(read(arguments[1:]))
+        return
+    ranges, file, *numbers = arguments
+    for number in numbers:
+        append(Path(file), trial(ranges, int(number)))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

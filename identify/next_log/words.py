@@ -1,0 +1,74 @@
+"""The logs that would tell, in words beside the verdicts, and in the result document."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from identify.diagnosis.findings import Findings
+from identify.next_log.choosing import Advice, NextLog
+from identify.number_words import three_figures
+from identify.speeds import speed_text
+from identify.uncertainty.hints import hints
+from identify.uncertainty.uncertainty import IDENTIFIED, Estimate
+
+
+def advised(found: Findings, advice: Advice) -> Findings:
+    """The findings with the log that would tell beside every verdict that leaves something to tell."""
+    assert found.attempt is not None
+    attempt = found.attempt
+    told = hints(attempt.prepared, attempt.solved.guesses, found.unknowns, attempt.solved.theta)
+
+    def with_log(estimate: Estimate) -> Estimate:
+        name, words = estimate.name, _remedy(estimate.name, advice)
+        if not words:
+            return estimate
+        hint = told.get(name)
+        if hint is None or str(hint) not in estimate.reason:
+            return replace(estimate, reason="; ".join(filter(None, (estimate.reason, words))))
+        return replace(estimate, reason=estimate.reason.replace(str(hint), f"{hint.shown}: {words}"))
+
+    return replace(found, estimates=[with_log(estimate) for estimate in found.estimates])
+
+
+def document(advice: Advice | None) -> list[dict[str, Any]]:
+    """The logs for result.json, SI; expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for
+    delta_mu_k)."""
+    return [
+        {
+            "drive_speed": log.drive_speed,
+            "normal_force": log.normal_force,
+            "duration": _whole(log.duration),
+            "sampling_rate": log.rate,
+            "slips": log.slips,
+            "expected": dict(log.tells),
+        }
+        for log in (() if advice is None else advice.logs)
+    ]
+
+
+def _remedy(name: str, advice: Advice) -> str:
+    """What to do about one parameter; "" where it was not asked for."""
+    for log in advice.logs:
+        if name in log.tells:
+            return f"add {_said(log)}, which is expected to tell it to {100.0 * log.tells[name]:.0f} %"
+    if name in advice.untold:
+        return (
+            f"no log of up to {three_figures(advice.longest)} s at one speed, this load and on this rig is expected to "
+            f"tell it to {100.0 * IDENTIFIED:.0f} %"
+        )
+    return ""
+
+
+def _said(log: NextLog) -> str:
+    return (
+        f"a log of {_whole(log.duration):.6g} s at {speed_text(log.drive_speed, 3)} and "
+        f"{three_figures(log.normal_force)} N, sampled at {log.rate:.0f} Hz"
+    )
+
+
+def _whole(duration: float) -> float:
+    """A duration [s] with two figures, rounded up."""
+    step = 10.0 ** (math.floor(math.log10(duration)) - 1)
+    return float(f"{math.ceil(duration / step - 1e-9) * step:.6g}")

@@ -1,0 +1,171 @@
+"""The log that would tell: a rehearsal knows what a fit of the log knows, and a log that is asked for tells what it is
+to tell."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, scene_of, simulated_case
+from identify import Scene, fit
+from identify.effects import MAIN
+from identify.identification import find
+from identify.model.model import assemble
+from identify.motion.simulate import run
+from identify.next_log import choosing, words
+from identify.next_log.choosing import Advice, NextLog, next_logs
+from identify.next_log.rehearsal import rehearse
+from identify.preparation.unknowns import from_scene
+from identify.search.attempt import Clock
+
+
+@pytest.fixture(scope="module")
+def four_logs():
+    case = simulated_case(DEMO, 17)
+    _, found = find(scene_of(case), case.records, clock=Clock(), progress=lambda _stage, _share: None)
+    return found
+
+
+def recorded(pair, speed, duration, rate, seed):
+    """A log from rest with a fresh contact, with white noise."""
+    time = np.arange(int(duration * rate) + 1) / rate
+    force = run(assemble(MAIN), pair | RIG, speed, 1.0, duration).sample(time)["force"]
+    noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
+    return Record(time, np.ones(time.size), force + noise)
+
+
+def scene(pair, free, speeds):
+    """All but some parameters are known."""
+    parameters = {n: {"start": 1.2 * pair[n]} if n in free else {"fixed": pair[n]} for n in pair}
+    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, speed in enumerate(speeds)]
+    effects = [*MAIN, "varying_normal_force"]
+    return Scene.from_document({"effects": effects, "rig": dict(RIG), "logs": logs, "parameters": parameters})
+
+
+def found_in(pair, free, logs):
+    """The findings from logs of (speed, duration, rate), and their records."""
+    records = [recorded(pair, *log, seed) for seed, log in enumerate(logs, 1)]
+    made = scene(pair, free, [speed for speed, _, _ in logs])
+    return find(made, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+
+
+def estimate(found, name):
+    return next(e for e in found.estimates if e.name == name)
+
+
+# What is free, the pair, and a log that does not tell it: slips of seven samples, and sticks that last too long.
+UNSEEN = ("a", "delta_mu_k"), DEMO, (1e-4, 6.0, 100.0)
+TOO_LONG = ("t_cr",), DEMO | {"t_cr": 0.05}, (1e-4, 8.0, 200.0)
+
+
+@pytest.fixture(scope="module")
+def unseen():
+    free, pair, log = UNSEEN
+    return found_in(pair, free, [log])
+
+
+def rehearsed(found, *, load_sd: float | None = None) -> np.ndarray:
+    """Standard errors (f,) that rehearsals of the fitted logs promise."""
+    total = np.zeros((6, 6))
+    for log in found.attempt.prepared:
+        data, seconds = log.data, log.data.end - log.data.begin
+        theta = found.attempt.solved.theta
+        made = rehearse(found.unknowns, theta, data.base, data.drive_speed, log.mean_load, 1e-4, seconds)
+        known = data.normal_force_sd if load_sd is None else load_sd
+        total += seconds / made.duration * made.information(1.0 / data.interval, data.noise**2, known)
+    return np.sqrt(np.diag(np.linalg.inv(total)))
+
+
+def test_rehearsals_promise_what_the_fit_of_the_logs_knows(four_logs):
+    """The covariance of the fit comes from the shooting, and knows nothing of the simulator that rehearses."""
+    told = np.sqrt(np.diag(four_logs.sure.white))
+    ratio = told / rehearsed(four_logs)
+    assert np.all(ratio > 0.8) and np.all(ratio < 4.0), ratio
+    # Slips whose loads repeat exactly would time every onset: a promise that no record keeps.
+    assert np.max(told / rehearsed(four_logs, load_sd=0.0)) > 50.0
+
+
+def test_slopes_of_a_rehearsal_are_those_of_the_closed_forms():
+    """Of a stick, in which the force rises as k v t: one cycle shifts by what the friction at its ends shifts."""
+    case = simulated_case(DEMO, 17)
+    unknowns = from_scene(scene_of(case))
+    base = unknowns.base(RIG)
+    theta = unknowns.theta(np.array([(DEMO | RIG)[name] for name in unknowns.names]), base)
+    speed = SPEEDS[1][0]
+    made = rehearse(unknowns, theta, base, speed, 1.0, 1e-4, 20.0)
+    names = [unknowns.names[i] for i in np.flatnonzero(unknowns.free)]
+    at = names.index("mu_s")
+    heavier = made.gram.shape[0] - made.cycles
+    # The load acts as mu_s and mu_k0 do together, each by its share: F_onset = (mu_k0 + (mu_s - mu_k0) gamma) N.
+    loads = made.gram[heavier:, heavier:].sum()
+    both = [at, names.index("mu_k0"), names.index("delta_mu_k")]
+    share = np.array([DEMO["mu_s"], DEMO["mu_k0"], DEMO["delta_mu_k"]])
+    together = share @ made.gram[np.ix_(both, both)] @ share
+    assert loads == pytest.approx(together, rel=1e-3)
+    assert made.gram[at, at] != pytest.approx(together, rel=0.1)
+
+
+def test_nothing_is_asked_for_where_all_is_identified(four_logs):
+    assert next_logs(four_logs) is None
+
+
+@pytest.mark.parametrize(("free", "pair", "log"), [UNSEEN, TOO_LONG])
+def test_the_log_that_is_asked_for_tells_what_it_is_to_tell(free, pair, log):
+    (name, *_) = free
+    before = found_in(pair, free, [log])
+    assert estimate(before, name).verdict == "not identifiable"
+    advice = next_logs(before)
+    (asked,) = advice.logs
+    assert list(asked.tells) == [name] and not advice.untold
+    after = found_in(pair, free, [log, (asked.drive_speed, asked.duration, asked.rate)])
+    told = estimate(after, name)
+    assert told.verdict == "identified" and told.lower < pair[name] < told.upper
+    assert 0.5 * (told.upper - told.lower) / told.value < 1.2 * asked.tells[name]
+
+
+def test_another_log_like_the_first_would_not_have_told(unseen):
+    free, pair, log = UNSEEN
+    (asked,) = next_logs(unseen).logs
+    assert asked.duration < log[1]
+    assert estimate(found_in(pair, free, [log, log]), "a").verdict == "not identifiable"
+
+
+def test_a_log_of_many_cycles_is_asked_for_where_few_would_not_do(unseen, monkeypatch):
+    (short,) = next_logs(unseen).logs
+    monkeypatch.setattr(choosing, "_price", lambda *_: 1e3)
+    (long,) = next_logs(unseen).logs
+    assert long.duration > 2.0 * short.duration and long.slips > short.slips
+    assert long.tells["a"] <= choosing.SAFE * 0.2
+    monkeypatch.setattr(choosing, "_price", lambda *_: 1e9)
+    nothing = next_logs(unseen)
+    assert nothing.logs == () and nothing.untold == ("a",)
+
+
+def test_reasons_and_the_result_name_the_log(unseen):
+    free, pair, log = UNSEEN
+    advice = next_logs(unseen)
+    reason = estimate(words.advised(unseen, advice), "a").reason
+    assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of 2.2 s at 1 mm/s")
+    assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 5 %" in reason
+    (entry,) = words.document(advice)
+    assert set(entry) == {"drive_speed", "normal_force", "duration", "sampling_rate", "slips", "expected"}
+    result = fit(scene(pair, free, [log[0]]), [recorded(pair, *log, 1)]).result
+    assert result["next_logs"] == [entry] and result["parameters"]["a"]["reason"] == reason
+    assert words.document(None) == []
+
+
+def test_what_no_log_would_tell_is_said(unseen):
+    said = words.advised(unseen, Advice((), ("a",), 60.0))
+    words_of_a = "no log of up to 60 s at one speed, this load and on this rig is expected to tell it to 20 %"
+    assert estimate(said, "a").reason.endswith(words_of_a)
+    assert not any("no log" in e.reason for e in said.estimates if e.name != "a")
+
+
+def test_a_reason_that_is_no_hint_keeps_its_words(unseen):
+    own = [replace(e, reason="its own") if e.name == "a" else e for e in unseen.estimates]
+    log = NextLog(0.02, 1.5, 98.4, 5000.0, 3, {"a": 0.15})
+    kept = words.advised(replace(unseen, estimates=own), Advice((log,), (), 60.0))
+    assert estimate(kept, "a").reason == (
+        "its own; add a log of 99 s at 20 mm/s and 1.5 N, sampled at 5000 Hz, which is expected to tell it to 15 %"
+    )
