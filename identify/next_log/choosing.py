@@ -194,7 +194,8 @@ def _speeds(found: Findings) -> list[float]:
     own = [log.data.drive_speed for log in found.attempt.prepared]
     low, high = min(own) / BEYOND, max(own) * BEYOND
     decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    return [dial * 10.0**decade for decade in decades for dial in DIALS if low <= dial * 10.0**decade <= high]
+    dials = [float(f"{dial}e{decade}") for decade in decades for dial in DIALS]
+    return [speed for speed in dials if low <= speed <= high]
 
 
 def _other_places(known: _Known, theta: Array, walked: Profiles | None) -> list[Array]:
