@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments.in_parts import append, read
 from experiments.machine import describe
-from experiments.run_recovery_study import FRICTION, Outcome, Study, compared
+from experiments.run_recovery_study import CASES, FRICTION, RANGES, Outcome, Study, compared
 from experiments.study_problem import NOISE, Case, scene_of
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
@@ -139,15 +139,28 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
         print(f"\nfalse success after: {wrong or 'none'}")
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Run pairs of the study, or make the table of finished ones."""
-    if arguments[:1] == ["table"]:
-        table(read(arguments[1:]))
-        return
-    ranges, file, *numbers = arguments
+def study(ranges: str, numbers: Sequence[int], file: Path | None = None) -> list[dict[str, Any]]:
+    """Pairs of the recovery study, each appended to a file if one is given."""
+    out = []
     for number in numbers:
-        append(Path(file), trial(ranges, int(number)))
+        out.append(trial(ranges, number))
+        append(file, out[-1])
+    return out
+
+
+def main(fast: bool = False) -> list[dict[str, Any]]:
+    """The whole study: both ranges; fast: one usual pair, of which nothing is left to tell."""
+    asked = {"usual": [1]} if fast else {ranges: range(1, CASES + 1) for ranges in RANGES}
+    lines = [line for ranges, numbers in asked.items() for line in study(ranges, numbers)]
+    table(lines)
+    return lines
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    said = sys.argv[1:]
+    if not said:
+        main()
+    elif said[0] == "table":
+        table(read(said[1:]))
+    else:
+        study(said[0], [int(number) for number in said[2:]], Path(said[1]))

@@ -24,7 +24,7 @@ from experiments.record_kinds import KINDS, Kind
 from identify import fit
 
 REPEATS = 5
-QUICK = ("speed steps", "a slip excluded")
+QUICK = ("speed steps",)
 CLOSE, FAR, SURE = 0.05, 0.10, 4.0
 
 

@@ -12,10 +12,12 @@ from identify import Scene, fit
 from identify.effects import MAIN
 from identify.identification import find
 from identify.model.model import assemble
+from identify.motion.drive import Drive, NormalForce
 from identify.motion.simulate import run
 from identify.next_log import choosing, words
 from identify.next_log.choosing import Advice, NextLog, next_logs
 from identify.next_log.rehearsal import rehearse
+from identify.preparation.guess import LogData
 from identify.preparation.unknowns import from_scene
 from identify.search.attempt import Clock
 
@@ -140,6 +142,13 @@ def test_a_log_of_many_cycles_is_asked_for_where_few_would_not_do(unseen, monkey
     monkeypatch.setattr(choosing, "_price", lambda *_: 1e9)
     nothing = next_logs(unseen)
     assert nothing.logs == () and nothing.untold == ("a",)
+
+
+def test_speeds_of_a_programme_count_for_as_long_as_they_were_driven():
+    data = LogData(*(np.arange(3.0),) * 3, np.ones(1), 1e-3, NormalForce.of(1.0), 0.0, 0.5, 9.0)
+    assert choosing.driven(data) == [(1e-3, 8.5)]
+    programme = Drive.of(((0.0, 1e-3), (2.0, 0.0), (3.0, -5e-3), (9.5, 1e-2)))
+    assert choosing.driven(replace(data, programme=programme)) == [(1e-3, 1.5), (5e-3, 6.0)]
 
 
 def test_reasons_and_the_result_name_the_log(unseen):

@@ -18,7 +18,7 @@ from identify.first_guess.vibration import rhythmic
 from identify.next_log.rehearsal import Rehearsal, rehearse
 from identify.numerics.level import NORMAL
 from identify.outcome import Status
-from identify.preparation.guess import Guess
+from identify.preparation.guess import Guess, LogData
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 from identify.uncertainty.hints import WANTED, round_up
@@ -32,7 +32,6 @@ DIALS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # of a decade: speeds that one would set
 BEYOND = 10.0  # times the fastest log, and below the slowest
 LONGEST = 60.0  # [s] of a log that is proposed, where none of the fitted ones is longer
 SAFE = 0.9  # of what `identified` allows
-PLACES = 2  # besides the answer
 TRIED = 6  # logs that are rehearsed at all places
 MOST = 3  # logs that are proposed
 
@@ -130,11 +129,11 @@ def _known(found: Findings) -> _Known | None:
     asked = tuple(unknowns.names[free[i]] for i in kept.tolist() if told[i] in ("weak", "not identifiable"))
     onsets = [_onsets(guess) for guess in attempt.solved.guesses]
     like = max(range(len(onsets)), key=lambda i: onsets[i].size)
-    if not asked or not onsets[like].size or not np.all(np.isfinite(sure.covariance)):
-        return None
     log, guess = attempt.prepared[like], attempt.solved.guesses[like]
+    if not asked or not onsets[like].size or not driven(log.data) or not np.all(np.isfinite(sure.covariance)):
+        return None
     apart = np.diff(onsets[like]) if onsets[like].size > 1 else onsets[like] - log.data.begin
-    distance = float(np.median(apart)) * log.data.speed_at(float(onsets[like][-1]))
+    distance = float(np.median(apart)) * max(speed for speed, _ in driven(log.data))
     intervals = [log.data.interval for log in attempt.prepared]
     memory = max(log.data.interval * colour.memory for log, colour in zip(attempt.prepared, sure.colours, strict=True))
     known = _Known(
@@ -174,24 +173,31 @@ def _price(known: _Known, logs: Sequence[Prepared], found: Findings, judged: Seq
         return 1.0
     total = np.diag(1.0 / known.unknowns.prior_sd[free] ** 2)
     for log, guess in zip(logs, found.attempt.solved.guesses, strict=True):
-        theta = guess.theta(found.attempt.solved.theta)
-        seconds = log.data.end - log.data.begin
-        made = rehearse(
-            known.unknowns, theta, log.data.base, log.data.drive_speed, log.mean_load, known.distance, seconds
-        )
-        if made is not None:
-            share = seconds / made.duration if made.slips else 1.0
-            total += share * made.information(1.0 / log.data.interval, log.data.noise**2, _load_sd(log, guess))
+        theta, data = guess.theta(found.attempt.solved.theta), log.data
+        for speed, seconds in driven(data):
+            made = rehearse(known.unknowns, theta, data.base, speed, log.mean_load, known.distance, seconds)
+            if made is not None:
+                share = seconds / made.duration if made.slips else 1.0
+                total += share * made.information(1.0 / data.interval, data.noise**2, _load_sd(log, guess))
     promised = _inverse(total)[np.ix_(judged, judged)]
     told = found.sure.white[np.ix_(judged, judged)]
     difference = np.linalg.slogdet(told)[1] - np.linalg.slogdet(promised)[1]
     return float(np.exp(max(difference / len(judged), 0.0))) if np.isfinite(difference) else 1.0
 
 
+def driven(data: LogData) -> list[tuple[float, float]]:
+    """At which speeds [m/s] a log was driven, and for how long each [s]; rests of the drive left out."""
+    if data.programme is None:
+        return [(data.drive_speed, data.end - data.begin)]
+    starts = np.clip([*data.programme.starts, data.end], data.begin, data.end)
+    pieces = zip(data.programme.speeds, np.diff(starts).tolist(), strict=True)
+    return [(abs(speed), seconds) for speed, seconds in pieces if speed != 0.0 and seconds > 0.0]
+
+
 def _speeds(found: Findings) -> list[float]:
     """Drive speeds to try [m/s], rising."""
     assert found.attempt is not None
-    own = [log.data.drive_speed for log in found.attempt.prepared]
+    own = [speed for log in found.attempt.prepared for speed, _ in driven(log.data)]
     low, high = min(own) / BEYOND, max(own) * BEYOND
     decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     dials = [float(f"{dial}e{decade}") for decade in decades for dial in DIALS]
@@ -210,7 +216,7 @@ def _other_places(known: _Known, theta: Array, walked: Profiles | None) -> list[
     agreed = walked.likely[(walked.objection <= CRITICAL) & (np.abs(walked.likely[:, worst]) <= reach)]
     agreed = agreed[np.argsort(agreed[:, worst])]
     out = []
-    for away in (agreed[:1], agreed[-1:])[:PLACES]:
+    for away in (agreed[:1], agreed[-1:]):
         if away.size:
             at = theta.copy()
             at[free] = walked.middle[free] + away[0]

@@ -126,6 +126,8 @@ def rehearse(
         return None
     moves = np.column_stack(slopes)
     gram = moves.T @ (moves * _weights(times)[:, None])
+    if not np.all(np.isfinite(gram)):
+        return None
     free = int(np.count_nonzero(unknowns.free))
     return Rehearsal(speed, until, int(arrests.size), slip, gram, free, len(slopes) - begun)
 
