@@ -1,11 +1,11 @@
 """Does the log that a fit asks for tell what it is to tell? The advice of a fit, followed.
 
-A pair of the recovery study is fitted from its four logs. Where a parameter is weak or not identifiable, the logs that
-the fit asks for are simulated with the true parameters and new noise, and all logs are fitted again; at most ROUNDS
-times. Counted: parameters that a log was to tell, and of these the ones that are `identified` then; answers that are
+A pair of the recovery study is fitted from its four logs. Where a parameter is not identifiable, the logs that the fit
+asks for are simulated with the true parameters and new noise, and all logs are fitted again; at most ROUNDS times.
+Counted: parameters that a log was to tell, and of these the ones that are `identified` then; answers that are
 recovered then in the sense of the recovery study; false successes.
 
-    python experiments/run_next_log_study.py usual|wide FILE NUMBER...
+    python experiments/run_next_log_study.py usual|wide data|user FILE NUMBER...
     python experiments/run_next_log_study.py table FILE...
 """
 
@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from identify.model.model import assemble
 from identify.motion.simulate import run
 from identify.next_log.choosing import NextLog, next_logs
 from identify.search.attempt import Clock
+from identify.search.starts import Sources
 from identify.speeds import speed_text
 
 ROUNDS = 2
@@ -50,30 +51,31 @@ def recorded(case: Case, log: NextLog, random: np.random.Generator) -> Record:
     return Record(times, np.full(times.size, log.normal_force), force)
 
 
-def fitted(case: Case, further: Sequence[float]) -> tuple[Findings, Outcome]:
+def fitted(
+    case: Case, further: Sequence[float], start: dict[str, float] | None, sources: Sources
+) -> tuple[Findings, Outcome]:
     """The fit of a case, and how it compares with the truth."""
-    began = time.perf_counter()
-    _, found = find(
-        scene_of(case, None, further), case.records, clock=Clock(), progress=lambda _stage, _share: None, starts="data"
-    )
+    began, scene = time.perf_counter(), scene_of(case, start, further)
+    _, found = find(scene, case.records, clock=Clock(), progress=lambda _stage, _share: None, starts=sources)
     return found, compared(found, case, time.perf_counter() - began)
 
 
-def trial(ranges: str, number: int) -> dict[str, Any]:
+def trial(ranges: str, sources: Sources, number: int) -> dict[str, Any]:
     """One pair: what its fit asks for, and what becomes of it."""
-    case, _, _ = Study(ranges).case(number)
+    case, start, _ = Study(ranges, sources).case(number)
     random = np.random.default_rng([SEED, number])
-    found, outcome = fitted(case, ())
-    line: dict[str, Any] = {"number": number, "ranges": ranges, "before": _told(outcome), "rounds": []}
+    found, outcome = fitted(case, (), start, sources)
+    line: dict[str, Any] = {"number": number, "ranges": ranges, "sources": sources}
+    line |= {"before": _told(outcome), "rounds": []}
     speeds: list[float] = []
     for _ in range(ROUNDS):
-        advice = next_logs(found)
+        advice = next_logs(found) if "not identifiable" in outcome.verdicts.values() else None
         logs = () if advice is None else advice.logs
         if not logs:
             break
         speeds += [log.drive_speed for log in logs]
         case = replace(case, records=(*case.records, *(recorded(case, log, random) for log in logs)))
-        found, outcome = fitted(case, speeds)
+        found, outcome = fitted(case, speeds, start, sources)
         promised = [name for log in logs for name in log.tells if name in FRICTION]
         line["rounds"].append(
             {
@@ -119,11 +121,11 @@ def _say(line: dict[str, Any]) -> None:
 def table(lines: Sequence[dict[str, Any]]) -> None:
     """Counts over all pairs that had something left to tell."""
     print(f"\n{describe()}\n")
-    print("| pairs | left to tell | no log would | logs asked for | promised | kept | recovered before | after |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    for ranges in sorted({line["ranges"] for line in lines}):
-        mine = [line for line in lines if line["ranges"] == ranges]
-        asked = [line for line in mine if set(line["before"]["verdicts"].values()) - {"identified"}]
+    print("| pairs | start | not told | no log would | logs asked for | promised | kept | recovered before | after |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    for ranges, sources in sorted({(line["ranges"], line["sources"]) for line in lines}):
+        mine = [line for line in lines if (line["ranges"], line["sources"]) == (ranges, sources)]
+        asked = [line for line in mine if "not identifiable" in line["before"]["verdicts"].values()]
         last = [line["rounds"][-1]["after"] if line["rounds"] else line["before"] for line in mine]
         rounds = [done for line in mine for done in line["rounds"]]
         before = sum(line["before"]["recovered"] for line in mine)
@@ -131,7 +133,7 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
         for done in rounds:
             count.update(logs=len(done["logs"]), promised=len(done["promised"]), kept=len(done["kept"]))
         print(
-            f"| {ranges} ({len(mine)}) | {len(asked)} | {sum(not line['rounds'] for line in asked)} "
+            f"| {ranges} ({len(mine)}) | {sources} | {len(asked)} | {sum(not line['rounds'] for line in asked)} "
             f"| {count['logs']} | {count['promised']} | {count['kept']} | {before} | "
             f"{sum(told['recovered'] for told in last)} |"
         )
@@ -139,19 +141,19 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
         print(f"\nfalse success after: {wrong or 'none'}")
 
 
-def study(ranges: str, numbers: Sequence[int], file: Path | None = None) -> list[dict[str, Any]]:
+def study(ranges: str, sources: Sources, numbers: Sequence[int], file: Path | None = None) -> list[dict[str, Any]]:
     """Pairs of the recovery study, each appended to a file if one is given."""
     out = []
     for number in numbers:
-        out.append(trial(ranges, number))
+        out.append(trial(ranges, sources, number))
         append(file, out[-1])
     return out
 
 
 def main(fast: bool = False) -> list[dict[str, Any]]:
-    """The whole study: both ranges; fast: one usual pair, of which nothing is left to tell."""
-    asked = {"usual": [1]} if fast else {ranges: range(1, CASES + 1) for ranges in RANGES}
-    lines = [line for ranges, numbers in asked.items() for line in study(ranges, numbers)]
+    """The whole study: both ranges, both starts; fast: one usual pair, of which nothing is left to tell."""
+    kinds: list[tuple[str, Sources]] = [(ranges, sources) for ranges in RANGES for sources in ("data", "user")]
+    lines = [line for kind in kinds[: 1 if fast else None] for line in study(*kind, range(1, 2 if fast else CASES + 1))]
     table(lines)
     return lines
 
@@ -163,4 +165,5 @@ if __name__ == "__main__":
     elif said[0] == "table":
         table(read(said[1:]))
     else:
-        study(said[0], [int(number) for number in said[2:]], Path(said[1]))
+        sources = next(known for known in get_args(Sources) if known == said[1])
+        study(said[0], sources, [int(number) for number in said[3:]], Path(said[2]))

@@ -56,9 +56,9 @@ def estimate(found, name):
     return next(e for e in found.estimates if e.name == name)
 
 
-# What is free, the pair, and a log that does not tell it: slips of seven samples, and sticks that last too long.
-UNSEEN = ("a", "delta_mu_k"), DEMO, (1e-4, 6.0, 100.0)
-TOO_LONG = ("t_cr",), DEMO | {"t_cr": 0.05}, (1e-4, 8.0, 200.0)
+# What is free, the pair, and a log that does not tell it: slips of seven samples, and sticks that end too soon.
+UNSEEN = ("a", "delta_mu_k"), DEMO, (1e-4, 9.0, 100.0)
+TOO_SHORT = ("t_cr", "mu_s"), DEMO | {"t_cr": 2.0}, (1e-3, 2.0, 500.0)
 
 
 @pytest.fixture(scope="module")
@@ -112,11 +112,11 @@ def test_nothing_is_asked_for_where_all_is_identified(four_logs):
     assert next_logs(four_logs) is None
 
 
-@pytest.mark.parametrize(("free", "pair", "log"), [UNSEEN, TOO_LONG])
+@pytest.mark.parametrize(("free", "pair", "log"), [UNSEEN, TOO_SHORT])
 def test_the_log_that_is_asked_for_tells_what_it_is_to_tell(free, pair, log):
     (name, *_) = free
     before = found_in(pair, free, [log])
-    assert estimate(before, name).verdict == "not identifiable"
+    assert estimate(before, name).verdict in ("weak", "not identifiable")
     advice = next_logs(before)
     (asked,) = advice.logs
     assert list(asked.tells) == [name] and not advice.untold
@@ -135,7 +135,7 @@ def test_another_log_like_the_first_would_not_have_told(unseen):
 
 def test_a_log_of_many_cycles_is_asked_for_where_few_would_not_do(unseen, monkeypatch):
     (short,) = next_logs(unseen).logs
-    monkeypatch.setattr(choosing, "_price", lambda *_: 1e3)
+    monkeypatch.setattr(choosing, "_price", lambda *_: 40.0)
     (long,) = next_logs(unseen).logs
     assert long.duration > 2.0 * short.duration and long.slips > short.slips
     assert long.tells["a"] <= choosing.SAFE * 0.2
@@ -156,7 +156,7 @@ def test_reasons_and_the_result_name_the_log(unseen):
     advice = next_logs(unseen)
     reason = estimate(words.advised(unseen, advice), "a").reason
     assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of 2.2 s at 1 mm/s")
-    assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 5 %" in reason
+    assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 7 %" in reason
     (entry,) = words.document(advice)
     assert set(entry) == {"drive_speed", "normal_force", "duration", "sampling_rate", "slips", "expected"}
     result = fit(scene(pair, free, [log[0]]), [recorded(pair, *log, 1)]).result
@@ -166,9 +166,15 @@ def test_reasons_and_the_result_name_the_log(unseen):
 
 def test_what_no_log_would_tell_is_said(unseen):
     said = words.advised(unseen, Advice((), ("a",), 60.0))
-    words_of_a = "no log of up to 60 s at one speed, this load and on this rig is expected to tell it to 20 %"
-    assert estimate(said, "a").reason.endswith(words_of_a)
-    assert not any("no log" in e.reason for e in said.estimates if e.name != "a")
+    words_of_a = ": as far as these logs tell, none of up to 60 s at one speed, this load and on this rig would tell it"
+    assert words_of_a in estimate(said, "a").reason
+    assert not any("none of up to" in e.reason for e in said.estimates if e.name != "a")
+    # Beside a log that tells another parameter it is too soon to say so.
+    other = NextLog(0.02, 1.0, 60.0, 500.0, 3, {"D": 0.004})
+    assert estimate(words.advised(unseen, Advice((other,), ("a",), 60.0)), "a") == estimate(unseen, "a")
+    assert (
+        "which is expected to tell it to 1 %" in estimate(words.advised(unseen, Advice((other,), (), 60.0)), "D").reason
+    )
 
 
 def test_a_reason_that_is_no_hint_keeps_its_words(unseen):

@@ -21,7 +21,7 @@ from identify.outcome import Status
 from identify.preparation.guess import Guess, LogData
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
-from identify.uncertainty.hints import WANTED, round_up
+from identify.uncertainty.hints import WANTED, onsets, round_up
 from identify.uncertainty.profile import Profiles
 from identify.uncertainty.profile_side import CRITICAL
 from identify.uncertainty.uncertainty import IDENTIFIED, WEAK, sizes
@@ -96,7 +96,7 @@ class _Trial:
 
 def next_logs(found: Findings) -> Advice | None:
     """The logs that would tell, one after the other, what a converged fit calls weak or not identifiable; None where
-    nothing is left to tell, or no log slips."""
+    nothing is left to tell, or fewer than two sticks end in a slip."""
     known = _known(found)
     if known is None:
         return None
@@ -127,12 +127,14 @@ def _known(found: Findings) -> _Known | None:
     own = unknowns.own[free] & ~unknowns.grouped[free] | rhythmic(unknowns)[free]
     kept = np.flatnonzero(~own & np.array([verdict != "at bound" for verdict in told]))
     asked = tuple(unknowns.names[free[i]] for i in kept.tolist() if told[i] in ("weak", "not identifiable"))
-    onsets = [_onsets(guess) for guess in attempt.solved.guesses]
-    like = max(range(len(onsets)), key=lambda i: onsets[i].size)
-    log, guess = attempt.prepared[like], attempt.solved.guesses[like]
-    if not asked or not onsets[like].size or not driven(log.data) or not np.all(np.isfinite(sure.covariance)):
+    if onsets(attempt.solved.guesses) < 2:  # a single peak tells so little that no motion can be rehearsed
         return None
-    apart = np.diff(onsets[like]) if onsets[like].size > 1 else onsets[like] - log.data.begin
+    begun = [_onsets(guess) for guess in attempt.solved.guesses]
+    like = max(range(len(begun)), key=lambda i: begun[i].size)
+    log, guess = attempt.prepared[like], attempt.solved.guesses[like]
+    if not asked or not driven(log.data) or not np.all(np.isfinite(sure.covariance)):
+        return None
+    apart = np.diff(begun[like]) if begun[like].size > 1 else begun[like] - log.data.begin
     distance = float(np.median(apart)) * max(speed for speed, _ in driven(log.data))
     intervals = [log.data.interval for log in attempt.prepared]
     memory = max(log.data.interval * colour.memory for log, colour in zip(attempt.prepared, sure.colours, strict=True))

@@ -49,14 +49,15 @@ def document(advice: Advice | None) -> list[dict[str, Any]]:
 
 
 def _remedy(name: str, advice: Advice) -> str:
-    """What to do about one parameter; "" where it was not asked for."""
+    """What to do about one parameter; "" where there is nothing to say."""
     for log in advice.logs:
         if name in log.tells:
-            return f"add {_said(log)}, which is expected to tell it to {100.0 * log.tells[name]:.0f} %"
-    if name in advice.untold:
+            return f"add {_said(log)}, which is expected to tell it to {math.ceil(100.0 * log.tells[name])} %"
+    # Beside a log that tells others it is too soon to say: with these known, the forecast is another one.
+    if name in advice.untold and not advice.logs:
         return (
-            f"no log of up to {three_figures(advice.longest)} s at one speed, this load and on this rig is expected to "
-            f"tell it to {100.0 * IDENTIFIED:.0f} %"
+            f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load and "
+            f"on this rig would tell it to {100.0 * IDENTIFIED:.0f} %"
         )
     return ""
 
