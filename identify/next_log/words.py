@@ -21,13 +21,11 @@ def advised(found: Findings, advice: Advice) -> Findings:
     told = hints(attempt.prepared, attempt.solved.guesses, found.unknowns, attempt.solved.theta)
 
     def with_log(estimate: Estimate) -> Estimate:
-        name, words = estimate.name, _remedy(estimate.name, advice)
-        if not words:
-            return estimate
-        hint = told.get(name)
-        if hint is None or str(hint) not in estimate.reason:
-            return replace(estimate, reason="; ".join(filter(None, (estimate.reason, words))))
-        return replace(estimate, reason=estimate.reason.replace(str(hint), f"{hint.shown}: {words}"))
+        name, reason = estimate.name, estimate.reason
+        remedy, hint = _remedy(name, advice), told.get(name)
+        if remedy and hint is not None and str(hint) in reason:
+            return replace(estimate, reason=reason.replace(str(hint), f"{hint.shown}: {remedy}"))
+        return replace(estimate, reason="; ".join(filter(None, (reason, remedy, _no_remedy(name, advice)))))
 
     return replace(found, estimates=[with_log(estimate) for estimate in found.estimates])
 
@@ -49,17 +47,21 @@ def document(advice: Advice | None) -> list[dict[str, Any]]:
 
 
 def _remedy(name: str, advice: Advice) -> str:
-    """What to do about one parameter; "" where there is nothing to say."""
+    """The log to add for one parameter; "" where none is known."""
     for log in advice.logs:
         if name in log.tells:
             return f"add {_said(log)}, which is expected to tell it to {math.ceil(100.0 * log.tells[name])} %"
-    # Beside a log that tells others it is too soon to say: with these known, the forecast is another one.
-    if name in advice.untold and not advice.logs:
-        return (
-            f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load and "
-            f"on this rig would tell it to {100.0 * IDENTIFIED:.0f} %"
-        )
     return ""
+
+
+def _no_remedy(name: str, advice: Advice) -> str:
+    """That no log would tell a parameter; "" where one might: beside a log that tells others it is too soon to say."""
+    if advice.logs or name not in advice.untold:
+        return ""
+    return (
+        f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load and on "
+        f"this rig would tell it to {100.0 * IDENTIFIED:.0f} %"
+    )
 
 
 def _said(log: NextLog) -> str:
