@@ -1,5 +1,7 @@
 """A slip that comes to rest only because its contact ages again has its end followed, and not put in closed form."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,10 @@ from identify.identification import find
 from identify.model.model import assemble
 from identify.motion.simulate import run
 from identify.outcome import Status
+from identify.preparation.guess import Guess, Stretch
+from identify.search import attempt
 from identify.search.attempt import Clock
+from identify.search.sequence import hardly, is_clear
 
 MODEL = assemble(MAIN)
 # Just above the speed at which stick-slip ends: four slips, the last of which hardly comes to rest, then sliding.
@@ -29,13 +34,19 @@ def record() -> Record:
     return Record(time, np.ones(time.size), force + noise)
 
 
-def off(record: Record) -> tuple[float, list[str]]:
-    """By how many standard errors t_cr is off, the only one that is searched, and what ends each saturated part."""
-    parameters = {name: {"fixed": value} for name, value in PAIR.items()} | {"t_cr": {"start": BELIEVED}}
-    logs = [{"path": "log.csv", "drive_speed": SPEED}]
-    scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs, "parameters": parameters})
+def searched(record, pair, rig, speed, start):
+    """The findings with one parameter searched from a start, all others known."""
+    parameters = {name: {"fixed": value} for name, value in pair.items()} | {n: {"start": v} for n, v in start.items()}
+    logs = [{"path": "log.csv", "drive_speed": speed}]
+    scene = Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs, "parameters": parameters})
     _, found = find(scene, [record], clock=Clock(), progress=lambda _stage, _share: None, starts="user")
     assert found.status is Status.CONVERGED and found.attempt is not None and found.covariance is not None
+    return found
+
+
+def off(record: Record) -> tuple[float, list[str]]:
+    """By how many standard errors t_cr is off, the only one that is searched, and what ends each saturated part."""
+    found = searched(record, PAIR, RIG, SPEED, {"t_cr": BELIEVED})
     error = found.attempt.solved.theta[MODEL.parameter_names.index("t_cr")] - np.log(PAIR["t_cr"])
     ends = [stretch.ended_by for stretch in found.attempt.solved.guesses[0].tail if stretch.kind == "saturated"]
     return float(error / np.sqrt(found.covariance[0, 0])), ends
@@ -49,3 +60,49 @@ def test_what_such_a_slip_tells_is_true(record: Record, monkeypatch: pytest.Monk
     wrong, ends = off(record)
     assert ends[:4] == ["arrest"] * 4  # it is as brief as the others
     assert abs(wrong) > 5.0  # and the closed form starts from a rest that there is not
+
+
+# The fourth slip comes to rest; another answer, with `a` a fifth larger, has a sequence of its own.
+OTHER = {
+    "mu_s": 0.665511,
+    "mu_k0": 0.297071,
+    "delta_mu_k": -0.0614113,
+    "a": 1246.12,
+    "D": 3.18607e-5,
+    "t_cr": 0.0602711,
+}
+OTHER_RIG = {"mass": 0.249494, "stiffness": 1657.54, "damping": 100.464}
+
+
+def test_of_two_sequences_that_agree_with_their_answers_the_better_one_is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time = np.arange(8000) / RATE
+    force = run(MODEL, OTHER | OTHER_RIG, 0.015, 1.0, 4.0).sample(time)["force"]
+    record = Record(time, np.ones(time.size), force + NOISE * np.random.default_rng(1).standard_normal(time.size))
+    errors, excess = [], []
+    for alone in (False, True):
+        if alone:
+            monkeypatch.setattr(attempt, "by_a_hair", lambda *_: [])
+        found = searched(record, OTHER, OTHER_RIG, 0.015, {"a": 1500.0, "delta_mu_k": -0.0628})
+        index = MODEL.parameter_names.index("a")  # the last of the two that are searched
+        errors.append((found.attempt.solved.theta[index] - np.log(OTHER["a"])) / np.sqrt(found.covariance[-1, -1]))
+        excess.append(found.attempt.excess)
+    assert abs(errors[0]) < 3.0 < 7.0 < abs(errors[1])
+    assert excess[0] < excess[1] - 10.0
+
+
+def test_sequences_differ_by_a_hair_only_where_contacts_re_age_or_rests_are_short() -> None:
+    def course(*stretches: tuple[str, float, str]) -> Guess:
+        tail = tuple(Stretch(kind, until, ended, np.zeros((2, 3))) for kind, until, ended in stretches)
+        none = np.empty(0)
+        return Guess(np.zeros(3), none, none, none, none, np.empty((0, 9, 3)), np.empty((0, 5, 3)), tail=tail)
+
+    log = SimpleNamespace(rig=SimpleNamespace(half_period=0.05))
+    slides = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 2.0, "onset"), ("slip", 2.1, "time"))
+    briefly = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 1.053, "onset"), ("slip", 2.1, "time"))
+    re_ages = course(("rest", 1.0, "onset"), ("saturated", 1.05, "release"), ("slip", 1.06, "time"))
+    longer = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 3.0, "time"))
+    assert [hardly(log, motion) for motion in (slides, briefly, re_ages, longer)] == [False, True, True, False]
+    assert is_clear(log, slides, longer)
+    assert not is_clear(log, slides, re_ages) and not is_clear(log, slides, slides)

@@ -17,6 +17,7 @@ from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 
 HAIR = 0.1  # of half a period: rests that are shorter are hardly any
+OFF = (3e-4, 1e-3, 3e-3, 1e-2)  # of mu_s - mu_k0: how far off friction is taken to meet another sequence
 TRIES = 3  # how often a course is followed anew
 
 
@@ -73,6 +74,50 @@ def refollowed(
         for uncut, log, guess in zip(whole, logs, guesses, strict=True)
     ]
     return _put_in(found, logs, guesses)
+
+
+def by_a_hair(
+    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
+) -> list[tuple[list[Prepared], list[Guess]]]:
+    """As `resequenced`, with the courses that hardly differ from another sequence in that other one: in the first that
+    is met with a little more friction while sliding, and with a little less. A sequence may agree with its own answer,
+    and the data with another."""
+    near = [log.manner.name == "course" and hardly(log, guess) for log, guess in zip(logs, guesses, strict=True)]
+    if not any(near):
+        return []
+    kinetic = unknowns.names.index("mu_k0")
+    out = []
+    for sign in (1.0, -1.0):
+        found: list[tuple[Prepared, Guess] | None] = [None] * len(logs)
+        for share in OFF:
+            start = unknowns.start.copy()
+            start[kinetic] += sign * share * abs(start[unknowns.names.index("mu_s")] - start[kinetic])
+            there = replace(unknowns, start=start)
+            for i, (uncut, log, guess) in enumerate(zip(whole, logs, guesses, strict=True)):
+                if near[i] and found[i] is None:
+                    new = _at_answer(replace(uncut, manner=log.manner), guess, there)
+                    found[i] = new if new is not None and modes_of(new[1]) != modes_of(guess) else None
+        made = _put_in(found, logs, guesses)
+        out += [] if made is None else [made]
+    return out
+
+
+def is_clear(log: Prepared, guess: Guess, other: Guess) -> bool:
+    """Whether a course has one sequence or another, and neither by a hair."""
+    return modes_of(guess) != modes_of(other) and not (hardly(log, guess) or hardly(log, other))
+
+
+def hardly(log: Prepared, guess: Guess) -> bool:
+    """Whether the mass comes to rest, or slides on, by a hair somewhere in a course: a contact re-ages in mid-slide, or
+    a rest between two slips is hardly one."""
+    ends = [stretch.until for stretch in guess.tail]
+    rests = [
+        ends[i] - ends[i - 1]
+        for i in range(1, len(ends))
+        if guess.tail[i].kind == "rest" and guess.tail[i].ended_by == "onset"
+    ]
+    released = any(stretch.ended_by == "release" for stretch in guess.tail)
+    return released or min(rests, default=np.inf) < HAIR * log.rig.half_period
 
 
 def _courses(
