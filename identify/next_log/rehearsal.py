@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 CYCLES = 6  # that are simulated: of more, each tells as much as these do on average, at least
 SETTLES = 60.0  # times sqrt(m/k): a mass that slides so long after an onset slides on
+STEADY = 15.0  # times that: the end of it, in which it is steady
 DOUBLED = 6  # times the duration is doubled until there are so many cycles
 IN_SLIP, IN_STICK = 48, 12  # moments of a phase at which the slopes are taken,
 PER_TIME, MOST = 8, 4000  # and per sqrt(m/k) of a long slide
@@ -124,8 +125,10 @@ def rehearse(
             slopes.append(slope(more, less, 2.0 * small * normal_force))
     except SimulationError:
         return None
-    moves = np.column_stack(slopes)
-    gram = moves.T @ (moves * _weights(times)[:, None])
+    moves, weights = np.column_stack(slopes), _weights(times)
+    if not arrests.size:  # of a log that slides a fit may take the level only
+        weights[times < until - STEADY * time] = 0.0
+    gram = moves.T @ (moves * weights[:, None])
     if not np.all(np.isfinite(gram)):
         return None
     free = int(np.count_nonzero(unknowns.free))
