@@ -51,9 +51,12 @@ def _along(unknowns, factor):
     return away
 
 
-def test_a_better_course_is_found_from_the_ends_of_the_ridge(pair):
+def test_a_better_course_is_found_from_the_ends_of_the_ridge(pair, monkeypatch):
     unknowns, truth, answer = pair
-    stuck, right = answer(WRONG), answer({})
+    neighbour, right = answer(WRONG), answer({})
+    assert abs(2 * (neighbour.solved.solution.cost - right.solved.solution.cost)) < 1  # a hair away, it is met at once
+    monkeypatch.setattr("identify.search.attempt.by_a_hair", lambda *_: [])
+    stuck = answer(WRONG)
     assert stuck.gate.status is Status.CONVERGED  # nothing else tells
     assert 2 * (stuck.solved.solution.cost - right.solved.solution.cost) > 40
     found = better_course(stuck, unknowns, _along(unknowns, 2.0))
