@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,3 +19,19 @@ def append(file: Path | None, line: Mapping[str, Any]) -> None:
 def read(paths: Sequence[str | Path]) -> list[dict[str, Any]]:
     """The cases of all files."""
     return [json.loads(line) for path in paths for line in Path(path).read_text(encoding="utf-8").splitlines()]
+
+
+def started(
+    main: Callable[[], object],
+    table: Callable[[list[dict[str, Any]]], None],
+    part: Callable[[list[str]], object],
+) -> None:
+    """Do what the command line says: nothing: the whole study; "table FILE...": the table of finished cases; else
+    the part that its words name."""
+    said = sys.argv[1:]
+    if not said:
+        main()
+    elif said[0] == "table":
+        table(read(said[1:]))
+    else:
+        part(said)

@@ -36,6 +36,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
+from experiments.in_parts import started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
 from experiments.true_profile import OBJECTS, Claims, Truth, true_profiles
@@ -307,11 +308,10 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
     return lines
 
 
+def part(said: Sequence[str]) -> None:
+    """The designs that the words of a command line name."""
+    study(int(said[0]), int(said[1]), Path(said[2]))
+
+
 if __name__ == "__main__":
-    said = sys.argv[1:]
-    if not said:
-        main()
-    elif said[0] == "table":
-        table([json.loads(line) for path in said[1:] for line in Path(path).read_text(encoding="utf-8").splitlines()])
-    else:
-        study(int(said[0]), int(said[1]), Path(said[2]))
+    started(main, table, part)

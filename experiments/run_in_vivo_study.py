@@ -31,6 +31,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from experiments.in_parts import started
 from experiments.in_vivo import FRICTION, RATES, STATED, Twin, twin
 from experiments.machine import describe
 from identify.identification import find
@@ -203,11 +204,11 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
 
 FAST = 0  # a twin that is soon done, for the fast form
 
+
+def part(said: Sequence[str]) -> None:
+    """The twins that the words of a command line name."""
+    study(int(said[0]), int(said[1]), Path(said[2]))
+
+
 if __name__ == "__main__":
-    said = sys.argv[1:]
-    if not said:
-        main()
-    elif said[0] == "table":
-        table([json.loads(line) for path in said[1:] for line in Path(path).read_text(encoding="utf-8").splitlines()])
-    else:
-        study(int(said[0]), int(said[1]), Path(said[2]))
+    started(main, table, part)

@@ -17,16 +17,16 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
-from experiments.in_parts import append, read
+from experiments.in_parts import append, started
 from experiments.machine import describe
-from experiments.run_recovery_study import CASES, FRICTION, RANGES, Outcome, Study, compared
+from experiments.run_recovery_study import CASES, FRICTION, RANGES, Outcome, Study, compared, sources_named
 from experiments.study_problem import NOISE, Case, scene_of
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
@@ -158,12 +158,11 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
     return lines
 
 
+def part(said: Sequence[str]) -> None:
+    """The pairs that the words of a command line name."""
+    ranges, word, file, *numbers = said
+    study(ranges, sources_named(word), [int(number) for number in numbers], Path(file))
+
+
 if __name__ == "__main__":
-    said = sys.argv[1:]
-    if not said:
-        main()
-    elif said[0] == "table":
-        table(read(said[1:]))
-    else:
-        sources = next(known for known in get_args(Sources) if known == said[1])
-        study(said[0], sources, [int(number) for number in said[3:]], Path(said[2]))
+    started(main, table, part)

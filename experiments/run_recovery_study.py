@@ -24,7 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments.in_parts import append, read
+from experiments.in_parts import append, started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, USUAL, WIDE, Case, random_case, scene_of, wrong_start
 from identify.diagnosis.findings import Findings
@@ -167,12 +167,16 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
     return lines
 
 
+def sources_named(word: str) -> Sources:
+    """Where a search starts, by its word on the command line."""
+    return next(known for known in get_args(Sources) if known == word)
+
+
+def part(said: Sequence[str]) -> None:
+    """The part of the study that the words of a command line name."""
+    ranges, word, noise, rate, first, last, file = said
+    Study(ranges, sources_named(word), float(noise), float(rate)).run(int(first), int(last), Path(file))
+
+
 if __name__ == "__main__":
-    said = sys.argv[1:]
-    if not said:
-        main()
-    elif said[0] == "table":
-        table(read(said[1:]))
-    else:
-        sources = next(known for known in get_args(Sources) if known == said[1])
-        Study(said[0], sources, float(said[2]), float(said[3])).run(int(said[4]), int(said[5]), Path(said[6]))
+    started(main, table, part)

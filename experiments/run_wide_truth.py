@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments.in_parts import append, read
+from experiments.in_parts import append, started
 from experiments.machine import describe
 from experiments.run_recovery_study import FRICTION, Study
 from experiments.study_problem import NORMAL_FORCE, SPEEDS, Case, scene_of
@@ -90,12 +90,11 @@ def main(fast: bool = False, pairs: Sequence[int] = (18, 44, 89, 94, 154, 170, 1
     return lines
 
 
+def part(said: Sequence[str]) -> None:
+    """The pairs that the words of a command line name."""
+    for number in map(int, said[1:]):
+        append(Path(said[0]), trial("wide", number))
+
+
 if __name__ == "__main__":
-    said = sys.argv[1:]
-    if not said:
-        main()
-    elif said[0] == "table":
-        table(read(said[1:]))
-    else:
-        for number in map(int, said[1:]):
-            append(Path(said[0]), trial("wide", number))
+    started(main, table, part)

@@ -24,7 +24,7 @@ from identify.preparation.unknowns import Unknowns
 from identify.uncertainty.hints import WANTED, onsets, round_up
 from identify.uncertainty.profile import Profiles
 from identify.uncertainty.profile_side import CRITICAL
-from identify.uncertainty.uncertainty import IDENTIFIED, WEAK, sizes
+from identify.uncertainty.uncertainty import IDENTIFIED, WEAK, inverse, sizes
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ def _known(found: Findings) -> _Known | None:
     known = _Known(
         unknowns=unknowns,
         kept=kept,
-        precision=_inverse(sure.covariance[np.ix_(kept, kept)]),
+        precision=inverse(sure.covariance[np.ix_(kept, kept)]),
         asked=asked,
         base=log.data.base,
         normal_force=log.mean_load,
@@ -181,7 +181,7 @@ def _price(known: _Known, logs: Sequence[Prepared], found: Findings, judged: Seq
             if made is not None:
                 share = seconds / made.duration if made.slips else 1.0
                 total += share * made.information(1.0 / data.interval, data.noise**2, _load_sd(log, guess))
-    promised = _inverse(total)[np.ix_(judged, judged)]
+    promised = inverse(total)[np.ix_(judged, judged)]
     told = found.sure.white[np.ix_(judged, judged)]
     difference = np.linalg.slogdet(told)[1] - np.linalg.slogdet(promised)[1]
     return float(np.exp(max(difference / len(judged), 0.0))) if np.isfinite(difference) else 1.0
@@ -252,7 +252,7 @@ def _halves(known: _Known, precision: Array, theta: Array) -> Array:
     """Half lengths (k,) of the 95 % intervals, as shares of what each parameter is judged by."""
     unknowns = known.unknowns
     index = np.flatnonzero(unknowns.free)[known.kept]
-    half = NORMAL * np.sqrt(np.diag(_inverse(precision)))
+    half = NORMAL * np.sqrt(np.diag(inverse(precision)))
     judged_by = sizes(unknowns, unknowns.values(theta, known.base))[index]
     return np.where(unknowns.logarithmic[index], np.expm1(np.minimum(half, 50.0)), half / judged_by)
 
@@ -293,10 +293,3 @@ def _best(known: _Known, trials: Sequence[_Trial], places: Sequence[Array], left
             )
             best = len(told(typical)), log
     return None if best is None else best[1]
-
-
-def _inverse(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix, scaled; of one that is none, as of one that hardly is."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    return np.asarray((vectors / np.maximum(values, 1e-13 * values[-1])) @ vectors.T * np.outer(scale, scale))

@@ -48,13 +48,13 @@ class Information:
 
     def covariance(self) -> Array:
         """Covariance (f, f) of the free theta; directions the data do not hold have infinite variance."""
-        return _inverse(self.total[np.ix_(self.free, self.free)])
+        return inverse(self.total[np.ix_(self.free, self.free)])
 
     def joint_covariance(self) -> Array:
         """Covariance (f + o, f + o) of the free theta and of what single logs or groups have for themselves."""
         n_p = len(self.unknowns.names)
         kept = np.concatenate([self.free, np.arange(n_p, self.joint.shape[0])])
-        return _inverse(self.joint[np.ix_(kept, kept)])
+        return inverse(self.joint[np.ix_(kept, kept)])
 
     def shift(self, column: int) -> Array:
         """How far the free theta (f,) move per unit of a theta that was held."""
@@ -112,15 +112,15 @@ def information(problem: Problem, z: Array) -> Information:
     return Information(layout.unknowns, total, data, shared, joint, gradient[:n_p])
 
 
-def _inverse(matrix: Array) -> Array:
-    """Inverse of a positive semidefinite matrix; what it does not hold gets a huge variance, not a small one."""
+def inverse(matrix: Array) -> Array:
+    """Inverse (n, n) of a positive semidefinite matrix; what it does not hold gets a huge variance, not a small one."""
     diagonal = np.diag(matrix)
     # A parameter without any information: a variance large enough to say so and small enough to compute with.
     scale = 1.0 / np.sqrt(np.maximum(diagonal, max(1e-24 * float(np.max(diagonal)), 1e-24)))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     floor = 1e-13 * float(values[-1])
-    inverse = vectors @ np.diag(1.0 / np.maximum(values, floor)) @ vectors.T
-    return np.asarray(inverse * np.outer(scale, scale))
+    scaled = vectors @ np.diag(1.0 / np.maximum(values, floor)) @ vectors.T
+    return np.asarray(scaled * np.outer(scale, scale))
 
 
 @dataclass(frozen=True)
