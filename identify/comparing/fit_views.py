@@ -16,6 +16,7 @@ from identify.comparing.fits import PAGE, FitEntry, natural
 from identify.comparing.multiples import excerpt
 from identify.comparing.views import REASON, Cell, Table, table
 from identify.report.quantity_text import DASH, Scale, decimals, finite, number, places_for, scale_for
+from identify.report.shown_error import scatter, shown_error
 from identify.report.words import VERDICT_MARK, plain_symbol
 
 MOST_LABELS = 6
@@ -88,8 +89,8 @@ def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
     value = finite(told.get("value")) if isinstance(told, dict) else None
     if not isinstance(told, dict) or value is None:
         return Cell(DASH)
-    error = finite(told.get("standard_error"))
-    places = places_for(error / factor, value / factor) if error else places_for(None, value / factor) - 1
+    error, scattered = shown_error(told), scatter(told)
+    places = places_for(scattered / factor, value / factor) if scattered else places_for(None, value / factor) - 1
     verdict = str(told.get("verdict"))
     mark = VERDICT_MARK.get(verdict, "")
     note = f"± {decimals(error / factor, places)}" if error else str(told.get("verdict") or "")

@@ -19,6 +19,7 @@ from identify.report.quantity_text import (
     scale_for,
     speed,
 )
+from identify.report.shown_error import scatter, shown_error
 from identify.report.words import (
     MEANINGS,
     QUALITY,
@@ -71,6 +72,7 @@ class ParameterView:
     verdict_class: str
     verdict_mark: str
     reason: str
+    bare: bool = False  # an interval, and no standard error that goes with it
 
 
 @dataclass(frozen=True)
@@ -127,11 +129,15 @@ def last_iterate_rows(last: Any) -> tuple[tuple[str, str], ...]:
 
 
 def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
-    value, error, unit = finite(entry.get("value")), finite(entry.get("standard_error")), str(entry.get("unit") or "")
+    value, unit, error, scattered = (
+        finite(entry.get("value")),
+        str(entry.get("unit") or ""),
+        shown_error(entry),
+        scatter(entry),
+    )
     scale = scale_for(value, unit)
     shown = None if value is None else value / scale.factor
-    shown_error = None if error is None else error / scale.factor
-    places = places_for(shown_error, shown) if shown_error else places_for(None, shown) - 1
+    places = places_for(scattered / scale.factor, shown) if scattered else places_for(None, shown) - 1
     symbol, subscript = entry.get("symbol") or SYMBOLS.get(str(entry.get("parameter") or name), (name, ""))
     verdict = str(entry.get("verdict") or "")
     return ParameterView(
@@ -141,7 +147,7 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
         group=str(entry.get("group") or ""),
         meaning=str(entry.get("meaning") or MEANINGS.get(str(entry.get("parameter") or name), "")),
         value=DASH if shown is None else decimals(shown, places),
-        error="" if shown_error is None else decimals(shown_error, places),
+        error="" if error is None else decimals(error / scale.factor, places),
         unit=scale.unit,
         interval=DASH if verdict == "fixed" else _interval(entry.get("interval"), scale.factor, places),
         si=f"{number(value, 5)} {unit}" if value is not None and scale.factor != 1 else "",
@@ -149,6 +155,7 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
         verdict_class=VERDICT_CLASS.get(verdict, "plain"),
         verdict_mark=VERDICT_MARK.get(verdict, ""),
         reason=str(entry.get("reason") or ""),
+        bare=error is None and scattered is not None,
     )
 
 
