@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.answers import answer
 from experiments.study_problem import DEMO, RIG, scene_of, simulated_case
 from identify.first_guess.placing import place
-from identify.identification import find
 from identify.preparation.guess import Grid
 from identify.scene import Scene
-from identify.search.attempt import Clock
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 from identify.shooting.solve import solve
@@ -47,9 +46,8 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
     document = scene.as_document()
     scene = Scene.from_document(document | {"logs": [document["logs"][i] for i in logs]}, Path())
     records = [case.records[i] for i in logs]
-    _, found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)
-    assert found.attempt is not None
-    unknowns, data = found.unknowns, [log.data for log in found.attempt.prepared]
+    found, unknowns = answer(scene, records)
+    data = [log.data for log in found.prepared]
     base = unknowns.base(RIG)
     truth = unknowns.theta(np.array([(DEMO | RIG)[name] for name in unknowns.names]), base)
     out: list[Fitted] = []
@@ -58,7 +56,7 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
     for count in steps:
         grid, theta = replace(COARSE, steps=count), truth
         p = [unknowns.values(truth, log.base) for log in data]
-        placed = place(unknowns.model, data, p, [log.falls for log in found.attempt.prepared], grid).guesses
+        placed = place(unknowns.model, data, p, [log.falls for log in found.prepared], grid).guesses
         guesses = [guess for guess in placed if guess is not None]
         since = time.process_time()
         for _ in range(ROUNDS):

@@ -22,10 +22,10 @@ from scipy.signal import lfilter
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
+from experiments.answers import answer
 from experiments.machine import describe
 from experiments.study_problem import DEMO, NORMAL_FORCE, RIG
 from identify.effects import MAIN
-from identify.identification import find
 from identify.model.model import assemble
 from identify.motion.drive import NormalForce
 from identify.motion.simulate import run
@@ -34,7 +34,6 @@ from identify.preparation.guess import Guess, LogData
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
 from identify.scene import Scene
-from identify.search.attempt import Clock
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting import Problem
 from identify.shooting.warm import Settled, Warm
@@ -85,17 +84,16 @@ def setting(fast: bool) -> Setting:
         "rig": RIG | {"noise": NOISE},
         "logs": [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, _, _) in enumerate(speeds, 1)],
     }
-    _, found = find(Scene.from_document(document, Path()), records, clock=Clock(), progress=lambda _stage, _share: None)
-    assert found.attempt is not None, found.message
+    found, searched = answer(Scene.from_document(document, Path()), records)
     logs = tuple(
         replace(
             log, data=replace(log.data, force=force, normal_force_sd=0.0, normal_force=NormalForce.of(NORMAL_FORCE))
         )
-        for log, force in zip(found.attempt.prepared, clean, strict=True)
+        for log, force in zip(found.prepared, clean, strict=True)
     )
     data = [log.data for log in logs]
-    solved = solve_in_passes(data, found.attempt.solved.guesses, found.unknowns.softened())
-    unknowns = replace(found.unknowns, start=solved.theta)
+    solved = solve_in_passes(data, found.solved.guesses, searched.softened())
+    unknowns = replace(searched, start=solved.theta)
     base = unknowns.base(RIG)
     truth = unknowns.theta(np.array([(DEMO | RIG)[n] for n in unknowns.names]), base)[unknowns.free]
     layout, z = solved.problem.layout, solved.solution.z

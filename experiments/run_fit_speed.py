@@ -35,6 +35,7 @@ import numpy as np  # noqa: E402
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record, write_hdf5  # noqa: E402
+from experiments.answers import answer  # noqa: E402
 from experiments.event_driven import Series, fit_by_least_squares  # noqa: E402
 from experiments.machine import describe  # noqa: E402
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS  # noqa: E402
@@ -42,11 +43,9 @@ from experiments.workprec import one_core  # noqa: E402
 from identify import Scene, fit  # noqa: E402
 from identify.effects import MAIN as NAMES  # noqa: E402
 from identify.first_guess.placing import place  # noqa: E402
-from identify.identification import find  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
 from identify.motion.simulate import run  # noqa: E402
 from identify.numerics import native  # noqa: E402
-from identify.search.attempt import Clock  # noqa: E402
 from identify.shooting.passes import COARSE, solve_in_passes  # noqa: E402
 
 LIMIT, TIMES_FASTER, RATE_LIMIT = 0.6, 15.0, 1.3  # what is asked for: s, ratio, ratio
@@ -188,9 +187,8 @@ def against_least_squares(
     records: Sequence[Record], scene: Scene, repeats: int, most: int | None
 ) -> tuple[Timing, Timing]:
     """The hard solve and least squares, both from the truth on the same samples, taking turns."""
-    _, found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)
-    assert found.attempt is not None
-    unknowns, logs = found.unknowns, found.attempt.prepared
+    found, unknowns = answer(scene, records)
+    logs = found.prepared
     base = unknowns.base(RIG)
     truth = unknowns.theta(np.array([TRUTH[name] for name in unknowns.names]), base)
     data, start = [log.data for log in logs], replace(unknowns, start=truth)

@@ -108,6 +108,21 @@ def test_slopes_of_a_rehearsal_are_those_of_the_closed_forms():
     assert made.gram[at, at] != pytest.approx(together, rel=0.1)
 
 
+def test_a_log_in_which_the_spring_pulls_the_mass_back_is_none_to_ask_for():
+    pair = {"mu_s": 0.4053, "mu_k0": 0.1612, "delta_mu_k": -0.07649, "a": 606.2, "D": 39.93e-6, "t_cr": 0.4138}
+    rig = {"mass": 0.2006, "stiffness": 1901.0, "damping": 158.9}
+    unknowns = from_scene(scene_of(simulated_case(DEMO, 1)))
+    made = []
+    for damping in (rig["damping"], 3 * rig["damping"]):  # with more of it the mass stops before the spring is loose
+        values = pair | rig | {"damping": damping}
+        base = unknowns.base(rig | {"damping": damping})
+        theta = unknowns.theta(np.array([values[name] for name in unknowns.names]), base)
+        motion = run(assemble(MAIN), values, 1e-4, 1.0, 20.0)
+        made.append((motion.arrests.size - motion.onsets.size, rehearse(unknowns, theta, base, 1e-4, 1.0, 3e-4, 20.0)))
+    assert made[0][0] > 0 and made[0][1] is None
+    assert made[1][0] <= 0 and made[1][1] is not None
+
+
 def test_nothing_is_asked_for_where_all_is_identified(four_logs):
     assert next_logs(four_logs) is None
 

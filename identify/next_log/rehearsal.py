@@ -74,7 +74,7 @@ def rehearse(
     unknowns: Unknowns, theta: Array, base: Array, speed: float, normal_force: float, distance: float, longest: float
 ) -> Rehearsal | None:
     """The log at a speed [m/s] and a normal force [N], from rest with a fresh contact; None where nothing slips within
-    `longest` [s], or the model refuses.
+    `longest` [s], the spring pulls the mass back after a slip, which no fit follows, or the model refuses.
 
     Args:
         theta (n_p,), base (n_p,): the values it is simulated with.
@@ -95,7 +95,7 @@ def rehearse(
             if seen.onsets.size > CYCLES or _slides_on(seen, time) or duration == longest:
                 break
             duration = min(2.0 * duration, longest)
-        if not seen.onsets.size:
+        if not seen.onsets.size or not _in_turn(seen):
             return None
         until = _end(seen, time)
         times = _moments(seen, until, time)
@@ -148,6 +148,17 @@ def _cycle_by_cycle(seen: Trajectory, until: float) -> list[tuple[Array, Array]]
             at, on = [*at, *changes[i]], [*on, 1.0, 0.0]
         out.append((np.array(at), np.array(on)))
     return out
+
+
+def _in_turn(seen: Trajectory) -> bool:
+    """Whether every slip ends in the stick after it; a mass that is pulled back comes to rest more than once."""
+    onsets, arrests = seen.onsets, seen.arrests
+    late = onsets[1 : arrests.size + 1]
+    return bool(
+        arrests.size in (onsets.size, onsets.size - 1)
+        and np.all(arrests > onsets[: arrests.size])
+        and np.all(arrests[: late.size] < late)
+    )
 
 
 def _slides_on(seen: Trajectory, time: float) -> bool:
