@@ -23,7 +23,10 @@ def manner(after: float, rises: float, seed: int) -> tuple[Manner, float | None]
     time = np.arange(force.size) / RATE
     found = segment(time, force, half_period=HALF_PERIOD, noise=NOISE)
     drive = Drive.of(1.67e-6)
-    told = manner_of(found, time, force, found.cycles.fall, noise=NOISE, half_period=HALF_PERIOD, drive=drive)
+    load = np.ones(time.size)
+    told = manner_of(
+        found, time, force, load, found.cycles.fall, noise=NOISE, stiffness=750.0, half_period=HALF_PERIOD, drive=drive
+    )
     return told, since_settled(time, force, NOISE, HALF_PERIOD)
 
 
@@ -61,5 +64,8 @@ def test_a_fast_drive_is_through_its_first_rise_in_a_few_samples(first: float, s
     time, force = slide_hold_slide(drive, first)
     found = segment(time, force, half_period=0.026, noise=NOISE)
     found = replace(found, phase=np.full_like(found.phase, SLIDING))  # too short a stick to be seen as one
-    told = manner_of(found, time, force, found.cycles.fall, noise=NOISE, half_period=0.026, drive=drive)
+    load = np.ones(time.size)
+    told = manner_of(
+        found, time, force, load, found.cycles.fall, noise=NOISE, stiffness=1470.0, half_period=0.026, drive=drive
+    )
     assert told.name == "course" and told.begins_sliding == slides

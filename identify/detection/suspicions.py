@@ -12,14 +12,13 @@ from data_io.frozen import Finding
 from data_io.thinned import kept, thinned
 from data_io.thresholds import DEFAULTS, Thresholds
 from identify.detection.segment import Segmentation, segment
+from identify.detection.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 
 SWAPPED = 3  # slips of the normal force, where the friction force has none
-FEWEST = 32  # samples of a spectrum
 SLOWEST, FASTEST = 2.2, 14.0  # samples per period of an oscillation that is sampled too slowly
-BAND = 0.08  # relative half width of a line in the spectrum
-LINE = 0.35  # share of the variance that such a line holds at least
+LINE = 0.35  # share of the power that such a line holds at least
 LARGE = 0.05  # of the force: standard deviation of an oscillation worth a word
 WANTED = 25.0  # samples of a slip to ask for; a slip is at most about half a period
 
@@ -77,21 +76,12 @@ def _swapped(record: Record, phases: Sequence[Segmentation]) -> Finding | None:
 
 def _too_slow(time: Array, force: Array, thresholds: Thresholds) -> Finding | None:
     """An oscillation of few samples per period, of which stick and slip cannot be told apart."""
-    good = np.isfinite(force)
-    if np.count_nonzero(good) < FEWEST:
+    seen = Spectrum.of(time, force)
+    if seen is None:
         return None
-    t, f = time[good], force[good]
-    interval = float(np.median(np.diff(t)))
-    level = float(np.median(np.abs(f)))
-    f = f - np.polyval(np.polyfit(t - t[0], f, 2), t - t[0])
-    power = np.abs(np.fft.rfft(f * np.hanning(f.size))) ** 2
-    frequency = np.fft.rfftfreq(f.size, interval)
-    power[frequency < 3.0 / (f.size * interval)] = 0.0
-    peak = float(frequency[int(np.argmax(power))])
-    near = np.abs(frequency - peak) <= max(BAND * peak, 2.0 * frequency[1])
-    line = float(np.sum(power[near]) / max(np.sum(power), 1e-300))
-    samples = 1.0 / (peak * interval)
-    if line < LINE or np.std(f) < LARGE * level or not SLOWEST <= samples <= FASTEST:
+    level = float(np.median(np.abs(force[np.isfinite(force)])))
+    peak, samples = seen.peak, seen.samples
+    if seen.share(peak) < LINE or np.sqrt(seen.variance) < LARGE * level or not SLOWEST <= samples <= FASTEST:
         return None
     return Finding(
         "sampled_too_slowly",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -13,6 +13,7 @@ from data_io.thinned import kept, thinned, thinned_steps
 from identify.detection.local_fits import line_slope, slope_error
 from identify.detection.segment import SLIDING, STICK, Segmentation
 from identify.motion.drive import Drive
+from identify.preparation.hidden_rhythm import Rhythm, hidden_rhythm
 
 Array = NDArray[np.float64]
 Name = Literal["cycles", "course", "sliding"]
@@ -30,22 +31,51 @@ LEVEL = 0.5  # of the middle force: a record that starts above slides from its s
 @dataclass(frozen=True)
 class Manner:
     """The name; settled: since when the last stretch slides steadily [s], None where it does not; begins_sliding;
-    faint: the noise hides so much of the cycles that many of them were missed."""
+    faint: the noise hides so much of the cycles that many of them were missed; rhythm: of what only looks steady."""
 
     name: Name
     settled: float | None
     begins_sliding: bool
     faint: bool = False
+    rhythm: Rhythm | None = None
 
 
 def manner_of(
-    found: Segmentation, time: Array, force: Array, falls: Array, *, noise: float, half_period: float, drive: Drive
+    found: Segmentation,
+    time: Array,
+    force: Array,
+    load: Array,
+    falls: Array,
+    *,
+    noise: float,
+    stiffness: float,
+    half_period: float,
+    drive: Drive,
 ) -> Manner:
     """Tell how a log moves.
 
     Args:
-        time, force: (n,) [s], [N], NaN where nothing counts; falls: of its cycles [s]; drive: its programme.
+        time, force, load: (n,) [s], [N], [N], NaN where nothing counts; falls: of its cycles [s]; drive: its programme.
+        stiffness [N/m], half_period [s] of the rig; 0 where it is not known, or something else makes the mass swing.
     """
+    manner = _as_it_looks(found, time, force, falls, noise=noise, half_period=half_period, drive=drive)
+    if manner.settled is None:
+        return manner
+    late = time >= manner.settled
+    rhythm = hidden_rhythm(
+        time[late],
+        force[late],
+        load[late],
+        stiffness=stiffness,
+        drive_speed=drive.at(float(time[-1])),
+        half_period=half_period,
+    )
+    return manner if rhythm is None else replace(manner, settled=None, rhythm=rhythm)
+
+
+def _as_it_looks(
+    found: Segmentation, time: Array, force: Array, falls: Array, *, noise: float, half_period: float, drive: Drive
+) -> Manner:
     settled = since_settled(time, force, noise, half_period)
     if settled is not None and drive.constant and found.stick_slope is not None:
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.

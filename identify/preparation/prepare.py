@@ -132,12 +132,15 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     """
     log = segmented(entry, record, scene.rig_for(entry))
     judgement = _judged(log, scene, unknowns)
+    stiffness = 0.0 if unknowns.model.vibrates else log.rig.stiffness  # else the mass swings with something else
     manner = manner_of(
         log.found,
         log.time,
         log.measured,
+        log.load,
         log.falls,
         noise=log.noise,
+        stiffness=stiffness,
         half_period=log.half_period,
         drive=log.drive,
     )
@@ -163,16 +166,16 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         hidden_swing=hidden,
         manner=manner,
     )
-    return replace(made, pieces=_pieces(made, log.noise, log.half_period)) if manner.name == "course" else made
+    if manner.name != "course":
+        return made
+    return replace(made, pieces=_pieces(made, log.noise, stiffness, log.half_period))
 
 
 def _judged(log: Segmented, scene: Scene, unknowns: Unknowns) -> Judgement:
     """What the quality gate says of a log."""
     soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
     expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
-    begin = int(np.searchsorted(log.record.time, log.time[0]))
-    load = log.record.normal_force[begin : begin + log.time.size]
-    part = Part(log.time, log.measured, log.found, expected, load)
+    part = Part(log.time, log.measured, log.found, expected, log.load)
     return judge(log.record, [part], scene.thresholds, log.used)
 
 
@@ -254,7 +257,7 @@ def _pull(found: Segmentation, course: Course, rig: Rig, speed: float) -> Pull |
     return Pull(coefficient, rate, LONGER * rig.half_period * float(np.sqrt(rig.stiffness * speed / rate)))
 
 
-def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, ...]:
+def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -> tuple[Prepared, ...]:
     """The stretches of constant speed of a course in which cycles repeat, or the mass slides steadily, as logs of their
     own: what a start is taken from."""
     data, out = log.data, []
@@ -263,7 +266,17 @@ def _pieces(log: Prepared, noise: float, half_period: float) -> tuple[Prepared, 
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
         found = segment(time, force, half_period=half_period or None, noise=noise)
         drive = Drive.of(speed)
-        manner = manner_of(found, time, force, found.cycles.fall, noise=noise, half_period=half_period, drive=drive)
+        manner = manner_of(
+            found,
+            time,
+            force,
+            log.record.normal_force[rows],
+            found.cycles.fall,
+            noise=noise,
+            stiffness=stiffness,
+            half_period=half_period,
+            drive=drive,
+        )
         falls = np.empty(0)
         if manner.name == "cycles" and found.count >= FEW:
             begin, end = window.of_cycles(time, force, found, noise, 0)
@@ -285,6 +298,8 @@ def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
     if manner.name == "cycles" and log.falls.size == 0:
         told = f": {ENDS_LOADING}; {REMEDY}" if judgement.ends_loading else ""
         return f"{name} shows no complete stick-slip cycle{told}"
+    if manner.rhythm is not None and log.drive.constant:
+        return f"{name} {manner.rhythm}"
     if manner.name == "sliding" and manner.settled is None:
         return f"{name} slides without sticking, and its force never settles within its noise"
     return None

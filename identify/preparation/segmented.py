@@ -59,6 +59,12 @@ class Segmented:
         return max(self.drive.speeds)
 
     @property
+    def load(self) -> Array:
+        """The measured normal force at `time` (k,) [N]."""
+        begin = int(np.searchsorted(self.record.time, self.time[0]))
+        return np.asarray(self.record.normal_force[begin : begin + self.time.size])
+
+    @property
     def half_period(self) -> float:
         """Of the rig [s]; 0 where it is not known."""
         return self.rig.half_period or 0.0

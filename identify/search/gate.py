@@ -16,6 +16,7 @@ from identify.preparation.guess import Guess, LogData
 from identify.search.consistency import inconsistency
 from identify.search.leaning import most_leaning
 from identify.search.remembered import CLOSE, MORE, remembered
+from identify.search.swinging import swing_left
 from identify.shooting.passes import SETTLED, Solved
 
 Array = NDArray[np.float64]
@@ -96,7 +97,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     if status is Status.CONVERGED:
         problem = solved.problem
         broken = inconsistency(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, names)
-        leaning = None if broken is not None else _leaning(solved, fitted, names)
+        leaning = None if broken is not None else _leaning(solved, fitted, names) or _swinging(solved, fitted, names)
         if broken is not None:
             status, message = Status.WRONG_EVENT_COUNT, broken
         elif leaning is not None:
@@ -126,6 +127,17 @@ def _leaning(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> s
         f"the misfit is noise on the whole, but around {lean.time:.4g} s of {names[lean.log]} the curve misses by "
         f"{abs(lean.residual):.2g} N for {lean.length:.2g} s ({lean.deviations:.0f} standard deviations): another "
         "answer may fit there too, or the model lacks something; look there in the report, and give start values"
+    )
+
+
+def _swinging(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> str | None:
+    """A sentence where what is left of a slide swings as stick-slip does; None where it does not."""
+    problem = solved.problem
+    found = swing_left(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, fitted)
+    if found is None:
+        return None
+    return (
+        f"the misfit is noise on the whole, but where this answer slides {names[found[0]]} {found[1]}, or leave it out"
     )
 
 
