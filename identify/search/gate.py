@@ -222,6 +222,12 @@ def _judge(
                 f"or invented there; look at it in the report and exclude that stretch{or_else}"
             )
         failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
+        if chi2 < 1.0 and not np.any(z > PER_CYCLE) and solution.success:
+            return Status.MODEL_MISFIT, (
+                f"the curve follows these data more closely than their noise allows: misfit {chi2:.3g} times the noise "
+                "variance; if the noise is stated, state less; if not, slips of few samples counted as noise while it "
+                'was measured: sample faster, or give the noise of the force sensor under [rig], noise = "… N"'
+            )
         return Status.MODEL_MISFIT, (
             f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, "
             f"{failing} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst {where} ({z[worst]:.0f}); "
