@@ -3,7 +3,7 @@
 One or two logs of a wide pair of the recovery study, at a drive speed, a sampling rate, a normal force, a length and a
 noise by lot: slips of two samples, slips that the noise hides, sticks longer than the log, a hundred slips or one. Most
 such logs tell little; a fit that claims no more than they tell is right. Counted, with `fit` as the command runs it:
-intervals of what is `identified` or `weak` that hold the truth, and what is identified, more than WRONG off, and outside
+intervals of what is `identified` or `weak` that hold the truth, and what is identified, more than WRONG off and outside
 its interval ("confidently wrong"). An error that is no sentence ends the study.
 
     python experiments/run_unplanned_logs.py FIRST LAST FILE
