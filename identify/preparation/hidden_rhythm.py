@@ -47,9 +47,8 @@ class Rhythm:
 def hidden_rhythm(
     time: Array,
     force: Array,
-    load: Array,
+    load: Array | None,
     *,
-    coefficient: float | None = None,
     stiffness: float,
     drive_speed: float,
     half_period: float,
@@ -58,22 +57,22 @@ def hidden_rhythm(
     """The swing of what looks like steady sliding, where it is that of stick-slip; None where there is none.
 
     Args:
-        time, force, load: (n,) [s], [N], [N]; NaN where nothing counts.
-        coefficient: of friction, which a swing of the load comes through; None takes the ratio of the mean forces.
+        time, force, load: (n,) [s], [N], [N]; NaN where nothing counts. load: None where the force is without what the
+            load does to it.
         stiffness [N/m], drive_speed [m/s], half_period [s] of the rig; 0 where it is not known.
         least: share of the power that the swing holds.
     """
     if not (stiffness > 0.0 and drive_speed > 0.0 and half_period > 0.0):
         return None
-    swing, pressed = Spectrum.of(time, force), Spectrum.of(time, load)
-    if swing is None or pressed is None or swing.periods < FEWEST or swing.chance > BY_CHANCE:
-        return None
-    if swing.share(swing.peak) < least:
+    swing = Spectrum.of(time, force)
+    if swing is None or swing.periods < FEWEST or swing.chance > BY_CHANCE or swing.share(swing.peak) < least:
         return None
     seen, rate, height = swing.peak, 1.0 / swing.interval, swing.amplitude(swing.peak)
-    coefficient = abs(float(np.nanmean(force) / np.nanmean(load))) if coefficient is None else coefficient
-    if coefficient * pressed.amplitude(seen) > FROM_LOAD * height:
-        return None
+    if load is not None:
+        pressed = Spectrum.of(time, load)
+        coefficient = abs(float(np.nanmean(force) / np.nanmean(load)))
+        if pressed is None or coefficient * pressed.amplitude(seen) > FROM_LOAD * height:
+            return None
     candidates = np.array([seen, *(n * rate + sign * seen for n in range(1, ALIASES + 1) for sign in (-1.0, 1.0))])
     candidates = candidates[candidates <= FASTER * 0.5 / half_period]
     loads = 2.0 * np.pi * candidates * height / (stiffness * drive_speed)

@@ -129,12 +129,8 @@ def last_iterate_rows(last: Any) -> tuple[tuple[str, str], ...]:
 
 
 def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
-    value, unit, error, scattered = (
-        finite(entry.get("value")),
-        str(entry.get("unit") or ""),
-        shown_error(entry),
-        scatter(entry),
-    )
+    value, unit = finite(entry.get("value")), str(entry.get("unit") or "")
+    error, scattered = shown_error(entry), scatter(entry)
     scale = scale_for(value, unit)
     shown = None if value is None else value / scale.factor
     places = places_for(scattered / scale.factor, shown) if scattered else places_for(None, shown) - 1

@@ -39,12 +39,10 @@ def swing_left(
         since = max((s.until for s in guess.tail if s.kind == "rest" or s.ended_by == "arrest"), default=log.begin)
         rows = slice(*np.searchsorted(log.time, [since, log.end]))
         left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
-        load = log.normal_force.at(log.time[rows])
         found = hidden_rhythm(
             log.time[rows],
             left,
-            load,
-            coefficient=0.0,  # what the load does the answer follows
+            None,  # what the load does the answer follows
             stiffness=values["stiffness"],
             drive_speed=log.speed_at(log.end),
             half_period=float(np.pi * np.sqrt(values["mass"] / values["stiffness"])),
