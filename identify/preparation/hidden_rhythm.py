@@ -27,7 +27,7 @@ ALIASES = 3  # times the sampling rate up to which a swing may really be
 
 
 @dataclass(frozen=True)
-class Rhythm:
+class Swing:
     """A swing: how many samples see one period, its frequency [Hz] if it is no faster than it looks, and its range
     [N]."""
 
@@ -38,7 +38,7 @@ class Rhythm:
     def __str__(self) -> str:
         """What the log does, to follow its name."""
         return (
-            f"seems to slide, but swings by {self.range:.2g} N, {self.frequency:.3g} times a second as far as "
+            f"swings by {self.range:.2g} N, {self.frequency:.3g} times a second as far as "
             f"{self.samples:.2g} samples per period tell, as stick-slip does: sample it at "
             f"{ENOUGH * self.frequency:.2g} Hz or more"
         )
@@ -53,7 +53,7 @@ def hidden_rhythm(
     drive_speed: float,
     half_period: float,
     least: float = MOST_OF_IT,
-) -> Rhythm | None:
+) -> Swing | None:
     """The swing of what looks like steady sliding, where it is that of stick-slip; None where there is none.
 
     Args:
@@ -78,4 +78,4 @@ def hidden_rhythm(
     loads = 2.0 * np.pi * candidates * height / (stiffness * drive_speed)
     if not np.any((loads >= LOADS) & (loads <= TOO_FAST)):
         return None
-    return Rhythm(swing.samples, seen, 2.0 * height)
+    return Swing(swing.samples, seen, 2.0 * height)

@@ -13,7 +13,7 @@ from data_io.thinned import kept, thinned, thinned_steps
 from identify.detection.local_fits import line_slope, slope_error
 from identify.detection.segment import SLIDING, STICK, Segmentation
 from identify.motion.drive import Drive
-from identify.preparation.hidden_rhythm import Rhythm, hidden_rhythm
+from identify.preparation.hidden_rhythm import Swing, hidden_rhythm
 
 Array = NDArray[np.float64]
 Name = Literal["cycles", "course", "sliding"]
@@ -37,7 +37,7 @@ class Manner:
     settled: float | None
     begins_sliding: bool
     faint: bool = False
-    rhythm: Rhythm | None = None
+    rhythm: Swing | None = None
 
 
 def manner_of(

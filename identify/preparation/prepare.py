@@ -299,7 +299,7 @@ def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
         told = f": {ENDS_LOADING}; {REMEDY}" if judgement.ends_loading else ""
         return f"{name} shows no complete stick-slip cycle{told}"
     if manner.rhythm is not None and log.drive.constant:
-        return f"{name} {manner.rhythm}"
+        return f"{name} seems to slide, but {manner.rhythm}"
     if manner.name == "sliding" and manner.settled is None:
         return f"{name} slides without sticking, and its force never settles within its noise"
     return None

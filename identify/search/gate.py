@@ -137,7 +137,7 @@ def _swinging(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> 
     if found is None:
         return None
     return (
-        f"the misfit is noise on the whole, but where this answer slides {names[found[0]]} {found[1]}, or leave it out"
+        f"the misfit is noise on the whole, but where this answer slides, {names[found[0]]} {found[1]}, or leave it out"
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.preparation.guess import Guess, LogData
-from identify.preparation.hidden_rhythm import Rhythm, hidden_rhythm
+from identify.preparation.hidden_rhythm import Swing, hidden_rhythm
 from identify.preparation.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ HELD = 0.05  # share of the power of what is left: a line that is so clear by ch
 
 def swing_left(
     logs: Sequence[LogData], guesses: Sequence[Guess], unknowns: Unknowns, theta: Array, fitted: Sequence[Array]
-) -> tuple[int, Rhythm] | None:
+) -> tuple[int, Swing] | None:
     """The first log whose last slide leaves a swing, with that; None where there is none.
 
     Args:
