@@ -524,7 +524,7 @@ def test_calculators_answer_for_each_log(folder, capsys):
     points = json.loads(out)["points"]
     speeds = [point["operating_point"]["drive_speed"]["value"] for point in points]
     assert code == 0 and speeds == pytest.approx([1e-4 / 60, 1e-4, 1e-3, 5e-3])
-    assert "At 0.1 mm/min and 0.935 N each jump drops the force" in words and "not valid here" in words
+    assert "At 0.1 mm/min and 0.935 N the force falls by" in words and "not valid here" in words
 
 
 def test_an_operating_point_is_asked_for(folder, capsys):

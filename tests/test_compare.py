@@ -180,7 +180,7 @@ def test_the_nonlinear_model_answers_at_common_points(study):
     }
     assert found.answered["mu_s"].means[0].group == "M1"
     alone = outlook(assemble(ground.model.effects), values, 1e-3, 1.0)
-    assert answers[0].at[0].drop.value == pytest.approx(alone["amplitude"]["drop"]["value"], rel=1e-6)
+    assert answers[0].at[0].fall.value == pytest.approx(alone["amplitude"]["peak_to_valley"]["value"], rel=1e-6)
     assert answers[0].critical_speed.value == pytest.approx(alone["stability"]["critical_speed"]["value"], rel=1e-3)
     low, high = answers[0].critical_speed.interval
     wide_low, wide_high = answers[0].critical_speed.people

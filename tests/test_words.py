@@ -33,7 +33,8 @@ def document(outcome="always sticks", drop=0.889, low=0.88871, high=0.88929):
             "searched_between": [1e-6, 1.0],
         },
         "amplitude": {
-            "drop": entry(drop, "N", [low, high]),
+            "drop": entry(0.9 * drop, "N"),
+            "peak_to_valley": entry(drop, "N", [low, high]),
             "period": entry(212.2, "s", [212.188, 212.237]),
             "peak_speed": entry(0.01427, "m/s", [0.01426, 0.014278]),
             "stick_duration": entry(212.1, "s"),
@@ -49,7 +50,7 @@ def document(outcome="always sticks", drop=0.889, low=0.88871, high=0.88929):
 @pytest.mark.parametrize("drop", [0.889, 0.0889, 1.0, 123.4])
 def test_ends_of_an_interval_differ_and_hold_the_value(drop, spread):
     text = amplitude_text(document(drop=drop, low=drop * (1 - spread), high=drop * (1 + spread)))
-    found = re.search(r"drops the force by ([\d.]+) (m?N) \(95 %: ([\d.]+) to ([\d.]+)\)", text)
+    found = re.search(r"falls by ([\d.]+) (m?N) \(95 %: ([\d.]+) to ([\d.]+)\) from peak to valley", text)
     assert found, text
     value, low, high = (float(found[i]) * (1e-3 if found[2] == "mN" else 1.0) for i in (1, 3, 4))
     assert low < value < high
@@ -58,7 +59,7 @@ def test_ends_of_an_interval_differ_and_hold_the_value(drop, spread):
 
 def test_amplitude_says_where_and_everything_in_the_units_of_the_rest():
     text = amplitude_text(document())
-    assert text.startswith("At 0.1 mm/min and 0.943 N each jump drops the force by 0.889")
+    assert text.startswith("At 0.1 mm/min and 0.943 N the force falls by 0.889")
     assert "µm/s" not in text and "943 mN" not in text
     none = document()
     none["amplitude"]["drop"] = entry(None, "N", validity="no stick-slip here")

@@ -126,13 +126,13 @@ def amplitude_text(document: Document) -> str:
         return f"Amplitude at {_where(document)}: none; {part['drop']['validity']}."
     plain = {name: said(entry["value"], entry["unit"]) for name, entry in part.items() if name != "text"}
     return (
-        f"At {_where(document)} each jump drops the force by {with_interval(part['drop'])}, "
+        f"At {_where(document)} the force falls by {with_interval(part['peak_to_valley'])} from peak to valley, "
         f"every {with_interval(part['period'])}: "
         f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
         f"at up to {with_interval(part['peak_speed'])}; "
-        f"the mass begins to slip at {plain['onset_force']} and rests again at {plain['arrest_force']} (the drop is "
-        "the difference of the two; the force peaks a little later and is lowest a little earlier, between samples "
-        "perhaps)." + _why_open(part[name] for name in ("drop", "period", "peak_speed"))
+        f"the mass begins to slip at {plain['onset_force']}, before the peak, and rests again at "
+        f"{plain['arrest_force']}, after the valley: a drop of {with_interval(part['drop'])} from onset to rest."
+        + _why_open(part[name] for name in ("peak_to_valley", "drop", "period", "peak_speed"))
     )
 
 

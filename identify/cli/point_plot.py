@@ -69,7 +69,7 @@ def _stability(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[fl
 
 
 def _amplitude(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[float]) -> None:
-    """Force drop of a jump, and its onset and arrest levels, up to where stick-slip ends."""
+    """Fall of the force in a jump, and its onset and arrest levels, up to where stick-slip ends."""
     if answer.branch is None:
         raise CommandLineError("there is no stick-slip at any drive speed, so there is no amplitude to draw")
     last = answer.branch.orbits[-1].drive_speed
@@ -81,8 +81,8 @@ def _amplitude(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[fl
     v = MM * np.array([orbit.drive_speed for orbit in orbits])
     for name, label, style in (
         ("onset_force", "force at the onset of a jump", "C0-"),
-        ("arrest_force", "force at its end", "C2-"),
-        ("drop", "drop", "C1-"),
+        ("arrest_force", "force at its end (rest)", "C2-"),
+        ("peak_to_valley", "peak to valley", "C1-"),
     ):
         axes.plot(v, rows[:, names.index(name)], style, label=label)
     if answer.end is not None:

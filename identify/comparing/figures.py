@@ -89,7 +89,7 @@ def curves(answers: Sequence[GroupAnswer], which: str, marks: Sequence[float]) -
     levels = np.concatenate([np.concatenate([c.value, c.low, c.high]) for _, _, c in drawn])
     people = np.concatenate([c.people_high for _, _, c in drawn])
     y = _from_zero(levels[np.isfinite(levels)], people[np.isfinite(people)], bottom, top)
-    title = "friction coefficient in steady sliding" if which == "friction" else "drop of the force in each slip [N]"
+    title = "friction coefficient in steady sliding" if which == "friction" else "force from peak to valley [N]"
     parts = [x_axis(x, bottom, top, "drive speed [mm/s]"), y_axis(y, 48.0, WIDTH - RIGHT, title)]
     parts += [line(x.at(v * 1e3), top, x.at(v * 1e3), bottom, "mark") for v in marks]
     for place, (k, group, curve) in enumerate(drawn):

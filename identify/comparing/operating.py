@@ -46,12 +46,13 @@ class Figure:
 
 @dataclass(frozen=True)
 class AtSpeed:
-    """A group at one drive speed [m/s]: outcome in words of the model, drop of the force [N], period [s], probability
-    that one more run of one more person sticks and slips, and drive speed at which stick-slip ends over this one."""
+    """A group at one drive speed [m/s]: outcome in words of the model, fall of the force from peak to valley [N],
+    period [s], probability that one more run of one more person sticks and slips, and drive speed at which stick-slip
+    ends over this one."""
 
     speed: float
     outcome: str
-    drop: Figure
+    fall: Figure
     period: Figure
     probability: float | None
     margin: Figure
@@ -214,7 +215,7 @@ def _at(speed: float, mean: Mapping[str, Any], people: Mapping[str, Any], df: fl
     return AtSpeed(
         speed,
         str(mean["stability"]["outcome"]),
-        _figure(mean["amplitude"]["drop"], people["amplitude"]["drop"]),
+        _figure(mean["amplitude"]["peak_to_valley"], people["amplitude"]["peak_to_valley"]),
         _figure(mean["amplitude"]["period"], people["amplitude"]["period"]),
         probability(speed, limit, _pair(spread), df),
         margin,
@@ -247,7 +248,7 @@ def _amplitude(
         if "amplitude" not in m or "amplitude" not in p:
             rows.append([np.nan] * 5)
             continue
-        figure = _figure(m["amplitude"]["drop"], p["amplitude"]["drop"])
+        figure = _figure(m["amplitude"]["peak_to_valley"], p["amplitude"]["peak_to_valley"])
         rows.append([figure.value or np.nan, *(figure.interval or [np.nan] * 2), *(figure.people or [np.nan] * 2)])
     return Curve(np.array(speeds), *np.array(rows, dtype=float).T)
 

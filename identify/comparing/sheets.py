@@ -205,7 +205,7 @@ def _scatter(comparison: Comparison) -> Sheet:
 
 def _operating(by: str, ground: Common | None, answers: Sequence[GroupAnswer]) -> Sheet:
     heads = [by, "drive speed [m/s]", "normal force [N]", "what it does", "probability of stick-slip"]
-    for name in ("drop [N]", "period [s]", "end of stick-slip over this speed"):
+    for name in ("fall, peak to valley [N]", "period [s]", "end of stick-slip over this speed"):
         heads += [name, f"{name} 95 % low", f"{name} 95 % high", f"{name} people low", f"{name} people high"]
     rows: list[tuple[Cell, ...]] = []
     for answer in answers:
@@ -213,7 +213,7 @@ def _operating(by: str, ground: Common | None, answers: Sequence[GroupAnswer]) -
             rows.append((answer.group, None, None, answer.reason or "no answer", *[None] * 16))
         for at in answer.at:
             head = (answer.group, at.speed, ground.normal_force if ground else None, at.outcome, at.probability)
-            rows.append((*head, *_five(at.drop), *_five(at.period), *_five(at.margin)))
+            rows.append((*head, *_five(at.fall), *_five(at.period), *_five(at.margin)))
     return Sheet("operating_points", "At common operating points", tuple(heads), tuple(rows))
 
 
@@ -224,7 +224,11 @@ def _five(figure: Figure) -> tuple[Cell, ...]:
 def _curves(by: str, answers: Sequence[GroupAnswer]) -> Iterator[Sheet]:
     told = (
         ("friction_curve", "Friction coefficient of steady sliding over drive speed", "friction coefficient"),
-        ("amplitude_curve", "Drop of the force in stick-slip over drive speed", "drop [N]"),
+        (
+            "amplitude_curve",
+            "Force from peak to valley in stick-slip over drive speed",
+            "fall, peak to valley [N]",
+        ),
     )
     for name, title, what in told:
         heads = (by, "drive speed [m/s]", what, "95 % low", "95 % high", "people low", "people high")

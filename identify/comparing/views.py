@@ -171,7 +171,15 @@ def _sd(q: Quantity, unit: Scale, value: float | None) -> str:
 
 def operating(by: str, answers: Sequence[GroupAnswer], normal_force: float | None) -> Table:
     """What each group does at the common operating points."""
-    heads = [by, "drive speed", "what it does", "P(stick-slip)", "drop of the force", "stick-slip ends above", "margin"]
+    heads = [
+        by,
+        "drive speed",
+        "what it does",
+        "P(stick-slip)",
+        "peak to valley",
+        "stick-slip ends above",
+        "margin",
+    ]
     rows = []
     for answer in answers:
         if not answer.at:
@@ -190,7 +198,7 @@ def operating(by: str, answers: Sequence[GroupAnswer], normal_force: float | Non
                     Cell(quantity(at.speed, "m/s", 3), sort=at.speed),
                     Cell(OUTCOMES.get(at.outcome, at.outcome), sort=at.outcome),
                     Cell(_probability(at.probability), sort=at.probability),
-                    _figure(at.drop, "N"),
+                    _figure(at.fall, "N"),
                     _figure(answer.critical_speed, "m/s"),
                     Cell(
                         DASH if at.margin.value is None else f"× {number(at.margin.value, 3)}",

@@ -147,15 +147,17 @@ class CycleMap:
     def _linearised(self, cycle: Cycle) -> Flow:
         w, glide, last = cycle.setting, cycle.glide, cycle.glide.legs[-1]
         stick_slope, onset = self._hold.tangent(cycle.start, w, cycle.stick)
-        fixed, peak = self.glider.tangents(glide, w, onset, _peak(glide)[1])
+        speeds = np.zeros((1, *glide.x.shape))
+        speeds[0, :, SPEED] = _peak(glide)[1]
+        fixed, (peak,) = self.glider.tangents(glide, w, onset, speeds)
         rate = self.glider.rate(last.mode, glide.x[-1], last.direction)
         slip_slope = -fixed[SPEED] / rate[SPEED]
         end = fixed + np.outer(rate, slip_slope)
         end[SPEED] = 0.0
         distance = w[-1] * slip_slope - (end[ELONGATION] - onset[ELONGATION])
         distance[-1] += cycle.slip
-        loads = [self._hold.load(x, w, slope)[1] for x, slope in ((cycle.onset, onset), (cycle.end, end))]
-        tangent = Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, peak, distance, *loads)
+        shown = [self._load_slope(x, w, slope) for x, slope in ((cycle.onset, onset), (cycle.end, end))]
+        tangent = Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, peak, distance, *shown)
         return Flow(rate, fixed, cycle, tangent)
 
     def holds(self, cycle: Cycle) -> bool:
@@ -165,7 +167,23 @@ class CycleMap:
 
     def load(self, x: Array, w: Array) -> float:
         """Force the load cell sees in state x [N]."""
-        return self._hold.load(x, w, np.zeros((x.size, w.size)))[0]
+        return self._hold.load(x, w)[0]
+
+    def load_slopes(self, x: Array, w: Array) -> tuple[Array, Array]:
+        """Derivatives of that force by the state (n_x,) and by the setting (n_w,)."""
+        _, by_state, by_setting = self._hold.load(x, w)
+        return by_state, by_setting
+
+    def onset_slopes(self, cycle: Cycle) -> Array:
+        """How the state at the onset (n_x,) moves with the rest state and the setting: (n_x, m)."""
+        return self._hold.tangent(cycle.start, cycle.setting, cycle.stick)[1]
+
+    def _load_slope(self, x: Array, w: Array, moved: Array) -> Array:
+        """Derivatives (m,) of the force in a state whose derivatives are `moved` (n_x, m)."""
+        by_state, by_setting = self.load_slopes(x, w)
+        out: Array = by_state @ moved
+        out[-w.size :] += by_setting
+        return out
 
 
 def _softened(model: Model, p: Array) -> float:

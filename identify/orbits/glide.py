@@ -185,40 +185,37 @@ class Glider:
             at = new if low < new < high else 0.5 * (low + high)
         return at
 
-    def tangents(self, glide: Glide, w: Array, onset: Array, weights: Array) -> tuple[Array, Array]:
-        """Derivatives, at fixed times, of the last state (n_x, m) and of a sum of the speeds at the nodes (m,).
+    def tangents(self, glide: Glide, w: Array, onset: Array, sums: Array) -> tuple[Array, Array]:
+        """Derivatives, at fixed times, of the last state (n_x, m) and of sums over the states at the nodes (q, m).
 
         Args:
             onset: derivatives (n_x, m) at the onset; the last of the m directions are w.
-            weights: of the sum, (s+1,).
+            sums: what each state counts in each sum, (q, s+1, n_x).
 
         Taken from the end backwards: a few numbers per node instead of all m directions.
         """
         self._w[:] = w
-        n = self._n
-        columns = w.size
-        lengths = np.diff(glide.t)
-        back = np.vstack([np.eye(n), np.zeros(n)])
-        back[n, SPEED] = weights[-1]
-        direct = np.zeros((n + 1, columns))
+        n, columns, lengths = self._n, w.size, np.diff(glide.t)
+        back = np.vstack([np.eye(n), sums[:, -1]])
+        direct = np.zeros((back.shape[0], columns))
         for number in reversed(range(len(glide.legs))):
             leg = glide.legs[number]
             steps = np.column_stack([glide.x[leg.first : leg.last], lengths[leg.first : leg.last]])
-            slopes = self._step_tangents(leg, steps, columns)
+            slopes = self.step_tangents(leg, steps, columns)
             by_state = np.ascontiguousarray(slopes[:, :, :n])
-            behind = np.empty((n + 1, len(steps), n))
+            behind = np.empty((back.shape[0], len(steps), n))
             for i in reversed(range(len(steps))):
                 behind[:, i] = back
                 back = back.dot(by_state[i])
-                back[n, SPEED] += weights[leg.first + i]
-            direct += behind.reshape(n + 1, -1) @ slopes[:, :, n:].reshape(-1, columns)
+                back[n:] += sums[:, leg.first + i]
+            direct += behind.reshape(back.shape[0], -1) @ slopes[:, :, n:].reshape(-1, columns)
             if number:
                 back = back @ self._switch(glide, number)
         out = back @ onset
         out[:, -columns:] += direct
-        return out[:n], out[n]
+        return out[:n], out[n:]
 
-    def _step_tangents(self, leg: Leg, steps: Array, columns: int) -> Array:
+    def step_tangents(self, leg: Leg, steps: Array, columns: int) -> Array:
         """d after/d (x, w) of every step (s, n_x + 1) of a leg: shape (s, n_x, n_x + columns)."""
         call, self._direction[0] = self._calls[f"tangent_{leg.mode}"], leg.direction
         out = np.empty((steps.shape[0], self._n, self._n + columns))
@@ -248,7 +245,16 @@ class Glider:
         pull, grip = self._calls["hold"]().tolist()
         return pull, grip
 
+    def set(self, w: Array) -> None:
+        """Take a setting (n_w,) for the calls of `step` and `rate` that follow."""
+        self._w[:] = w
+
+    def step(self, mode: ModeName, x: Array, length: float, direction: float = 1.0) -> Array:
+        """The state (n_x,) after one step of `length` [s] from x, with the setting of the last `slide` or `set`."""
+        self._xh[:-1], self._xh[-1], self._direction[0] = x, length, direction
+        return self._calls[f"step_{mode}"]()[: self._n].copy()
+
     def rate(self, mode: ModeName, x: Array, direction: float = 1.0) -> Array:
-        """dx/dt (n_x,) with the setting of the last slide."""
+        """dx/dt (n_x,) with the setting of the last `slide` or `set`."""
         self._xh[:-1], self._direction[0] = x, direction
         return self._calls[f"rate_{mode}"]().copy()

@@ -103,10 +103,8 @@ class Hold:
         stick_slope = -free[0] / slope[0, -1] if duration else np.zeros(free.shape[1])
         return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
 
-    def load(self, x: Array, w: Array, tangent: Array) -> tuple[float, Array]:
-        """Force the load cell sees in state x [N], and its derivatives (m,) where those of x are `tangent` (n_x, m)."""
+    def load(self, x: Array, w: Array) -> tuple[float, Array, Array]:
+        """Force the load cell sees in state x [N], and its derivatives by the state (n_x,) and by w (n_w,)."""
         self._x[:], self._w[:] = x, w
         row = self._calls["load"]()
-        out = row[1 : 1 + x.size] @ tangent
-        out[-w.size :] += row[-w.size :]
-        return float(row[0]), out
+        return float(row[0]), row[1 : 1 + x.size].copy(), row[-w.size :].copy()

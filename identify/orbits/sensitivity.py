@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from identify.orbits.branch import Branch, along
 from identify.orbits.cycle import Cycle, CycleMap, loads
+from identify.orbits.extremes import peak_to_valley, peak_to_valley_slope
 from identify.orbits.orbit import Orbit
 from identify.orbits.sliding import slidings
 
@@ -23,17 +24,19 @@ QUANTITIES = {
     "peak_speed": "m/s",
     "onset_force": "N",
     "arrest_force": "N",
+    "peak_to_valley": "N",
 }  # what is said of an orbit, and its unit
 STEP = 1e-5  # relative, of a parameter
 LEAST = 1e-3  # a parameter that is zero is moved by STEP times this
 
 
 def quantities(map_: CycleMap, cycle: Cycle, drive_speed: float) -> Array:
-    """QUANTITIES of a cycle, shape (8,), SI."""
+    """QUANTITIES of a cycle, shape (9,), SI."""
     onset, arrest = loads(map_, cycle)
     distance = drive_speed * cycle.slip - float(cycle.end[0] - cycle.onset[0])
     period = cycle.stick + cycle.slip
-    return np.array([onset - arrest, period, cycle.stick, cycle.slip, distance, cycle.peak_speed, onset, arrest])
+    jump = [onset - arrest, period, cycle.stick, cycle.slip, distance, cycle.peak_speed, onset, arrest]
+    return np.array([*jump, peak_to_valley(map_, cycle)])
 
 
 def _columns(map_: CycleMap, names: Sequence[str]) -> list[int]:
@@ -41,7 +44,7 @@ def _columns(map_: CycleMap, names: Sequence[str]) -> list[int]:
 
 
 def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
-    """Derivatives of QUANTITIES along the orbit by parameters, "drive_speed" or "normal_force": (8, len(names)).
+    """Derivatives of QUANTITIES along the orbit by parameters, "drive_speed" or "normal_force": (9, len(names)).
 
     Each is q_w + q_y (1 - J)^-1 F_w: the cycle moves with the setting, and with the rest state that closes it.
     """
@@ -56,6 +59,7 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
             t.peak_speed,
             t.onset_load,
             t.arrest_load,
+            peak_to_valley_slope(map_, orbit.cycle),
         ]
     )
     closing = along(map_.scale, t, orbit.jacobian)

@@ -19,7 +19,7 @@ from identify.calculators.tested import Tested
 from identify.maps.chart import Boundary, Chart
 from identify.maps.chart_closed import closed_plane
 from identify.maps.chart_spread import Known, bands, region
-from identify.report.map_contours import amplitudes, drops
+from identify.report.map_contours import amplitudes, falls
 from identify.report.map_regions import regions
 from identify.report.map_view import FONT, View, ticks_in_powers
 from identify.report.style import drawing_style
@@ -45,7 +45,7 @@ class Marks:
 
 
 def draw_map(chart: Chart, path: File, part: str = "stability", marks: Marks | None = None) -> None:
-    """Draw a map: regions by outcome with the force drop, or ("amplitude") drop and period as contours.
+    """Draw a map: regions by outcome with the fall of the force, or ("amplitude") fall and period as contours.
 
     Raises:
         OSError: the file cannot be written.
@@ -63,10 +63,10 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
     axes = figure.add_subplot()
     view = View(chart.plane.x, chart.plane.y)
     legend: list[Any] = regions(axes, chart, view)
-    if part == "amplitude":  # the drop covers the colours of what sticks
+    if part == "amplitude":  # the fall covers the colours of what sticks
         legend = amplitudes(figure, axes, chart, view)
     else:
-        legend += drops(axes, chart, view)
+        legend += falls(axes, chart, view)
     for boundary, colour, words in (
         (chart.sticking, STICKS, "end of stick-slip"),
         (chart.unstable, SLIDES, "sliding loses stability"),

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 LEVELS = 6
 POWERS = 30.0  # ratio of values from which levels are even in powers
 SCRAP = 5  # points of a contour that is no more than a scrap
-WIDE = 20.0  # ratio of drops from which their colours are even in powers
+WIDE = 20.0  # ratio of falls from which their colours are even in powers
 
 
 def _levels(values: Array) -> Array:
@@ -54,7 +54,7 @@ def _contours(axes: Axes, chart: Chart, view: View, name: str, colour: str, behi
     inside = region_path(chart.sticking, view)
     if np.sum(np.isfinite(values)) < 4 or inside is None:
         return None
-    scale = scale_for(float(np.nanmedian(values)), {"drop": "N", "period": "s"}[name])
+    scale = scale_for(float(np.nanmedian(values)), {"peak_to_valley": "N", "period": "s"}[name])
     levels = _levels(values / scale.factor)
     if not levels.size:
         return None
@@ -81,29 +81,31 @@ def _without_scraps(path: Path) -> Path:
     return Path(points[rows].reshape(-1, 2), codes[rows])
 
 
-def drops(axes: Axes, chart: Chart, view: View) -> list[Any]:
-    """Contours of the drop; what they add to the legend."""
-    scale = _contours(axes, chart, view, "drop", "0.45", "white")
-    return [] if scale is None else [Line2D([], [], color="0.45", lw=0.6, label=f"force drop [{scale.unit}]")]
+def falls(axes: Axes, chart: Chart, view: View) -> list[Any]:
+    """Contours of the fall of the force; what they add to the legend."""
+    scale = _contours(axes, chart, view, "peak_to_valley", "0.45", "white")
+    return (
+        [] if scale is None else [Line2D([], [], color="0.45", lw=0.6, label=f"force, peak to valley [{scale.unit}]")]
+    )
 
 
 def amplitudes(figure: Figure, axes: Axes, chart: Chart, view: View) -> list[Any]:
-    """The drop as colours, the period as lines."""
-    drop = chart.figures["drop"]
-    if not np.any(np.isfinite(drop)):
+    """The fall of the force as colours, the period as lines."""
+    fall = chart.figures["peak_to_valley"]
+    if not np.any(np.isfinite(fall)):
         return []
-    scale = scale_for(float(np.nanmedian(drop)), "N")
+    scale = scale_for(float(np.nanmedian(fall)), "N")
     x, y = view.line(0, chart.plane.x_places), view.line(1, chart.plane.y_places)
-    wide = float(np.nanmax(drop)) > WIDE * float(np.nanquantile(drop, 0.05)) > 0.0
+    wide = float(np.nanmax(fall)) > WIDE * float(np.nanquantile(fall, 0.05)) > 0.0
     mesh = axes.pcolormesh(
-        x, y, _continued(drop) / scale.factor, shading="gouraud", cmap="cividis", norm="log" if wide else None, zorder=1
+        x, y, _continued(fall) / scale.factor, shading="gouraud", cmap="cividis", norm="log" if wide else None, zorder=1
     )
     mesh.set_rasterized(True)
     inside = region_path(chart.sticking, view)
     if inside is not None:
         mesh.set_clip_path(PathPatch(inside, transform=axes.transData))
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, aspect=30)
-    bar.set_label(f"force drop [{scale.unit}]", fontsize=FONT)
+    bar.set_label(f"force, peak to valley [{scale.unit}]", fontsize=FONT)
     bar.ax.tick_params(labelsize=FONT - 0.5, which="both")
     if wide:
         bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: number(v, 3)))

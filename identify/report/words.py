@@ -120,6 +120,7 @@ ANSWER_WORDS: Mapping[str, str] = {
     "growth_rate": "growth rate of a disturbance",
     "worn": "contact ageing worn off",
     "multiplier": "what is left of a disturbance after one cycle",
+    "peak_to_valley": "fall of the force (peak to valley)",
     "drop": "drop of the force (onset to rest)",
     "stick_duration": "duration of stick",
     "slip_duration": "duration of slip",
