@@ -224,6 +224,16 @@ def test_sharp_corners_and_coarse_crests_are_no_spikes(speed, duration, rate):
     assert not spikes(f, 1e-4).any()
 
 
+def test_a_swing_of_a_few_samples_that_dies_out_is_no_spike_but_a_spike_after_it_is():
+    """A finger that is dragged at 30 mm/s, at 100 Hz: seven samples in each period of the rig."""
+    t = np.arange(500) / 100.0
+    f = 0.4 - 0.8 * np.exp(-3.0 * t) * np.cos(2.0 * np.pi * 13.8 * t)
+    f += 4e-3 * np.random.default_rng(3).standard_normal(t.size)
+    assert not spikes(f, 4e-3).any()
+    f[300] += 0.05
+    assert np.flatnonzero(spikes(f, 4e-3)).tolist() == [300]
+
+
 def test_gaps_are_masked(fast):
     run, t, f = fast
     holed = f.copy()

@@ -22,6 +22,9 @@ SIDE = 5
 SPIKE_SD = 6.0
 SPIKE_SD_OVER_SIDES = 4.5
 MOST_SPIKES = 0.05
+# What surrounds a crest of a swing leaves a straight line as well: by this share of its height, and standard deviations;
+# and so many samples on it still is a swing.
+SWING, SWING_SD, SWINGS_ON = 0.3, 3.5, 3 * SIDE
 
 
 def white_noise(force: Array) -> float:
@@ -79,7 +82,7 @@ def spikes(force: Array, noise: float) -> Mask:
 
     A spike leaves both the chord between its neighbours and the lines through five samples on either
     side, to the same side, and the signal is back on its level after it: a sharp corner of a saw-tooth
-    or a crest sampled a few times is none.
+    or a crest sampled a few times is none, nor are the crests of a swing whose every period is a few samples.
 
     Args:
         force: finite values (n,) [N].
@@ -120,23 +123,35 @@ def _stands_out(force: Array, first: NDArray[np.int64], length: int, limit: floa
     before, after = force[first - 1], force[first + length]
     off = body - before[:, None] - (after - before)[:, None] * inside / (length + 1)
     reach = np.arange(SIDE)
-    left = _extrapolated(force[first[:, None] - 1 - reach], inside)
-    right = _extrapolated(force[first[:, None] + length + reach], length + 1 - inside)
+    left, off_left = _extrapolated(force[first[:, None] - 1 - reach], inside)
+    right, off_right = _extrapolated(force[first[:, None] + length + reach], length + 1 - inside)
     side, sides = np.sign(off), SPIKE_SD_OVER_SIDES / SPIKE_SD * limit
     good = (np.abs(off) > limit) & (side * (body - left) > sides) & (side * (body - right) > sides)
-    result: Mask = good.all(axis=1) & (np.abs(after - before) < 0.5 * np.abs(off).min(axis=1))
+    height = np.abs(off).min(axis=1)
+    crest = good.all(axis=1) & (np.abs(after - before) < 0.5 * height)
+    swings = crest & (np.minimum(off_left, off_right) > np.maximum(SWING * height, SWING_SD / SPIKE_SD * limit))
+    result: Mask = crest & ~_near(first, first[swings])
     return result
 
 
-def _extrapolated(samples: Array, steps: NDArray[np.int64]) -> Array:
-    """A line through samples (c, SIDE), nearest first, continued beyond the nearest by steps (l,): shape (c, l).
+def _near(places: NDArray[np.int64], others: NDArray[np.int64]) -> Mask:
+    """Which places are within SWINGS_ON samples of one of the others; both in rising order."""
+    begin = np.searchsorted(others, places - SWINGS_ON)
+    result: Mask = np.searchsorted(others, places + SWINGS_ON, side="right") > begin
+    return result
+
+
+def _extrapolated(samples: Array, steps: NDArray[np.int64]) -> tuple[Array, Array]:
+    """A line through samples (c, SIDE), nearest first, continued beyond the nearest by steps (l,): shape (c, l); and by
+    how much one of the samples leaves it at most (c,).
 
     Median slope and median level, so that another spike among the samples does not bend it.
     """
     i, j = np.triu_indices(SIDE, 1)
     slope = np.median((samples[:, j] - samples[:, i]) / (j - i), axis=1)
     level = np.median(samples - slope[:, None] * np.arange(SIDE), axis=1)
-    return level[:, None] - slope[:, None] * steps
+    left_over = samples - level[:, None] - slope[:, None] * np.arange(SIDE)
+    return level[:, None] - slope[:, None] * steps, np.max(np.abs(left_over), axis=1)
 
 
 def _jumps(force: Array, limit: float) -> NDArray[np.int64]:

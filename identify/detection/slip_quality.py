@@ -146,7 +146,8 @@ def _few(found: Segmentation, limits: Thresholds) -> Finding | None:
     if severity is None:
         return None
     word = "one slip was" if found.count == 1 else f"{found.count} slips were"
-    text = f"only {word} found; {limits['cycles']:g} or more are needed to tell cycles apart: record longer"
+    remedy = "it slides on: drive more slowly" if found.ends_sliding else "record longer"
+    text = f"only {word} found; {limits['cycles']:g} or more are needed to tell cycles apart: {remedy}"
     return Finding("few_cycles", severity, text)
 
 
