@@ -185,6 +185,19 @@ def test_combinations_that_are_sharper_than_their_parts_are_named():
     assert worst.text.startswith("known worst") and "t_cr +11 %" in worst.text
 
 
+def test_what_no_combination_tells_is_not_told_in_numbers():
+    """A ridge of a factor 1e8: its ratio is told where it is known to a factor of three, and not where it is not."""
+    values, names, logs = {"D": 40e-6, "t_cr": 0.5}, ["D", "t_cr"], [True, True]
+    for error, told in ((0.3, 1), (0.8, 0)):
+        across, along = np.array([1.0, -1.0]) / np.sqrt(2.0), np.array([1.0, 1.0]) / np.sqrt(2.0)
+        ridge = 0.5 * error**2 * np.outer(across, across) + 18.0**2 * np.outer(along, along)
+        assert len(combinations(names, logs, values, ridge)) == told
+    assert directions(names, logs, values, ridge)[1].text in (
+        "known worst: D and t_cr together, which these logs do not tell",
+        "known worst: t_cr and D together, which these logs do not tell",
+    )
+
+
 def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypatch):
     case = simulated_case(DEMO, 3)
     logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in (2, 3)]

@@ -1,7 +1,7 @@
 """What the data hold even where single parameters are loose: combinations of them, with units and in words.
 
 Two views of one covariance: combinations that mean something by themselves (a creep velocity, an initial slope), listed
-where they are sharper than what they are made of; and its eigenvectors, from the best known direction to the worst.
+where they are sharper than what they are made of, and known to a factor of three; and its eigenvectors, from the best known direction to the worst.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 SHARPER = 1.5  # times: how much better a combination must be known than its worst part to be listed
+WIDEST = float(np.log(3.0))  # half width of the logarithm: a combination that is known no better is not known
+LOOSE = 3.0  # relative size from which a direction is not told in numbers: a line that is so long says nothing
 SHOWN = 0.2  # of the largest part of a direction: smaller parts are not named
 
 
@@ -126,7 +128,7 @@ def combinations(
         if value == 0.0 or not np.isfinite(error) or error == 0.0:
             continue
         sharper = max(loose[name] for name in mine) / (error / abs(value))
-        if sharper >= SHARPER:
+        if sharper >= SHARPER and NORMAL * error / abs(value) <= WIDEST:
             out.append(Combination(natural, value, error, sharper))
     return out
 
@@ -172,6 +174,8 @@ def directions(names: Sequence[str], logarithmic: Sequence[bool], values: Values
 
 def _sentence(number: int, count: int, size: float, moves: Mapping[str, float], logs: Mapping[str, bool]) -> str:
     rank = "known best" if number == 0 else "known worst" if number == count - 1 else f"known {number + 1} of {count}"
+    if size > LOOSE:
+        return f"{rank}: {listed(list(moves))}{' together' if len(moves) > 1 else ''}, which these logs do not tell"
     with np.errstate(over="ignore"):
         percent = {name: 100 * np.expm1(move) for name, move in moves.items()}
     told = [f"{name} {percent[name]:+.2g} %" if logs[name] else f"{name} {move:+.2g}" for name, move in moves.items()]
