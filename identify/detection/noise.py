@@ -22,8 +22,8 @@ SIDE = 5
 SPIKE_SD = 6.0
 SPIKE_SD_OVER_SIDES = 4.5
 MOST_SPIKES = 0.05
-# What surrounds a crest of a swing leaves a straight line too: by this share of its height, and standard deviations; and
-# so many samples on it still is a swing.
+# What surrounds a crest of a swing leaves a straight line too: by this share of its height, and standard deviations;
+# and so many samples further on it is a swing still.
 SWING, SWING_SD, SWINGS_ON = 0.3, 3.5, 3 * SIDE
 
 

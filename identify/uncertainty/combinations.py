@@ -1,7 +1,8 @@
 """What the data hold even where single parameters are loose: combinations of them, with units and in words.
 
 Two views of one covariance: combinations that mean something by themselves (a creep velocity, an initial slope), listed
-where they are sharper than what they are made of, and known to a factor of three; and its eigenvectors, from the best known direction to the worst.
+where they are sharper than what they are made of, and known to a factor of three; and its eigenvectors, from the best
+known direction to the worst.
 """
 
 from __future__ import annotations
