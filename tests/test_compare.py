@@ -371,8 +371,8 @@ def test_what_too_few_fits_tell_is_not_called_untold(tmp_path):
     found = compare(read_fits([tmp_path]), Question("material"))
     for answer in group_answers(found, common(found)):
         assert answer.reason == (
-            "D, a, delta_mu_k, mu_k0, mu_s, t_cr are not pooled: 2 fits were found for 2 means and covariates; "
-            "expected more fits: add runs"
+            "D, a, delta_mu_k, mu_k0, mu_s, t_cr are not pooled: 2 fits for 2 means and covariates leave nothing "
+            "that shows the scatter between runs; expected more fits: add runs of every group"
         )
 
 

@@ -7,7 +7,9 @@ import re
 import pytest
 
 from experiments.pooling_draws import Plan
+from identify.comparing.figures import FAR, _without_far
 from identify.comparing.page import write_batch_report
+from identify.comparing.views import together
 from tests.browser import CHROMIUM, Browser
 from tests.comparing_case import write_study
 
@@ -98,3 +100,14 @@ def test_a_script_of_a_label_would_not_run(page, browser, tmp_path):
     browser.open(spoilt, 1280)
     assert browser.run("document.title") != "taken"
     assert any("Content Security Policy" in error for error in browser.errors)
+
+
+def test_equal_sentences_are_said_once():
+    told = [("mu_s", "static", "no."), ("mu_k0", "kinetic", "yes."), ("D", "length", "no.")]
+    assert together(told) == [("mu_s, D", "", "no."), ("mu_k0", "kinetic", "yes.")]
+
+
+def test_an_axis_is_not_as_long_as_an_interval_that_spans_decades():
+    inside = _without_far([30.0, 55.0], [0.855, 1930.0, 40.6])
+    assert min(inside) == 0.855 and max(inside) == 55.0 + FAR * 25.0
+    assert _without_far([30.0, 55.0], [28.0, 60.0]) == [28.0, 60.0, 30.0, 55.0]

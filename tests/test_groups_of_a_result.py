@@ -199,3 +199,17 @@ def test_a_prior_of_a_scene_moves_what_is_tied_as_well(tmp_path, capsys):
     onset, drop = point["amplitude"]["onset_force"], point["amplitude"]["drop"]
     assert np.diff(onset["interval"])[0] / (2 * 1.959964) == pytest.approx(0.002, rel=1e-3)
     assert np.diff(drop["interval"])[0] < 1e-6
+
+
+def test_what_a_fit_does_not_tell_leaves_open_what_depends_on_it_and_nothing_is_said_to_have_no_error(tmp_path, capsys):
+    told = document()
+    key = next(k for k in told["parameters"] if k.startswith("t_cr"))
+    told["parameters"][key]["standard_error"] = None
+    place = tmp_path / "open.json"
+    place.write_text(json.dumps(told))
+    found = points(capsys, "stability", "--result", str(place), "--draws", "5")
+    for point in found:
+        end = point["stability"]["critical_speed"]
+        assert end["value"] is not None and end["interval"] == [None, None] and "t_cr" in end["reason"]
+        assert "open, as these data do not tell t_cr" in point["sureness"]["text"]
+        assert "has an error" not in point["sureness"]["text"]

@@ -222,7 +222,7 @@ def test_many_groups_have_means_but_no_pairs():
 
 
 def test_too_few_fits_are_refused_in_one_sentence():
-    with pytest.raises(PoolingError, match="2 fits were found for 2 means"):
+    with pytest.raises(PoolingError, match="2 fits for 2 means"):
         pool(np.array([1.0, 2.0]), np.zeros(2), Setting(("A", "B")))
     assert indicators(["b", "a", "b"]).tolist() == [[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]
 

@@ -21,8 +21,8 @@ class Pair:
     """What a result says of one log's pair.
 
     groups: (label, value) of all that parameters differ by, (EACH_LOG, "log 2") of what every log has for itself;
-    values [SI] by parameter; covariance (f, f) [SI] of `names`, tied parameters among them, None where one of them has
-    no standard error; untold: why there are no values, empty where there are.
+    values [SI] by parameter; covariance (f, f) [SI] of `names`, tied parameters among them, variances infinite
+    where these logs do not tell; untold: why there are no values, empty where there are.
     """
 
     groups: Groups = ()
@@ -94,19 +94,23 @@ def _sentence(document: Mapping[str, Any], log: int, name: str) -> str:
 
 
 def _covariance(document: Mapping[str, Any], keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
-    """Names and covariance [SI] of what was estimated of a pair; None where one of them has no standard error.
+    """Names and covariance [SI] of what was estimated of a pair; None where there is none.
 
-    The errors are those of the correlation; older results tell those of the parameters only, which a profile may have
+    What the logs do not tell has no standard error: its variance is infinite here, and what depends on it is open. The
+    errors are those of the correlation; older results tell those of the parameters only, which a profile may have
     given.
     """
     told = document.get("correlation") or {}
     order = list(told.get("names") or ())
     names = tuple(name for name, key in keys.items() if key in order)
-    open_ = any(document["parameters"][keys[name]]["standard_error"] is None for name in names)
+    open_ = np.array([document["parameters"][keys[name]]["standard_error"] is None for name in names])
     places = [order.index(keys[name]) for name in names]
     own = told.get("standard_errors")
     errors = [own[i] if own else document["parameters"][order[i]]["standard_error"] for i in places]
-    if not names or open_ or any(error is None for error in errors):
+    if not names or np.all(open_):
         return (), None
-    matrix = np.array(told["matrix"], dtype=float)[np.ix_(places, places)]
-    return (names, np.outer(errors, errors) * matrix) if np.all(np.isfinite(matrix)) else ((), None)
+    known = np.array([np.nan if e is None else e for e in errors], dtype=float)
+    matrix = np.outer(known, known) * np.array(told["matrix"], dtype=float)[np.ix_(places, places)]
+    matrix[open_, :] = matrix[:, open_] = 0.0
+    matrix[open_, open_] = np.inf
+    return (names, matrix) if not np.any(np.isnan(matrix)) else ((), None)

@@ -45,6 +45,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.comparing.fits import read_fits
     from identify.comparing.labels import Question
     from identify.comparing.page import answered
+    from identify.comparing.views import together
     from identify.comparing.write import all_sheets, document, write_comparison
 
     speeds, load = _point(arguments)
@@ -66,8 +67,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         + ", ".join(visible(g, 30) for g in comparison.groups[:10])
         + (f" and {len(comparison.groups) - 10} more" if len(comparison.groups) > 10 else "")
     )
-    for name, words in told["in_words"].items():
-        terminal.say(f"  {visible(name, 20)}: {visible(words, 400)}")
+    for names, _, words in together([(name, "", words) for name, words in told["in_words"].items()]):
+        terminal.say(f"  {visible(names, 200)}: {visible(words, 400)}")
     for name, reason in comparison.taken.left_out[:10]:
         terminal.say(f"  left out: {visible(name, 60)} ({visible(reason, 120)})")
     for odd in comparison.odd[:10]:

@@ -19,6 +19,8 @@ from identify.report.words import plain_symbol
 WIDTH, ROW = 460.0, 34.0
 LEFT, RIGHT = 108.0, 12.0
 CURVE_HEIGHT = 300.0
+FAR = 2.5  # times what the fits span: an interval is drawn no further
+TALLEST = 2.0  # times the highest curve: a band is drawn no higher
 
 
 def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
@@ -48,6 +50,8 @@ def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
         if mean.interval:
             a, b = (axis.at(_clipped(axis, quantity.shown(v) / unit.factor)) for v in mean.interval)
             parts.append(path([(a, y), (b, y)], colour(place), 2.6))
+            beyond = [v for v in (quantity.shown(v) / unit.factor for v in mean.interval) if v != _clipped(axis, v)]
+            parts += [_arrow(axis, v, y, colour(place)) for v in beyond]
         filled = colour(place) if mean.interval else "#fff"
         parts.append(f'<circle cx="{middle:.1f}" cy="{y:.1f}" r="4.6" fill="{filled}" stroke="{colour(place)}"/>')
     label = f"{quantity.name} by {comparison.question.by}: pooled means with 95 % intervals, every fit as a small mark"
@@ -59,9 +63,13 @@ def _tick_mark(axis: Scale, value: float, y: float, stroke: str) -> str:
     if axis.low <= value <= axis.high:
         x = axis.at(value)
         return f'<line x1="{x:.1f}" y1="{y + 7:.1f}" x2="{x:.1f}" y2="{y + 13:.1f}" stroke="{stroke}" class="mark"/>'
+    return _arrow(axis, value, y + 10.0, stroke, 0.6)
+
+
+def _arrow(axis: Scale, value: float, y: float, stroke: str, opacity: float = 1.0) -> str:
+    """An arrow head at the edge beyond which a value lies."""
     x, sign = (axis.last, -1) if value > axis.high else (axis.first, 1)
-    d = f"M{x:.1f} {y + 10:.1f}l{6 * sign} -3v6z"
-    return f'<path d="{d}" fill="{stroke}" fill-opacity="0.6"/>'
+    return f'<path d="M{x:.1f} {y:.1f}l{6 * sign} -3v6z" fill="{stroke}" fill-opacity="{opacity:g}"/>'
 
 
 def _clipped(axis: Scale, value: float) -> float:
@@ -69,7 +77,11 @@ def _clipped(axis: Scale, value: float) -> float:
 
 
 def _without_far(shown: Sequence[float], ends: Sequence[float]) -> list[float]:
-    """Values for the axis: all means and intervals, and the fits that are not far from them."""
+    """Values for the axis: all means, intervals as far as they are not far from what was found (an interval from two
+    fits may span decades), and the fits that are not far from those."""
+    least, most = min(shown), max(shown)
+    far = FAR * max(most - least, 0.1 * abs(most))
+    ends = [min(max(v, least - far), most + far) for v in ends]
     low, high = min(ends), max(ends)
     quarter = np.percentile(shown, [25, 75])
     room = 4.0 * max(float(quarter[1] - quarter[0]), 0.25 * (high - low))
@@ -88,7 +100,9 @@ def curves(answers: Sequence[GroupAnswer], which: str, marks: Sequence[float]) -
     x = Scale(float(speeds.min()), float(speeds.max()), 48.0, WIDTH - RIGHT, True)
     levels = np.concatenate([np.concatenate([c.value, c.low, c.high]) for _, _, c in drawn])
     people = np.concatenate([c.people_high for _, _, c in drawn])
-    y = _from_zero(levels[np.isfinite(levels)], people[np.isfinite(people)], bottom, top)
+    most = TALLEST * float(np.nanmax(np.abs(np.concatenate([c.value for _, _, c in drawn]))))
+    levels = np.clip(levels[np.isfinite(levels)], -0.25 * most, most)
+    y = _from_zero(levels, people[np.isfinite(people)], bottom, top)
     title = "friction coefficient in steady sliding" if which == "friction" else "force from peak to valley [N]"
     parts = [x_axis(x, bottom, top, "drive speed [mm/s]"), y_axis(y, 48.0, WIDTH - RIGHT, title)]
     parts += [line(x.at(v * 1e3), top, x.at(v * 1e3), bottom, "mark") for v in marks]
@@ -115,8 +129,9 @@ def _curve(curve: Curve, x: Scale, y: Scale, place: int) -> str:
             (x.at(1e3 * v), y.at(w) if math.isfinite(w) else math.nan) for v, w in zip(curve.speed, kept, strict=True)
         ]
 
+    high, low = (np.clip(ends, y.low, y.high) for ends in (curve.high, curve.low))
     return (
-        band(points(curve.high), points(curve.low), colour(place), 0.18)
+        band(points(high), points(low), colour(place), 0.18)
         + path(points(curve.people_low), colour(place), 0.7, "2 3")
         + path(points(curve.people_high), colour(place), 0.7, "2 3")
         + path(points(curve.value), colour(place), 2.0, dash(place))

@@ -140,8 +140,13 @@ def _check(entries: Sequence[FitEntry], question: Question) -> None:
     asked += [question.subject] if question.subject not in (None, NONE) else []
     for name in asked:
         if name != NONE and name not in known and not any(name in entry.mixed for entry in entries):
-            told = ", ".join(_short(label) for label in list(known)[:12]) or "none at all"
-            raise CompareError(f"no converged fit has the label {_short(str(name))!r}; expected one of: {told}")
+            told = ", ".join(_short(label) for label in list(known)[:12])
+            raise CompareError(
+                f"no converged fit has the label {_short(str(name))!r}; expected "
+                + (f"one of: {told}" if told else "fits with labels, and these have none")
+                + f'; write labels = {{ {_short(str(name))} = "..." }} to the [[logs]] of a scene and fit it again, or '
+                "name the column so in the manifest of a batch"
+            )
     names = {name for entry in entries for name in (entry.name, entry.whole)}
     for name in question.without:
         if name not in names:

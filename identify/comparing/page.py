@@ -136,7 +136,7 @@ def _told(comparison: Comparison, answers: Answers | None, home: Path) -> dict[s
     return {
         "by": comparison.question.by,
         "who": comparison.taken.subject,
-        "sentences": views.sentences(comparison),
+        "sentences": views.together(views.sentences(comparison)),
         "parameters": views.parameters(comparison),
         "differences": views.differences(comparison),
         "scatter": views.scatter(comparison),

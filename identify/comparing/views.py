@@ -12,7 +12,17 @@ from identify.comparing.operating import Figure, GroupAnswer
 from identify.comparing.quantities import Quantity
 from identify.comparing.reporting import Item
 from identify.pooling.pooled import DIFFERENT, NOT_TESTED, Difference
-from identify.report.quantity_text import DASH, Scale, decimals, ends_text, number, places_for, quantity, scale_for
+from identify.report.quantity_text import (
+    DASH,
+    Scale,
+    decimals,
+    ends_text,
+    number,
+    places_for,
+    places_of_positive,
+    quantity,
+    scale_for,
+)
 from identify.report.words import MEANINGS, OUTCOMES, plain_symbol
 
 REASON = 400  # characters of a reason that are shown
@@ -70,7 +80,8 @@ def parameters(comparison: Comparison) -> Table:
         for mean in sorted(entry.pooled.means, key=lambda m: comparison.groups.index(m.group)):
             value = q.shown(mean.value) / unit.factor
             ends = [q.shown(v) / unit.factor for v in mean.interval or ()]
-            places = places_for((ends[1] - ends[0]) / 4 if ends else None, value)
+            shown = places_of_positive if q.logarithmic else places_for
+            places = shown((ends[1] - ends[0]) / 4 if ends else None, value)
             interval = ends_text(ends[0], ends[1], places) if ends else "open"
             row = [
                 named(q),
@@ -115,9 +126,8 @@ def difference_text(entry: PooledQuantity, d: Difference) -> tuple[str, str]:
     """A difference and its interval as text: a factor where the parameter is pooled as a logarithm."""
     if entry.quantity.logarithmic:
         ends = [math.exp(v) for v in d.interval or ()]
-        places = places_for((ends[1] - ends[0]) / 4 if ends else None, math.exp(d.value))
-        shown = [decimals(v, places) for v in (math.exp(d.value), *ends)]
-        return f"× {shown[0]}", f"× {shown[1]} to {shown[2]}" if ends else DASH
+        places = places_of_positive((ends[1] - ends[0]) / 4 if ends else None, math.exp(d.value))
+        return f"× {decimals(math.exp(d.value), places)}", f"× {ends_text(ends[0], ends[1], places)}" if ends else DASH
     unit = _unit(entry)
     values = [v / unit.factor for v in (d.value, *(d.interval or ()))]
     places = places_for((values[2] - values[1]) / 4 if d.interval else None, values[0])
@@ -249,6 +259,15 @@ def reporting(items: Sequence[Item]) -> Table:
 def sentences(comparison: Comparison) -> list[tuple[str, str, str]]:
     """What differs: symbol, meaning and one plain sentence per parameter."""
     return [(plain_symbol(e.quantity.name), _meaning(e.quantity), _sentence(e)) for e in comparison.quantities]
+
+
+def together(told: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """The same with equal sentences said once, for all parameters of which they hold."""
+    names: dict[str, list[str]] = {}
+    meanings = {words: meaning for _, meaning, words in told}
+    for name, _, words in told:
+        names.setdefault(words, []).append(name)
+    return [(", ".join(group), meanings[words] if len(group) == 1 else "", words) for words, group in names.items()]
 
 
 def _meaning(q: Quantity) -> str:

@@ -109,7 +109,10 @@ def fit_mixed(y: Array, X: Array, noise: Array, components: Sequence[Component])
     """
     n, p = X.shape
     if n <= p:
-        raise PoolingError(f"{n} fits were found for {p} means and covariates; expected more fits: add runs")
+        raise PoolingError(
+            f"{n} fits for {p} means and covariates leave nothing that shows the scatter between runs; expected more "
+            "fits: add runs of every group"
+        )
     y, noise = np.asarray(y, float), np.asarray(noise, float)
     residual = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
     scale = float(np.sqrt(max(residual @ residual / (n - p), 1e-300)))

@@ -149,7 +149,7 @@ def _mean(group: str, column: int, mixed: Mixed, setting: Setting) -> Mean:
 def _few(group: str, fits: int, subjects: int | None) -> str:
     """Why a group says nothing beyond itself."""
     if subjects == 1:
-        return f"one subject only with {group}: {fits} fit{'s' * (fits != 1)} of one person are one person"
+        return f"one subject only with {group}: a person's fits, {fits} here, say nothing of others"
     return f"one fit only with {group}" if fits == 1 else ""
 
 

@@ -104,6 +104,11 @@ def places_for(error: float | None, value: float | None) -> int:
     return 3 - _decade(value or 0.0)
 
 
+def places_of_positive(error: float | None, value: float) -> int:
+    """The same of a value whose interval may span decades: three digits of the value at least."""
+    return max(places_for(error, value), 2 - _decade(value))
+
+
 def quantity(value: float | None, unit: str, digits: int = 4) -> str:
     """The SI value with a fitting unit: 37.4e-6, "m" -> "37.4 µm"."""
     if value is None:
