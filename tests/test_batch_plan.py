@@ -87,6 +87,19 @@ def test_what_the_scene_says_of_a_log_is_kept_where_the_row_says_nothing(case):
     assert log.drive_speed == 2e-3, "the manifest has the last word"
 
 
+def test_what_the_scene_says_of_a_log_without_a_path_holds_of_every_log(case):
+    """So that the logs of a folder can take their drive from a column."""
+    rows = "path,group,drive_speed\na.csv,G,\nb.csv,H,\nc.csv,K,2 mm/s\n"
+    listed = '[[logs]]\ncolumns = { position = "Fz" }\nnoise = "2 mN"\n[[logs]]\npath = "b.csv"\nnoise = "1 mN"\n'
+    made = case(rows, scene=listed)
+    logs = [scene_of(job).logs[0] for job in made.jobs]
+    assert [log.columns for log in logs] == [{"position": "Fz"}] * 3
+    assert [log.noise for log in logs] == [2e-3, 1e-3, 2e-3] and logs[2].drive_speed == 2e-3
+    assert not any("take no part" in note for note in made.notes)
+    (said,) = complaints(case, rows)
+    assert said.startswith("m.csv line 2, m.csv line 3: has no drive speed") and 'position = "…"' in said
+
+
 def test_everything_wrong_is_told_at_once(case):
     rows = "a.csv,G,1 mm/s,-1 kg\nb.csv,G,1 mm/s,3 lightyears\nc.csv,H,,\nnone.csv,H,1 mm/s,\n"
     said = complaints(case, "path,group,drive_speed,rig.mass\n" + rows)

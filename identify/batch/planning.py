@@ -86,6 +86,7 @@ class _Check:
         self._said: dict[str, list[str]] = {}
         listed = defaults.get("logs", [])
         self._listed = [log for log in listed if isinstance(log, Mapping)] if isinstance(listed, list) else []
+        self._of_all = [log for log in self._listed if "path" not in log]
 
     def complaints(self) -> list[str]:
         """One sentence per thing to mend."""
@@ -127,10 +128,12 @@ class _Check:
         return scene
 
     def _entries(self, row: Row, own: Sequence[str]) -> list[Document]:
-        """The [[logs]] of a row: what the scene lists for that file, if it does, and what the row says otherwise."""
+        """The [[logs]] of a row: what the scene says of all logs (a table without a path), what it lists for that file,
+        if it does, and what the row says otherwise."""
         path = row.path.absolute()
         same = [log for log in self._listed if _place(log, self._scene) == path.resolve()]
-        made: list[Document] = [copy.deepcopy(dict(log)) for log in same] or [{}]
+        common = {key: value for log in self._of_all for key, value in log.items()}
+        made: list[Document] = [copy.deepcopy({**common, **log}) for log in same or [{}]]
         for entry in made:
             for key, text in row.overrides.items():
                 top, _, rest = key.partition(".")
@@ -149,10 +152,11 @@ def _refuse_no_drive(scene: Scene) -> None:
         SceneError: there is one.
     """
     for number, log in enumerate(scene.logs, 1):
-        if scene.rig_for(log).drive_speed is None and "drive_speed" not in (log.columns or {}):
+        if scene.rig_for(log).drive_speed is None and not {"drive_speed", "position"} & set(log.columns or {}):
+            which = f"log {number} ({log.path.name}) has" if len(scene.logs) > 1 else "has"
             raise SceneError(
-                f"log {number} ({log.path.name}) has no drive speed; give drive_speed in the manifest or under [rig], "
-                'or name the column that tells it: columns = { drive_speed = "…" } in its [[logs]]'
+                f"{which} no drive speed; give drive_speed in the manifest or under [rig], or name the column that has"
+                ' it: columns = { drive_speed = "…" } or { position = "…" } in [[logs]] (without a path: of all logs)'
             )
 
 
@@ -244,5 +248,5 @@ def _unused(defaults: Mapping[str, Any], scene: Path, listing: Listing) -> list[
     """A note where the scene lists logs that the source does not name."""
     listed = defaults.get("logs", [])
     there = {row.path.resolve() for row in listing.rows}
-    gone = [log for log in listed if isinstance(log, Mapping) and _place(log, scene) not in there]
+    gone = [log for log in listed if isinstance(log, Mapping) and "path" in log and _place(log, scene) not in there]
     return [f"{len(gone)} of the scene's own [[logs]] take no part: the source does not name them"] if gone else []

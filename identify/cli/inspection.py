@@ -126,12 +126,15 @@ def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
         terminal.say(wrapped(f"step {step.number}: rows {step.start + 1} to {step.stop}; {given}", "  "))
     shares = ", ".join(
         f"{100 * phases.share(phase):.1f} % {word}"
-        for phase, word in ((STICK, "stick"), (SLIP, "slip"), (SLIDING, "sliding"))
+        for phase, word in ((STICK, "rising as in stick"), (SLIP, "falling as in slip"), (SLIDING, "sliding"))
     )
-    terminal.say(f"  {phases.count} stick-slip cycles; {shares}; noise {quantity(phases.noise, 'N', 3)}")
+    # The force rises on after the onset of slip, and again before the mass rests: a slip lasts longer than its fall.
+    told = f"{phases.count} stick-slip cycles; force {shares}; noise {quantity(phases.noise, 'N', 3)}"
+    terminal.say(wrapped(told, "  "))
     if not phases.count:
         return
-    samples = f"{number(phases.samples_per_slip, 2)} samples per slip, {number(phases.samples_per_cycle, 4)} per cycle"
+    falling, cycle = number(phases.samples_per_slip, 2), number(phases.samples_per_cycle, 4)
+    samples = f"{falling} samples in each fall, peak to valley, {cycle} in each cycle"
     terminal.say(wrapped(samples, "  "))
 
 
