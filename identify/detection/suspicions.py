@@ -17,6 +17,7 @@ from identify.detection.spectrum import Spectrum
 Array = NDArray[np.float64]
 
 SWAPPED = 3  # slips of the normal force, where the friction force has none
+STILL = 0.05  # of its level: a force that ranges less is no friction force with slips
 SLOWEST, FASTEST = 2.2, 14.0  # samples per period of an oscillation that is sampled too slowly
 LINE = 0.35  # share of the power that such a line holds at least
 LARGE = 0.05  # of the force: standard deviation of an oscillation worth a word
@@ -59,11 +60,16 @@ def strange_coefficient(record: Record, thresholds: Thresholds = DEFAULTS) -> Fi
 
 
 def _swapped(record: Record, phases: Sequence[Segmentation]) -> Finding | None:
-    if any(p.count for p in phases) or not np.isfinite(record.normal_force).any():
+    """Slips of the normal force where the friction force hardly moves; a load that ripples beside friction that rests
+    and slides is none."""
+    normal, friction = record.normal_force, record.friction_force
+    if not np.isfinite(normal).any() or not np.isfinite(friction).any():
         return None
-    count = max(
-        segment(record.time[s.start : s.stop], record.normal_force[s.start : s.stop]).count for s in record.steps
-    )
+    swing = _swing(friction)
+    if swing > _swing(normal) or (swing > STILL and any(p.count for p in phases)):
+        return None
+    seen = [segment(record.time[s.start : s.stop], normal[s.start : s.stop]) for s in record.steps]
+    count = max(p.count for p in seen)
     if count < SWAPPED:
         return None
     return Finding(
@@ -72,6 +78,12 @@ def _swapped(record: Record, phases: Sequence[Segmentation]) -> Finding | None:
         f"the normal force sticks and slips ({count} slips) and the friction force does not: are the two swapped? "
         "Say it with --columns normal_force=…,friction_force=…",
     )
+
+
+def _swing(force: Array) -> float:
+    """How far a force ranges, without its outer tenths, over its level."""
+    low, middle, high = np.quantile(np.abs(thinned(kept(force, np.isfinite(force)))), [0.1, 0.5, 0.9])
+    return float((high - low) / middle) if middle > 0.0 else np.inf
 
 
 def _too_slow(time: Array, force: Array, thresholds: Thresholds) -> Finding | None:

@@ -10,11 +10,13 @@ from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.left_unsaid import left_unsaid
 from identify.diagnosis.restraints import restraints, sitting
+from identify.diagnosis.seen_before import look_swapped, seen_before
 from identify.examination.allowed import slowness
 from identify.outcome import Status
 from identify.preparation.prepare import Prepared
 from identify.scene import Scene
 from identify.search.attempt import Attempt
+from identify.search.status_words import EXCHANGE
 from identify.telling import Progress
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)  # of which the cause is looked for
@@ -26,6 +28,9 @@ def looked_into(
     """What a fit found, with the cause of a misfit where one is known, and refused where it only looks right; and a
     better answer of the same model that was met."""
     if findings.status in MISFITS:
+        if swapped := look_swapped(prepared):
+            message = f"normal force and friction force look swapped in {swapped}; {EXCHANGE}"
+            return replace(findings, status=Status.MODEL_MISFIT, message=message), None
         unit = wrong_unit(prepared, placed=findings.attempt is not None)
         if unit:
             return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
@@ -36,7 +41,8 @@ def looked_into(
         if cause is not None:
             message = _caused(cause.sentence, findings.attempt)
             return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
-        findings = replace(findings, message=f"{findings.message}{_unexplained(findings, scene)}")
+        also = f"{_unexplained(findings, scene)}{seen_before(prepared)}"
+        findings = replace(findings, message=f"{findings.message}{also}")
     refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
     doubtful = refused or _doubtful(findings)
     if not doubtful and not (_placed(findings) and restraints(scene, sitting(findings.unknowns, findings.attempt))):

@@ -159,7 +159,8 @@ GROSS: tuple[Suspect, ...] = (
         _as_sticks_rise,
         lambda _fitted, value, stated: (
             f"a drive speed {value / stated:.3g} times the stated one in all logs (look at the position of the drive, "
-            "or time it over a known way)"
+            "or time it over a known way) or, which these data cannot tell from it, a friction force that reads "
+            f"{value / stated:.3g} times what it is (hang a known weight on its sensor)"
         ),
         nearby=_all_speeds,
     ),

@@ -28,6 +28,12 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
     if exact and found.status is Status.CONVERGED:
         named = ", ".join(name.replace("_", " ") for name in exact)
         notes.append(f"Taken as exact: {named}; the table of rig errors shows what 1 % would do.")
+    if found.status is Status.CONVERGED and "force_sensor" not in scene.effects:
+        notes.append(
+            "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients by as "
+            "much (1 % of the force by 1 %), which no interval holds and no fit sees; check them with a known weight, "
+            "or let the effect force_sensor estimate zero and gain of the friction force within priors."
+        )
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
     notes += [f"{name}: {message}." for name, message in dict.fromkeys(doubts)]
     notes += [f"{log.name}: {load_varies(log)}." for log in prepared if log.hidden_swing]

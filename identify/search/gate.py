@@ -146,6 +146,8 @@ def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
 
     The misfit of the samples does not see it: what a wrong answer gets wrong from cycle to cycle, the load takes up.
     """
+    model = solved.problem.layout.unknowns.model
+    remedy = "" if "occlusion" in model.effects else ", or add occlusion to effects"
     for data, guess, name in zip(solved.problem.logs, solved.guesses, names, strict=True):
         if not data.normal_force_sd > 0.0 or not guess.deviation.size:
             continue
@@ -157,7 +159,7 @@ def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
             return (
                 f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
                 f"errors of its measured course (cycle {cycle + 1}): another start may fit, or friction drifts or "
-                "differs from cycle to cycle; give start values, or add occlusion to effects"
+                f"differs from cycle to cycle; give start values{remedy}"
             )
     return None
 
@@ -218,8 +220,9 @@ def _judge(
                 ("while the others fit", "") if fit else (f"where the others do by {typical:.0f}", OR_ELSE)
             )
             return Status.WRONG_EVENT_COUNT, (
-                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}: a slip was missed "
-                f"or invented there; look at it in the report and exclude that stretch{or_else}"
+                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}: as where a slip was missed "
+                f"or invented, or the force was cut off or disturbed; look at it in the report and exclude that "
+                f"stretch{or_else}"
             )
         failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
         if chi2 < 1.0 and not np.any(z > PER_CYCLE) and solution.success:

@@ -309,9 +309,10 @@ def _ordered(guess: Guess) -> bool:
 
 
 def _interval(log: LogData, guess: Guess) -> float:
-    """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter."""
-    slip = float(np.median(guess.slips)) if guess.slips.size else np.inf
-    return min(log.interval, OF_A_SLIP * slip)
+    """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter (not where
+    half of them last no time at all: a motion that no one can settle)."""
+    slip = float(np.median(guess.slips)) if guess.slips.size else 0.0
+    return min(log.interval, OF_A_SLIP * slip) if slip > 0.0 else log.interval
 
 
 def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:
