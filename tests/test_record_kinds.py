@@ -181,7 +181,13 @@ def test_holds_between_sticks_tell_how_the_contact_ages():
 def test_strokes_become_logs_with_their_sign_and_rests_are_left_out():
     scene, records = _kind(STROKES).made(1)
     cut, copies = strokes_apart(scene, records)
-    assert [entry.window for entry in cut.logs] == [(0.0, 2.0), (2.5, 3.5), (4.0, 6.0), (6.0, 7.0)]
+    half = np.pi * np.sqrt(RIG["mass"] / RIG["stiffness"])  # a slip may go on so long after a turn without a rest
+    assert [entry.window for entry in cut.logs] == [
+        (0.0, 2.0),
+        (2.5, 3.5),
+        (4.0, 6.0),
+        (pytest.approx(6.0 + half), 7.0),
+    ]
     assert len(copies) == 4 and copies[3] is records[0]
     assert name_of(cut.logs[1]) == "log_1.csv, stroke 2 back"
     assert parts_of(scene, cut.logs) == [1, 1, 1, 1] and parts_of(scene, scene.logs) == [None]
@@ -192,6 +198,18 @@ def test_strokes_become_logs_with_their_sign_and_rests_are_left_out():
     assert _off(result, DEMO)[0] < 4.0
 
 
+def test_a_stroke_begins_when_the_slip_that_the_drive_turned_in_is_over():
+    values = {**DEMO, **RIG}
+    first = run(assemble(MAIN), values, 1e-3, 1.0, 2.0, start={"gamma": 0.0}).onsets
+    turn = round(float(first[3]) + 0.015, 3)
+    log = Log(((0.0, 1e-3), (turn, -1e-3)), turn + 2.0, 1000.0)
+    scene, records = _kind(log).made(1)
+    cut, _ = strokes_apart(scene, records)
+    motion = run(assemble(MAIN), values, log.drive, 1.0, log.duration, start={"gamma": log.gamma})
+    begun = motion.sample(np.array([turn, cut.logs[1].window[0], cut.logs[1].window[0] + 0.1]))["sliding_speed"]
+    assert begun[0] > 1e-3 and begun[1] == begun[2] == 0.0, "it slides on, and then rests"
+
+
 def test_a_position_column_tells_strokes_where_one_speed_is_stated():
     scene, (record,) = _kind(replace(STROKES, said=1e-3)).made(1)
     starts, speeds = np.array(STROKES.drive).T
@@ -200,7 +218,8 @@ def test_a_position_column_tells_strokes_where_one_speed_is_stated():
     told = replace(record, channels={"position": position}, channel_units={"position": "m"})
     cut, _ = strokes_apart(scene, [told])
     windows = np.array([entry.window for entry in cut.logs])
-    np.testing.assert_allclose(windows, [(0.0, 2.0), (2.5, 3.5), (4.0, 6.0), (6.0, 7.0)], atol=0.02)
+    half = np.pi * np.sqrt(RIG["mass"] / RIG["stiffness"])
+    np.testing.assert_allclose(windows, [(0.0, 2.0), (2.5, 3.5), (4.0, 6.0), (6.0 + half, 7.0)], atol=0.02)
     assert strokes_apart(scene, [record])[0] is scene, "without the column one speed stays one speed"
 
 

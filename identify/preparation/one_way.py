@@ -17,13 +17,15 @@ from identify.scene.values import LogEntry
 
 STROKE = "stroke"  # the label of each: a scene may have parameters of their own for them
 LEAST = 16  # samples of a stroke
+LOST = 0.1  # share of a stroke that may be left out at its begin
 
 
 def strokes_apart(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[Record]]:
     """The scene with one log per stroke where a drive turns, and the records to go with its logs.
 
     A drive turns by its programme, or, where one speed is stated, by the position column of the log; what the drive
-    rests between two strokes is left out. A scene without such a log comes back as it is.
+    rests between two strokes is left out, and half a natural period after a turn without a rest: a slip that the drive
+    turns in goes on the old way meanwhile. A scene without such a log comes back as it is.
     """
     return taken_apart(scene, records, _strokes)
 
@@ -46,6 +48,8 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     if len({sign for sign, _, _ in spans}) < 2:
         return [entry]
     programme = tuple(zip(drive.starts, drive.speeds, strict=True))
+    rig = scene.rig_for(entry)
+    slip = float(np.pi * np.sqrt(rig.mass / rig.stiffness)) if rig.stiffness > 0.0 else 0.0
     out = []
     for number, (sign, first, last) in enumerate(spans, 1):
         rows = np.searchsorted(record.time, [first, last])
@@ -56,7 +60,9 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
         if flip is not None and sign < 0:
             flip = not flip
         labels = {STROKE: label} | dict(entry.labels)
-        out.append(replace(entry, window=(first, last), drive_speed=programme, flip_sign=flip, labels=labels))
+        turns = number > 1 and spans[number - 2][2] == first  # without a rest
+        begin = first + min(slip, LOST * (last - first)) if turns else first
+        out.append(replace(entry, window=(begin, last), drive_speed=programme, flip_sign=flip, labels=labels))
     return out or [entry]
 
 
