@@ -35,7 +35,7 @@ from identify.motion.drive import Drive
 from identify.motion.simulate import run
 from identify.motion.steadiness import decay, steadiness
 from identify.outcome import Status
-from identify.preparation.gaps import gaps_apart
+from identify.preparation.gaps import _unrecorded, gaps_apart
 from identify.preparation.one_way import strokes_apart
 from identify.preparation.parting import name_of, parts_of
 from identify.preparation.prepare import prepare
@@ -349,3 +349,29 @@ def test_a_log_of_its_own_course_is_told_from_one_of_cycles():
     assert [log.manner.name for log in logs] == ["cycles", "sliding", "course", "course"]
     assert [log.left_out for log in logs] == [None] * 4
     assert len(logs[3].pieces) == 3 and all(piece.manner.name == "cycles" for piece in logs[3].pieces)
+
+
+def test_a_slip_that_was_not_recorded_parts_a_log_and_a_stick_does_not():
+    """Rows are missing over 1.56 to 1.66 s, where it slips, or 1.45 to 1.5 s, where it does not."""
+    whole = next(kind for kind in KINDS if kind.name == "a slip excluded")
+    scene, records = whole.made(1)
+    scene = replace(scene, logs=tuple(replace(entry, exclude=()) for entry in scene.logs))
+    assert gaps_apart(scene, records)[0] is scene
+    for first, last, parts in ((1.56, 1.66, 2), (1.45, 1.5, 1)):
+        kept = (records[0].time <= first) | (records[0].time >= last)
+        rows = [getattr(records[0], name)[kept] for name in ("time", "normal_force", "friction_force")]
+        cut, _ = gaps_apart(scene, [Record(*rows), *records[1:]])
+        assert len(cut.logs) == len(scene.logs) + parts - 1
+        if parts == 2:
+            np.testing.assert_allclose([cut.logs[0].window[1], cut.logs[1].window[0]], [first, last], atol=2e-3)
+
+
+def test_what_a_logger_left_empty_for_as_long_as_a_slip_was_not_recorded():
+    time = np.arange(400) / 20.0
+    force = 0.4 + 0.1 * np.sin(time)
+    force[100:105] = np.nan
+    record = Record(time, np.ones(time.size), force)
+    assert _unrecorded(record, 0.2, 1470.0) == [(4.95, 5.25)]
+    assert _unrecorded(record, 0.2, 0.01) == [], "too short for a slip of that rig"
+    force[100:105] = 0.4
+    assert _unrecorded(Record(time, np.ones(time.size), force), 0.2, 1470.0) == []

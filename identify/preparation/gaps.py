@@ -1,4 +1,4 @@
-"""A log with an excluded stretch that hides a slip becomes one log before it and one after it.
+"""A log with a stretch that hides a slip, excluded or not recorded, becomes one log before it and one after it.
 
 Nobody knows what happened in between, and a fit that carried the motion through would invent it.
 """
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.thinned import thinned_steps
 from identify.motion.drive import Drive
 from identify.preparation.taken_apart import taken_apart
 from identify.scene import Scene
@@ -25,22 +26,28 @@ BESIDE = 5  # samples beside a gap that tell the force there
 SURE = 6.0  # standard deviations, and this share of the rise of a stick, by which the force misses it:
 SHARE = 0.15
 LEAST = 16  # samples of a part
+LOST = 5.0  # sample intervals, and half natural periods, without a sample in which a slip may be lost:
+HIDES = 0.5
+MOST = 20  # of them: a record with more holes has no parts
 
 
 def gaps_apart(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[Record]]:
-    """The scene with one log before and one after each excluded stretch that no stick bridges, and the records to go
-    with its logs. A scene without such a log comes back as it is."""
+    """The scene with one log before and one after each stretch that no stick bridges, excluded or without a sample, and
+    the records to go with its logs. A scene without such a log comes back as it is."""
     return taken_apart(scene, records, _parts)
 
 
 def _parts(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     rig = scene.rig_for(entry)
-    if not entry.exclude or rig.drive_speed is None or record.time.size < LEAST:
+    if rig.drive_speed is None or record.time.size < LEAST:
+        return [entry]
+    holes = sorted({*entry.exclude, *_unrecorded(record, rig.mass, rig.stiffness)})
+    if not holes:
         return [entry]
     start, stop = entry.window or (0.0, float(record.time[-1]))
     drive = Drive.of(rig.drive_speed)
     edges = [start]
-    for first, last in sorted(entry.exclude):
+    for first, last in holes:
         if start < first and last < stop and not _bridged(entry, record, drive, rig.stiffness, first, last):
             edges += [first, last]
     spans = list(zip(edges[::2], [*edges[1::2], stop], strict=True))
@@ -54,6 +61,20 @@ def _parts(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
         skip = entry.skip_cycles if number == 1 else 0
         out.append(replace(entry, window=span, exclude=inside, skip_cycles=skip, labels=labels))
     return out
+
+
+def _unrecorded(record: Record, mass: float, stiffness: float) -> list[tuple[float, float]]:
+    """Stretches without a sample of the friction force that are long enough for a slip."""
+    time, interval = record.time, float(np.median(thinned_steps(record.time)))
+    slip = HIDES * float(np.pi * np.sqrt(mass / stiffness)) if stiffness > 0.0 else 0.0
+    shortest = max(LOST * interval, slip)
+    # As a rule nothing is missing, and the length of the record tells so without a look at every sample.
+    spare = float(time[-1] - time[0]) - (time.size - 1) * interval
+    if spare < 0.5 * shortest and np.isfinite(record.friction_force.sum()):
+        return []
+    time = time[np.isfinite(record.friction_force)]
+    long = np.flatnonzero(np.diff(time) > shortest)
+    return [] if long.size > MOST else [(float(time[i]), float(time[i + 1])) for i in long]
 
 
 def _bridged(entry: LogEntry, record: Record, drive: Drive, stiffness: float, first: float, last: float) -> bool:
