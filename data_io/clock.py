@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from data_io.checks import rising
 from data_io.frozen import LONGEST_GAP, Finding, FloatArray
+from data_io.rounded_clock import evened
 from data_io.source import Source
 from data_io.true_runs import longest_run
 
@@ -60,12 +61,13 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, lis
 
     Up to five rows in a row without a time get one by interpolation (their forces must be blanked: NaN rows of
     `clock.time`); without a neighbour they are left out. A repeated time stamp leaves its later row out. A clock that
-    falls, or repeats itself in more than 1 % of the rows, is an error.
+    falls, or repeats itself in more than 1 % of the rows, is an error. An even clock that was rounded is even again.
     """
     findings: list[Finding] = []
     of_step = f" of {clock.label}" if clock.label else ""
     if clock.time.size and rising(clock.time):
-        return clock.time, slice(None), findings
+        even, findings = evened(clock.time, of_step)
+        return even, slice(None), findings
     finite = np.isfinite(clock.time)
     known = np.flatnonzero(finite)
     rows = np.arange(known[0], known[-1] + 1)
