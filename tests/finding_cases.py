@@ -156,9 +156,16 @@ def interrupted(words: int) -> str:
     return "T,Fx,Fz\ns,N,N\n0,1,3\n" + "".join(f"pause {i}\n{i},1,3\n" for i in range(1, words + 1))
 
 
+def stamped(digits: int) -> Make:
+    """A clock of 800 Hz, written with so many decimals."""
+    rows = "".join(f"{i / 800:.{digits}f},{i % 7}.5,3.0\n" for i in range(60))
+    return log("T,Fx,Fz\ns,N,N\n" + rows)
+
+
 # code: [(what triggers it, what just does not), ...], one pair for each way in which it comes about
 CASES: dict[str, list[tuple[Make, Make]]] = {
     "missing_time": [(log(GOOD.replace("0.20,", "nan,")), log(GOOD.replace("0.20,", "0.205,")))],
+    "clock_rounded": [(stamped(3), stamped(5))],
     "repeated_time": [(log(GOOD.replace("0.20,", "0.19,")), log(GOOD.replace("0.20,", "0.191,")))],
     "missing_rows": [(log(GOOD.replace("0.20,6.5,", "0.20,OVER,")), log(GOOD.replace("0.20,6.5,", "0.20,6,")))],
     "short_rows": [
