@@ -13,7 +13,7 @@ from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
 from identify.diagnosis.diagnosis import _explanations, diagnose
-from identify.diagnosis.suspects import GROSS
+from identify.diagnosis.suspects import GROSS, SLIGHT, found_and_stated
 from identify.effect_choice.nested import fit_beside, fit_model
 from identify.effects import MAIN
 from identify.first_guess.start import candidates, fit_features
@@ -99,6 +99,25 @@ def test_a_drive_that_is_slower_than_stated_is_named(case):
 def test_a_lag_of_the_sensor_is_named():
     said = _diagnosed(_scene(RIG), _lagging(5e-3))
     assert "a lag of the force sensor of 5" in said or "of 4.9" in said
+
+
+def test_a_zero_of_the_friction_force_is_found_where_the_load_varies_and_not_looked_for_elsewhere():
+    random, records, model = np.random.default_rng(3), [], assemble((*MAIN, "varying_normal_force"))
+    for speed, duration, rate in (SPEEDS[i] for i in LOGS):
+        course = ([0.0, duration], [1.0, 1.3])
+        times = np.arange(round(duration * rate) + 1) / rate
+        force = run(model, DEMO | RIG, speed, course, duration).sample(times)["force"]
+        load = np.interp(times, *course) + 2e-3 * random.standard_normal(times.size)
+        records.append(Record(times, load, force + 0.03 + 2e-3 * random.standard_normal(times.size)))
+    scene = _scene(RIG).with_effects((*MAIN, "varying_normal_force"))
+    prepared = [prepare(scene, e, r, from_scene(scene)) for e, r in zip(scene.logs, records, strict=True)]
+    zero = next(suspect for suspect in SLIGHT if suspect.parameter == "sensor_offset")
+    freed = fit_model(zero.freed(scene, prepared), records, thorough=False)
+    value, _ = found_and_stated(zero, freed, scene)
+    assert value == pytest.approx(0.03, abs=1e-3) and "reads 30" in zero.words(freed, round(value, 3), 0.0)
+    constant = [replace(record, normal_force=np.ones(record.time.size)) for record in records]
+    prepared = [prepare(scene, e, r, from_scene(scene)) for e, r in zip(scene.logs, constant, strict=True)]
+    assert zero.freed(scene, prepared) is None, "a load that is always the same cannot tell it from a coefficient"
 
 
 # That a right rig is not accused: tests/test_held.py.

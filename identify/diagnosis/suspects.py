@@ -20,6 +20,7 @@ from identify.scene.parameters import ParameterSpec
 
 REACH = 4.0  # factor up to which a rig value is suspected
 SHIFTED = 0.02  # relative change of the drive speed below which the sticks do not call it wrong
+OFF = 0.3  # of the normal force: how far the zero of the friction force is looked for
 VARIED = 0.02  # relative range of the normal force below which nothing can be said of what it does
 
 Freed = Callable[[Scene, Sequence[Prepared]], Scene | None]
@@ -75,7 +76,7 @@ def _effect(name: str, parameter: str, start: Callable[[Scene], float]) -> Freed
             return None
         made = scene.with_effects((*scene.effects, name))
         spec = made.parameters[parameter]
-        begun = replace(spec, start=float(np.clip(start(scene), spec.lower, spec.upper)))
+        begun = replace(spec, fixed=None, start=float(np.clip(start(scene), spec.lower, spec.upper)))
         return replace(made, parameters={**made.parameters, parameter: begun})
 
     return freed
@@ -84,14 +85,28 @@ def _effect(name: str, parameter: str, start: Callable[[Scene], float]) -> Freed
 def _by_load(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
     """A scene whose coefficients fall with the normal force, and hold at the mean of the logs."""
     made = _effect("load_dependence", "load_exponent", lambda _scene: 0.02)(scene, prepared)
-    if made is None:
-        return None
-    loads = np.concatenate([log.data.normal_force.values for log in prepared])
-    at = float(np.mean([log.data.mean_normal_force for log in prepared]))
-    if np.ptp(loads) < VARIED * at:
+    at = _varied_load(prepared)
+    if made is None or at is None:
         return None
     given = replace(made.parameters["reference_force"], fixed=at)
     return replace(made, parameters={**made.parameters, "reference_force": given})
+
+
+def _varied_load(prepared: Sequence[Prepared]) -> float | None:
+    """The mean normal force of the logs [N]; None where it hardly varies."""
+    loads = np.concatenate([log.data.normal_force.values for log in prepared])
+    at = float(np.mean([log.data.mean_normal_force for log in prepared]))
+    return at if np.ptp(loads) >= VARIED * at else None
+
+
+def _by_zero(scene: Scene, prepared: Sequence[Prepared]) -> Scene | None:
+    """A scene whose friction force has a zero of its own, which only a load that varies tells from a coefficient."""
+    made = _effect("force_sensor", "sensor_offset", lambda _scene: 0.0)(scene, prepared)
+    at = _varied_load(prepared)
+    if made is None or at is None:
+        return None
+    free = replace(made.parameters["sensor_offset"], lower=-OFF * at, upper=OFF * at)
+    return replace(made, parameters={**made.parameters, "sensor_offset": free})
 
 
 def constant_speed(scene: Scene, log: int) -> float | None:
@@ -180,6 +195,14 @@ SLIGHT: tuple[Suspect, ...] = (
         lambda _fitted, value, _stated: (
             f"friction coefficients that change with the normal force (exponent {-value:.3g}: add "
             "load_dependence to effects)"
+        ),
+    ),
+    Suspect(
+        "sensor_offset",
+        _by_zero,
+        lambda _fitted, value, _stated: (
+            f"a friction force that reads {1e3 * value:.3g} mN at zero (zero the sensor, or take it off with "
+            f'tare = "{1e3 * value:.3g} mN" in [[logs]])'
         ),
     ),
 )
