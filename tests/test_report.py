@@ -317,7 +317,7 @@ def test_envelope_holds_the_extremes_of_every_stretch() -> None:
         (quantity(500.0, "Hz"), "500\N{NO-BREAK SPACE}Hz"),
         (quantity(2000.0, "Hz"), "2000\N{NO-BREAK SPACE}Hz"),
         (solver_words("Solve_Succeeded"), "solved"),
-        (solver_words("Solved_To_Acceptable_Level"), "solved (to acceptable level)"),
+        (solver_words("Solved_To_Acceptable_Level"), "solved (further steps gain nothing)"),
         (solver_words("Maximum_Iterations_Exceeded"), "maximum iterations exceeded"),
         (number(3.742e-5), "3.742·10⁻⁵"),
         (number(0.0), "0"),

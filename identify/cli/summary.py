@@ -66,9 +66,11 @@ def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
 
 def say_reasons(parameters: Mapping[str, Mapping[str, Any]], terminal: Terminal) -> None:
     """One sentence per parameter that is not identified."""
-    for name, entry in parameters.items():
-        if entry.get("verdict") not in ("identified", "fixed") and entry.get("reason"):
-            terminal.say(wrapped(f"{name}: {entry['reason']}", "  "))
+    from identify.report.views import parameter_views
+
+    for view in parameter_views(parameters):
+        if view.verdict not in ("identified", "fixed") and view.reason:
+            terminal.say(wrapped(f"{view.name}: {view.reason}", "  "))
 
 
 def say_files(out: Path, terminal: Terminal) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from identify.calculators.outlook_words import listed
@@ -19,6 +19,7 @@ from identify.report.quantity_text import (
     scale_for,
     speed,
 )
+from identify.report.said_once import said_once
 from identify.report.shown_error import scatter, shown_error
 from identify.report.words import (
     MEANINGS,
@@ -109,7 +110,9 @@ def banner(fit: Fit) -> Banner:
 
 def parameter_views(parameters: Mapping[str, Mapping[str, Any]]) -> tuple[ParameterView, ...]:
     """The rows of the parameter table."""
-    return tuple(_parameter(name, entry) for name, entry in parameters.items())
+    views = [_parameter(name, entry) for name, entry in parameters.items()]
+    reasons = said_once([view.reason for view in views])
+    return tuple(replace(view, reason=reason) for view, reason in zip(views, reasons, strict=True))
 
 
 def log_views(fit: Fit) -> tuple[LogView, ...]:

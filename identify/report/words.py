@@ -40,7 +40,7 @@ STATUS: Mapping[Status, StatusWords] = {
 
 SOLVED: Mapping[str, str] = {
     "Solve_Succeeded": "solved",
-    "Solved_To_Acceptable_Level": "solved (to acceptable level)",
+    "Solved_To_Acceptable_Level": "solved (further steps gain nothing)",
 }
 
 
