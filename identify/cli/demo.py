@@ -71,6 +71,6 @@ def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None
         entry: Mapping[str, Any] = fit.result["parameters"][name]
         value, error = entry["value"], entry["standard_error"]
         if value is not None and error:
-            off = f"{100 * (value / true - 1):+.2f} %"
+            off = f"{100 * (value - true) / abs(true):+.2f} %"  # of the size: as the standard errors have it
             rows.append([name, quantity(true, entry["unit"]), off, f"{(value - true) / error:+.1f} standard errors"])
     terminal.say(columns(rows))
