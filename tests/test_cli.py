@@ -480,6 +480,15 @@ def test_calculators_carry_the_uncertainty_of_a_fit(fitted, folder, capsys):
     assert drop["value"] == pytest.approx(0.523, rel=0.03), "as measured at 0.1 mm/s"
 
 
+def test_a_point_that_no_log_tested_is_called_extrapolated(fitted, capsys):
+    where = ("stability", "--result", fitted / "result.json", "--at")
+    for at, said in (("drive_speed=0.5 m/s", True), ("stiffness=3 N/mm", True), ("drive_speed=0.05 mm/s", False)):
+        code, words, _ = stickslip(capsys, *where, at)
+        assert code == 0 and ("Extrapolated: the logs did not test a" in words) == said, at
+    code, out, _ = stickslip(capsys, *where, "drive_speed=0.5 m/s", "--json")
+    assert "drive speed of 500 mm/s" in json.loads(out)["points"][0]["extrapolated"]
+
+
 def test_a_scene_that_lists_no_log_is_told_so_before_anything_else(folder, capsys):
     rig = 'effects = ["inertia"]\n[rig]\nmass = 0.2\nstiffness = 1470\n'
     scene = write("rig.toml", rig)

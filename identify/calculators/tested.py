@@ -6,10 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from identify.calculators.outlook_words import listed, said
 from identify.log_numbers import numbers_of
 
 SLACK = 1.1  # beyond the range by this factor still counts as inside
 QUANTITIES = ("drive_speed", "normal_force", "stiffness")
+UNITS = {"drive_speed": "m/s", "normal_force": "N", "stiffness": "N/m"}
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,16 @@ class Tested:
             plain = {name: v.get("value") if isinstance(v, Mapping) else v for name, v in said.items()}
             points.append({name: float(v) for name, v in plain.items() if v})
         return Tested.of(points)
+
+    def beyond(self, values: Mapping[str, float]) -> str:
+        """A sentence on what of these values [SI] was not tested; "" where all of it was."""
+        out = []
+        for name in QUANTITIES:
+            if name in values and name in self.ranges and self.extrapolated(name, values[name]):
+                low, high = (said(end, UNITS[name]) for end in self.ranges[name])
+                span = low if low == high else f"{low} to {high}"
+                out.append(f"a {name.replace('_', ' ')} of {said(abs(values[name]), UNITS[name])} ({span} tested)")
+        return f"Extrapolated: the logs did not test {listed(out)}." if out else ""
 
     def extrapolated(self, name: str, value: float) -> bool:
         """Whether a value [SI] lies outside the tested range by more than a tenth; False for what is no such name."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from identify.calculators.outlook import OperatingPoint, outlook, outlooks
+from identify.calculators.tested import Tested
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
 from identify.cli.further import asked_further
 from identify.cli.groups import one_pair
@@ -30,15 +31,18 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     if arguments.data or arguments.range or arguments.points is not None:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
     shown = one_pair(points, "--plot") if plot else points
-    further = asked_further(arguments)
+    further, tested = asked_further(arguments), tested_range(arguments)
     documents = _outlooks(points)
     for point, document in zip(points, documents, strict=True):
         terminal.say(f"{point.title}:")
         told = [document[part], document["closed_forms"]] if part in document else [document]  # alone: no answer
         if part in document:
-            found = further(point, tested_range(arguments))
+            found = further(point, tested)
             document |= found
             told += found.values()
+            if beyond := _beyond(point, tested):
+                document["extrapolated"] = beyond
+                told = [{"text": beyond}, *told]
         for line in (line for section in told for line in section["text"].splitlines()):
             terminal.say(wrapped(line, "  ", ""))
     if plot:
@@ -47,6 +51,14 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         draw(shown[0], [p.drive_speed for p in shown], part, plot)
         terminal.say(f"plot: {plot}")
     return Answer(document={"status": "done", "points": documents})
+
+
+def _beyond(point: Point, tested: Tested | None) -> str:
+    """What of an operating point the logs did not test; "" where nothing is known of that, or all was."""
+    if tested is None:
+        return ""
+    where = {"drive_speed": point.drive_speed, "normal_force": point.normal_force}
+    return tested.beyond(where | {"stiffness": point.values["stiffness"]})
 
 
 def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:

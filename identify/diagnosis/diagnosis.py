@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 PROMISING = 0.5  # share that may remain with a value that is only about right
-CLEAR = 0.02  # relative change of a rig value below which it is not called wrong
+CLEAR = 0.005  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
 UNITS = 30.0  # factor by which sticks rise too slowly where a unit is wrong: nothing soft in series does that
 STEEPER = 5.0  # and by which they rise too fast: nothing in series does that, and no rig value is so wrong
