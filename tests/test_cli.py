@@ -482,7 +482,7 @@ def test_calculators_carry_the_uncertainty_of_a_fit(fitted, folder, capsys):
 
 def test_a_point_that_no_log_tested_is_called_extrapolated(fitted, capsys):
     where = ("stability", "--result", fitted / "result.json", "--at")
-    for at, said in (("drive_speed=0.5 m/s", True), ("stiffness=3 N/mm", True), ("drive_speed=0.05 mm/s", False)):
+    for at, said in (("drive_speed=0.5 m/s", True), ("stiffness=3 N/mm", True), ("drive_speed=0.5 mm/s", False)):
         code, words, _ = stickslip(capsys, *where, at)
         assert code == 0 and ("Extrapolated: the logs did not test a" in words) == said, at
     code, out, _ = stickslip(capsys, *where, "drive_speed=0.5 m/s", "--json")
