@@ -24,6 +24,7 @@ from identify.comparing.labels import CompareError, Question, usual
 from identify.comparing.operating import NOTHING, GroupAnswer, group_answers, probability
 from identify.comparing.page import Answers, write_batch_report
 from identify.comparing.points import common
+from identify.comparing.reporting import items
 from identify.comparing.write import write_comparison
 from tests.comparing_case import document, write_fit, write_study
 
@@ -386,3 +387,17 @@ def test_what_no_fit_of_a_group_tells_is_called_untold(tmp_path):
     found = compare(read_fits([tmp_path]), Question("material"))
     reasons = {answer.group: answer.reason for answer in group_answers(found, common(found))}
     assert reasons == {"M1": "its fits do not tell D", "M2": ""}
+
+
+def test_coefficients_of_several_materials_are_not_one_median(tmp_path):
+    one = draw(SMALL, np.random.default_rng(0))
+    for i, (material, level) in enumerate((("PTFE", 0.2), ("UHMWPE", 0.5), ("UHMWPE", 0.6))):
+        told = document(one.y[i], one.noise[i], {"material": material})
+        for log in told["logs"]:
+            log["classical"] = {"rows": [{"static_peak_coefficient": level}]}
+        write_fit(tmp_path / f"fit_{i}", told)
+    found = {item.name: item.text for item in items(read_fits([tmp_path])) if item.name.startswith("static")}
+    assert list(found) == ["static coefficient, PTFE", "static coefficient, UHMWPE"]
+    assert found["static coefficient, PTFE"].startswith("0.2 (median of")
+    alone = {item.name: item.text for item in items(read_fits([tmp_path / "fit_0"]))}
+    assert alone["static coefficient"].startswith("0.2 (median of")

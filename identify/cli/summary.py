@@ -40,6 +40,9 @@ def say_fit(fit: Fit, terminal: Terminal) -> None:
     terminal.say(parameter_table(result["parameters"]))
     terminal.say()
     say_choice(result.get("effects") or {}, terminal)
+    tables = {"accuracy_table": "what accuracy costs", "effects_table": "what each effect is worth"}
+    if asked := [words for name, words in tables.items() if result.get(name)]:
+        terminal.say(wrapped(f"{' and '.join(asked)}: see the report", "  "))
     say_reasons(result["parameters"], terminal)
 
 

@@ -49,6 +49,7 @@ ASKED: tuple[tuple[str, str], ...] = (
     ("relative humidity", "humidity"),
     ("atmosphere", "atmosphere"),
 )
+PAIR = ("material", "counterface")  # labels that make a pair of materials
 INSTEAD = {"counterface": ("site", "skin site")}  # a label that tells the same under another name
 
 
@@ -80,7 +81,6 @@ def _listed(values: Iterable[str]) -> str:
 
 def _measured(entries: Sequence[FitEntry], logs: Sequence[object]) -> tuple[Item, ...]:
     """What the logs and fits tell themselves."""
-    rows = [row for log in logs if isinstance(log, dict) for row in _classical(log)]
     return (
         Item("normal force", _span([log.get("normal_force_N") for log in logs if isinstance(log, dict)], "N"), "logs"),
         Item(
@@ -88,8 +88,8 @@ def _measured(entries: Sequence[FitEntry], logs: Sequence[object]) -> tuple[Item
             _span([log.get("drive_speed_m_per_s") for log in logs if isinstance(log, dict)], "m/s"),
             "scenes: drive speed",
         ),
-        Item("static coefficient", _coefficient(rows, "static_peak_coefficient"), "logs: force peaks before slips"),
-        Item("kinetic coefficient", _coefficient(rows, "kinetic_mean_coefficient"), "logs: middle of the slips"),
+        *_coefficients(entries, "static coefficient", "static_peak_coefficient", "logs: force peaks before slips"),
+        *_coefficients(entries, "kinetic coefficient", "kinetic_mean_coefficient", "logs: middle of the slips"),
         Item("number of tests", f"{len(logs)} logs in {len(entries)} fits" if logs else "", "batch"),
         Item(
             "method of calculation",
@@ -97,6 +97,19 @@ def _measured(entries: Sequence[FitEntry], logs: Sequence[object]) -> tuple[Item
             "this program",
         ),
     )
+
+
+def _coefficients(entries: Sequence[FitEntry], name: str, key: str, source: str) -> list[Item]:
+    """A coefficient of each pair of materials: a median over several is none of any."""
+    pairs: dict[str, list[dict[str, object]]] = {}
+    for entry in entries:
+        pair = " on ".join(visible(entry.labels[label], 40) for label in PAIR if label in entry.labels)
+        rows = [row for log in entry.taken if isinstance(log, dict) for row in _classical(log)]
+        pairs.setdefault(pair, []).extend(rows)
+    told = {pair: text for pair in sorted(pairs, key=natural) if (text := _coefficient(pairs[pair], key))}
+    if len(told) < 2:
+        return [Item(name, next(iter(told.values()), ""), source)]
+    return [Item(f"{name}, {pair or 'material not told'}", text, source) for pair, text in told.items()]
 
 
 def _classical(log: dict[str, object]) -> list[dict[str, object]]:
