@@ -8,6 +8,7 @@ from dataclasses import replace
 from data_io import Record
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.diagnosis.findings import Findings
+from identify.diagnosis.hum import hum
 from identify.diagnosis.left_unsaid import left_unsaid
 from identify.diagnosis.restraints import restraints, sitting
 from identify.diagnosis.seen_before import look_swapped, seen_before
@@ -41,7 +42,7 @@ def looked_into(
         if cause is not None:
             message = _caused(cause.sentence, findings.attempt)
             return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
-        also = f"{_unexplained(findings, scene)}{seen_before(prepared)}"
+        also = f"{_unexplained(findings, scene)}{hum(findings.attempt)}{seen_before(prepared)}"
         findings = replace(findings, message=f"{findings.message}{also}")
     refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
     doubtful = refused or _doubtful(findings)
