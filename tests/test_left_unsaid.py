@@ -47,6 +47,7 @@ def test_an_effect_that_the_scene_leaves_out_is_named(missing: str) -> None:
 def test_it_follows_the_sentence_of_a_misfit_alone(status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
     stated = scene(("V07", "V08"))
     monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
+    monkeypatch.setattr(second_look, "hum", lambda _attempt: "")
     monkeypatch.setattr(second_look, "doubt", lambda *_args, **_options: None)
     found = Findings(status, "it does not fit", from_scene(stated), cast(Attempt, object()), None, None, [], {}, {})
     told, _ = second_look.looked_into(found, stated, [], [], lambda *_: None)

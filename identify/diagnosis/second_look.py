@@ -42,7 +42,7 @@ def looked_into(
         if cause is not None:
             message = _caused(cause.sentence, findings.attempt)
             return replace(findings, status=Status.MODEL_MISFIT, message=message), cause.better
-        also = f"{_unexplained(findings, scene)}{hum(findings.attempt)}{seen_before(prepared)}"
+        also = f"{_unexplained(findings, scene)}{seen_before(prepared)}"
         findings = replace(findings, message=f"{findings.message}{also}")
     refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
     doubtful = refused or _doubtful(findings)
@@ -59,7 +59,7 @@ def looked_into(
 
 def _unexplained(findings: Findings, scene: Scene) -> str:
     """What else a misfit may come of that nothing explains; of a search that found no end nothing is said."""
-    return "" if findings.status is Status.SOLVER_FAILED else left_unsaid(scene)
+    return "" if findings.status is Status.SOLVER_FAILED else f"{left_unsaid(scene)}{hum(findings.attempt)}"
 
 
 def _placed(findings: Findings) -> bool:
