@@ -144,6 +144,7 @@ def test_an_answer_at_a_bound_of_the_scene_is_looked_at_again(
 @pytest.mark.parametrize("whole", [True, False], ids=["explained", "still blamed"])
 def test_no_log_is_blamed_for_what_the_scene_restrains(whole: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     refused = ended(Status.MODEL_MISFIT, "log_3 contradicts the others")
+    monkeypatch.setattr(second_look, "hum", lambda _attempt: "")
     found = Doubt("D = 40 µm (ruled out by the value it is held at (44 µm))", 227.0, 0.18, "a", whole=whole)
     monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
     monkeypatch.setattr(second_look, "doubt", lambda *_args, **_options: found)

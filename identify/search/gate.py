@@ -234,8 +234,8 @@ def _judge(
         return Status.MODEL_MISFIT, (
             f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, "
             f"{failing} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst {where} ({z[worst]:.0f}); "
-            "friction that differs from cycle to cycle, a wrong rig value or a wrong noise level do this: "
-            "see the cycle scatter in the report"
+            "friction that differs from cycle to cycle, a wrong rig value, a drive that moves otherwise than stated or "
+            "a wrong noise level do this: see the cycle scatter in the report"
             + (
                 ""
                 if solution.success
