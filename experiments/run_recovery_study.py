@@ -4,9 +4,9 @@ the command does where a scene gives start values.
 Recovered: converged, no parameter called not identifiable, and all six within 5 % or joint distance
 (theta - truth)' C^-1 (theta - truth) <= 22.5. False success: converged while the joint distance exceeds 40 and
 a parameter is off by more than 10 %. Every case follows from the study and its number, so a study can be run in parts:
-one line of JSON per case goes to FILE, and the table is made of the file.
+one line of JSON per case goes to FILE, and the table is made of the file. RANGES: usual, wide, or "wide, five logs".
 
-    python experiments/run_recovery_study.py usual|wide data|user|both NOISE_FACTOR RATE_FACTOR FIRST LAST FILE
+    python experiments/run_recovery_study.py RANGES data|user|both NOISE_FACTOR RATE_FACTOR FIRST LAST FILE
     python experiments/run_recovery_study.py table FILE...
 """
 
@@ -26,7 +26,18 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.in_parts import append, started
 from experiments.machine import describe
-from experiments.study_problem import NOISE, USUAL, WIDE, Case, random_case, scene_of, wrong_start
+from experiments.study_problem import (
+    FIFTH,
+    NOISE,
+    SPEEDS,
+    USUAL,
+    WIDE,
+    Case,
+    random_case,
+    scene_of,
+    with_fifth,
+    wrong_start,
+)
 from identify.diagnosis.findings import Findings
 from identify.identification import find
 from identify.outcome import Status
@@ -35,7 +46,8 @@ from identify.search.starts import Sources
 
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 CLOSE, FAR = 22.5, 40.0
-RANGES = {ranges.name: ranges for ranges in (USUAL, WIDE)}
+FIVE = "wide, five logs"  # the same pairs, with one faster log more
+RANGES = {ranges.name: ranges for ranges in (USUAL, WIDE)} | {FIVE: WIDE}
 CASES, SEED = 200, 4
 
 
@@ -66,9 +78,9 @@ class Outcome:
 def fit_case(case: Case, start: dict[str, float] | None, sources: Sources) -> Outcome:
     """Fit one case and compare with its truth."""
     began = time.perf_counter()
-    _, found = find(
-        scene_of(case, start), case.records, clock=Clock(), progress=lambda _stage, _share: None, starts=sources
-    )
+    further = [FIFTH[0]] * (len(case.records) - len(SPEEDS))
+    scene = scene_of(case, start, further)
+    _, found = find(scene, case.records, clock=Clock(), progress=lambda _stage, _share: None, starts=sources)
     return compared(found, case, time.perf_counter() - began)
 
 
@@ -100,7 +112,10 @@ class Study:
         """Case, user's start and rejected draws of a number: the same pairs whatever the start."""
         random = np.random.default_rng([SEED, number])
         case, rejected = random_case(random, RANGES[self.ranges], noise=self.noise * NOISE, rate=self.rate)
-        return case, wrong_start(random, case.truth) if self.sources != "data" else None, rejected
+        start = wrong_start(random, case.truth) if self.sources != "data" else None
+        if self.ranges == FIVE:
+            case = with_fifth(case, number, noise=self.noise * NOISE, rate=self.rate)
+        return case, start, rejected
 
     def run(self, first: int, last: int, file: Path | None = None) -> list[dict[str, Any]]:
         """Fit the cases first to last; prints a line for each."""
