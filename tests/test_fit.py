@@ -14,7 +14,7 @@ from document_check import check_document
 
 from data_io import Record
 from experiments.run_paper_test import DESIGNS, identify
-from experiments.run_recovery_study import Study
+from experiments.run_recovery_study import FIVE, Study, fit_case
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
 from identify.effects import MAIN
@@ -108,6 +108,17 @@ def test_random_pairs_are_recovered(first, last, source, capsys):
     outcomes = Study("usual", source).run(first, last)
     assert all(outcome["recovered"] for outcome in outcomes), capsys.readouterr().out
     assert not any(outcome["false_success"] for outcome in outcomes)
+
+
+def test_a_fifth_log_tells_what_four_do_not():
+    """Pair 170 of the wide ranges, whose `a` is not identifiable from four logs (`experiments/run_wide_truth.py`)."""
+    four, five = (Study(ranges).case(170)[0] for ranges in ("wide", FIVE))
+    assert [len(case.records) for case in (four, five)] == [4, 5] and four.truth == five.truth
+    assert all(
+        np.array_equal(a.friction_force, b.friction_force) for a, b in zip(four.records, five.records[:4], strict=True)
+    )
+    outcome = fit_case(five, None, "data")
+    assert outcome.recovered and outcome.verdicts["a"] != "not identifiable"
 
 
 def test_a_mass_that_is_pulled_back_is_no_success(one_try):
