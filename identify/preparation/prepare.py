@@ -183,7 +183,7 @@ def _window(log: Segmented, manner: Manner) -> tuple[float, float]:
     """Begin and end of what is fitted [s]."""
     time, force, found, noise = log.time, log.measured, log.found, log.noise
     if manner.name == "cycles":
-        return window.of_cycles(time, force, found, noise, log.entry.skip_cycles)
+        return window.of_cycles(time, force, found, noise, log.entry.skip_cycles, log.half_period)
     return window.of_a_course(time, force, found, noise, manner, log.drive, log.half_period)
 
 
@@ -279,7 +279,7 @@ def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -
         )
         falls = np.empty(0)
         if manner.name == "cycles" and found.count >= FEW:
-            begin, end = window.of_cycles(time, force, found, noise, 0)
+            begin, end = window.of_cycles(time, force, found, noise, 0, half_period)
             falls = found.cycles.fall
         elif manner.name != "cycles" and manner.settled is not None:
             begin, end, manner = manner.settled, float(time[-1]), replace(manner, name="sliding")

@@ -12,6 +12,7 @@ from identify.motion.drive import Drive
 from identify.preparation.manner import Manner, moving_pieces
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 RISE = (0.4, 0.9)  # of the first rise: the stretch its straight line is taken from
 SHORT_RISE = 40  # samples: of a shorter first rise no line is drawn,
@@ -21,14 +22,17 @@ CLEAR = 0.1  # of the loading line after the bend that is left out
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
-def of_cycles(time: Array, force: Array, found: Segmentation, noise: float, skip: int) -> tuple[float, float]:
+def of_cycles(
+    time: Array, force: Array, found: Segmentation, noise: float, skip: int, half_period: float
+) -> tuple[float, float]:
     """The part of a record of cycles: from the first stick that is a straight line on.
 
     A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip`
     cycles (running-in) it starts in the stick that follows them.
 
     Args:
-        time, force: (n,) [s], [N]; NaN where a sample does not count. noise: its standard deviation [N].
+        time, force: (n,) [s], [N]; NaN where a sample does not count. noise: its standard deviation [N];
+        half_period: half the natural period [s], 0 where it is not known.
 
     Returns:
         begin and end [s].
@@ -45,7 +49,18 @@ def of_cycles(time: Array, force: Array, found: Segmentation, noise: float, skip
         resting = np.flatnonzero((found.phase == STICK) & (time < onset))
         begin = float(time[resting[0]]) if resting.size else begin
         begin += 0.3 * (onset - begin)
-    return max(begin, _line_start(time, force, begin, onset, noise)), end
+    straight = _line_start(time, force, begin, onset, noise)
+    if straight > begin and onset - begin < SHORT_LOADING * half_period:
+        # The mass slips long before so quick a rise ends: its upper part is none of the stick.
+        rising = np.flatnonzero((time >= begin) & (time <= onset) & np.isfinite(force))
+        straight = min(straight, _low(time, force, rising))
+    return max(begin, straight), end
+
+
+def _low(time: Array, force: Array, rising: Indices) -> float:
+    """The time of the last sample in the lower part of a rise, given by its samples."""
+    low, high = float(np.min(force[rising])), float(force[rising[-1]])
+    return float(time[rising[np.flatnonzero(force[rising] <= low + LOW * (high - low))[-1]]])
 
 
 def _line_start(time: Array, force: Array, begin: float, onset: float, noise: float) -> float:
@@ -102,8 +117,7 @@ def of_a_course(
     rising = rising[: int(np.argmax(force[rising])) + 1] if rising.size else rising
     brief = rising.size and time[rising[-1]] - time[rising[0]] < SHORT_LOADING * half_period
     if 0 < rising.size < SHORT_RISE or brief:
-        low, high = float(np.min(force[rising])), float(force[rising[-1]])
-        return float(time[rising[np.flatnonzero(force[rising] <= low + LOW * (high - low))[-1]]]), end
+        return _low(time, force, rising), end
     # While the drive stands, or starts anew, a force that only rises is no straight line.
     moving = max((a for a, _, _ in moving_pieces(drive, begin, end) if a < first), default=begin)
     return (_line_start(time, force, begin, first, noise) if moving == begin else begin), end
