@@ -95,9 +95,11 @@ def _forms(log: Prepared, seen: Prepared | None, unknowns: Unknowns, *, tried: b
 
 
 def _placeable(log: Prepared, unknowns: Unknowns) -> Prepared | None:
-    """A log with its slips mended, else its steady end: of slips that the noise hides the data tell the level. None
-    where it can be placed as neither."""
-    forms = (form for form in (_mended(log, unknowns), settled_part(log)) if form is not None)
+    """A log with its slips mended, else its steady end: of slips that the noise hides the data tell the level; else
+    followed, whatever was seen of its slips: a swing that dies out near the end of stick-slip looks like some. None
+    where it can be placed as none of these."""
+    made = (_mended(log, unknowns), settled_part(log), log.as_course if log.manner.name == "cycles" else None)
+    forms = (form for form in made if form is not None)
     return next((form for form in forms if place_on([form], [0], unknowns)), None)
 
 
