@@ -142,6 +142,7 @@ def test_noise_with_a_memory_widens_what_is_said():
 def test_logs_that_contradict_each_other_are_asked_what_would_reconcile_them(monkeypatch):
     refused = Findings(Status.MODEL_MISFIT, "log_3 contradicts the others", None, object(), None, None, [], {}, {})
     lag = Doubt("a lag of the force sensor of 5 ms", 326.0, 0.032, "D")
+    monkeypatch.setattr(second_look, "hum", lambda _attempt: "")
     monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
     monkeypatch.setattr(second_look, "doubt", lambda *_, anew, **_more: lag if anew else None)
     found, better = second_look.looked_into(refused, _scene(), [], [], lambda *_: None)
