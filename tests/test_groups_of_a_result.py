@@ -213,3 +213,15 @@ def test_what_a_fit_does_not_tell_leaves_open_what_depends_on_it_and_nothing_is_
         assert end["value"] is not None and end["interval"] == [None, None] and "t_cr" in end["reason"]
         assert "open, as these data do not tell t_cr" in point["sureness"]["text"]
         assert "has an error" not in point["sureness"]["text"]
+
+
+def test_where_a_fit_tells_nothing_all_is_open_and_named(tmp_path, capsys):
+    told = document()
+    for entry in told["parameters"].values():
+        entry["standard_error"] = None
+    place = tmp_path / "open.json"
+    place.write_text(json.dumps(told))
+    for point in points(capsys, "stability", "--result", str(place), "--draws", "5"):
+        end = point["stability"]["critical_speed"]
+        assert end["value"] is not None and end["interval"] == [None, None] and end["reason"]
+        assert "as these data do not tell" in point["sureness"]["text"]

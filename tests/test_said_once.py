@@ -1,5 +1,9 @@
 """A log that several parameters ask for is said in full once."""
 
+from types import SimpleNamespace
+from typing import Any
+
+from identify.next_log import words
 from identify.report.said_once import said_once
 
 LOG = "add a log of 52 s at 0.2 mm/s and 0.943 N, sampled at 500 Hz, which is expected to tell it to "
@@ -15,3 +19,10 @@ def test_a_log_is_said_in_full_once_and_another_one_too() -> None:
         reasons[3],
         "fixed",
     ]
+
+
+def test_it_knows_the_advice_as_a_fit_words_it() -> None:
+    log = SimpleNamespace(duration=52.0, drive_speed=2e-4, normal_force=1.0, rate=500.0, tells={"a": 0.05, "D": 0.02})
+    advice: Any = SimpleNamespace(logs=(log,))
+    told = [words._remedy(name, advice) for name in ("a", "D")]
+    assert said_once(told) == [told[0], "the same log is expected to tell it to 2 %"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -151,6 +152,12 @@ class _Intervals:
             steady = answer.steady
             self._growth, self._force = sliding_slopes(map_, steady.drive_speed, names)
 
+    @cached_property
+    def _slopes(self) -> Array:
+        """Derivatives of QUANTITIES of the orbit by the names (9, f); there must be an orbit."""
+        assert self._answer.orbit is not None
+        return orbit_slopes(self._map, self._answer.orbit, self._names)
+
     def form(self, name: str, value: float) -> Interval | None:
         """Of a number of the closed forms."""
         return self._by_name(self._forms[0], name, value)
@@ -178,7 +185,7 @@ class _Intervals:
         orbit = self._answer.orbit
         if self._spread is None or orbit is None or not a * peak > 0.0:
             return None
-        slopes = a * orbit_slopes(self._map, orbit, self._names)[list(QUANTITIES).index("peak_speed")]
+        slopes = a * self._slopes[list(QUANTITIES).index("peak_speed")]
         slopes = slopes + np.array([peak if name == "a" else 0.0 for name in self._names])
         return self._spread.positive(a * peak, slopes)
 
@@ -187,7 +194,7 @@ class _Intervals:
         orbit = self._answer.orbit
         if self._spread is None or orbit is None:
             return None
-        slopes = orbit_slopes(self._map, orbit, self._names)
+        slopes = self._slopes
         slip, period = (list(QUANTITIES).index(name) for name in ("slip_duration", "period"))
         share = values[slip] / values[period]
         return self._spread.positive(float(share), (slopes[slip] - share * slopes[period]) / values[period])
@@ -201,8 +208,7 @@ class _Intervals:
         orbit = self._answer.orbit
         if self._spread is None or orbit is None:
             return [None] * values.size
-        slopes = orbit_slopes(self._map, orbit, self._names)
-        return [self._spread.positive(float(v), s) for v, s in zip(values, slopes, strict=True)]
+        return [self._spread.positive(float(v), s) for v, s in zip(values, self._slopes, strict=True)]
 
     def end(self) -> Interval | None:
         branch = self._answer.branch

@@ -107,7 +107,7 @@ def _covariance(document: Mapping[str, Any], keys: Mapping[str, str]) -> tuple[t
     places = [order.index(keys[name]) for name in names]
     own = told.get("standard_errors")
     errors = [own[i] if own else document["parameters"][order[i]]["standard_error"] for i in places]
-    if not names or np.all(open_):
+    if not names:
         return (), None
     known = np.array([np.nan if e is None else e for e in errors], dtype=float)
     matrix = np.outer(known, known) * np.array(told["matrix"], dtype=float)[np.ix_(places, places)]

@@ -84,7 +84,7 @@ class Glider:
         Raises:
             SimulationError: the integration needs more than MAX_STEPS steps or meets a state that is not finite.
         """
-        self._w[:] = w
+        self.set(w)
         times, states, legs = [0.0], [x.tolist()], list[Leg]()
         mode: ModeName = "slip"
         direction = 1.0
@@ -194,7 +194,7 @@ class Glider:
 
         Taken from the end backwards: a few numbers per node instead of all m directions.
         """
-        self._w[:] = w
+        self.set(w)
         n, columns, lengths = self._n, w.size, np.diff(glide.t)
         back = np.vstack([np.eye(n), sums[:, -1]])
         direct = np.zeros((back.shape[0], columns))
