@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from identify.asked import Asked
 from identify.examination.allowed import Allowed, allowed
 from identify.examination.fine_enough import information_at
+from identify.examination.nearly_rests import neighbours
 from identify.examination.ridge_ends import better_course, other_sign
-from identify.examination.valleys import lowest_valley, preferred, weakens, within
+from identify.examination.valleys import lowest_valley, objection, preferred, weakens, within
 from identify.examination.worth_a_walk import doubtful, ridge
 from identify.numerics.level import LEVEL
 from identify.numerics.quantiles import chi_square
@@ -33,6 +34,8 @@ AtBound = Callable[[Array], Mapping[str, str]]
 
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
 CURVE_STEPS = 4  # of each side of a profile that is drawn
+ONE = chi_square(LEVEL, 1)
+"""Squared distance at which what is as likely as an answer lies: at the end of an interval."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +89,15 @@ class Trail:
 
 @dataclass(frozen=True)
 class Examined:
-    """An answer, the information known at it, the profiles walked from it (None: none were), what is seen from it."""
+    """An answer, the information known at it, the profiles walked from it (None: none were), what is seen from it;
+    beside: answers of motions that hardly differ from its own."""
 
     attempt: Attempt
     known: Information
     walked: Profiles | None
     view: View
     trail: Trail
+    beside: tuple[Attempt, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -122,8 +127,10 @@ def _standing(
     attempt: Attempt, known: Information, q: Question, trail: Trail, walked: Profiles | None = None
 ) -> Examined:
     """At an answer at which nothing was looked at yet."""
-    view = _view(attempt, allowed(attempt, known, q.speed_tolerance), walked, q)
-    return Examined(attempt, known, walked, view, trail)
+    seen = allowed(attempt, known, q.speed_tolerance)
+    converged = attempt.gate.status is Status.CONVERGED
+    beside = tuple(neighbours(attempt, q.unknowns, seen.noise)) if converged else ()
+    return Examined(attempt, known, walked, _view(attempt, seen, walked, beside, q), trail, beside)
 
 
 def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None = None) -> Examined:
@@ -131,17 +138,22 @@ def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None 
     return _standing(attempt, information_at(attempt, q.unknowns), q, trail, walked)
 
 
-def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question) -> View:
-    """What is seen from an answer; seen: what is allowed for there, which walks do not change."""
+def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, beside: Sequence[Attempt], q: Question) -> View:
+    """What is seen from an answer; seen: what is allowed for there, which walks do not change; beside: answers of
+    motions that hardly differ from its own."""
     solved = attempt.solved
     bounds = q.at_bound(solved.theta)
     hinted = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
     told = {name: str(hint) for name, hint in hinted.items()}
     joint, f = seen.joint.copy(), len(seen.white)
+    free = q.unknowns.free
+    likely = np.array([other.solved.theta[free] - solved.theta[free] for other in beside]).reshape(-1, f)
+    limits = np.array([max(objection(attempt, other, seen.noise), ONE) for other in beside])
     if walked is not None:
-        free = q.unknowns.free
+        likely, limits = np.concatenate([walked.likely, likely]), np.concatenate([walked.objection, limits])
+    if likely.size:
         values, logarithmic = q.unknowns.values(solved.theta, q.base)[free], q.unknowns.logarithmic[free]
-        joint[:f, :f] = widened_on_both_scales(seen.covariance, walked.likely, walked.objection, values, logarithmic)
+        joint[:f, :f] = widened_on_both_scales(seen.covariance, likely, limits, values, logarithmic)
     ends = {} if walked is None else walked.ends
     intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
     found = estimates(q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals)
@@ -218,7 +230,7 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
         beside=seen.memory / seen.remembered,
         steps=CURVE_STEPS if q.asked.profile else 1,
         only=along,
-        valleys=[valley.solved for valley in trail.valleys],
+        valleys=[valley.solved for valley in (*trail.valleys, *here.beside)],
         before=trail.met if trail.samples == samples else (),
     )
     here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
@@ -227,7 +239,7 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
 
 def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:
     """At the same answer, with the walk from it."""
-    return replace(here, walked=walked, view=_view(here.attempt, here.view.allowed, walked, q))
+    return replace(here, walked=walked, view=_view(here.attempt, here.view.allowed, walked, here.beside, q))
 
 
 def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Question, last: bool) -> Examined:

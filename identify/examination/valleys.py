@@ -99,11 +99,14 @@ def within(attempt: Attempt, other: Attempt, unknowns: Unknowns, noise: Remember
     the joint region of that one."""
     if other.solved.problem.samples != attempt.solved.problem.samples:
         return False
+    return objection(attempt, other, noise) < chi_square(LEVEL, int(np.sum(unknowns.free)))
+
+
+def objection(attempt: Attempt, other: Attempt, noise: Remembering) -> float:
+    """What the data object to another answer, of the same samples, as a loss in white noise; nothing where it lies
+    lower."""
     loss = 2.0 * (_cost(other) - _cost(attempt))
-    if loss <= 0.0:
-        return True
-    objection = noise.objection(attempt.solved.fitted, other.solved.fitted, loss)
-    return objection < chi_square(LEVEL, int(np.sum(unknowns.free)))
+    return 0.0 if loss <= 0.0 else noise.objection(attempt.solved.fitted, other.solved.fitted, loss)
 
 
 def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:

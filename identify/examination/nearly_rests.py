@@ -1,0 +1,35 @@
+"""Answers of another sequence of modes that the data hardly tell from that of an answer.
+
+Where the mass slides on by a hair, or just comes to rest, a motion with the one rest more or less may describe the data
+as well, at other parameters. No walk leads across, and the curvature at the answer does not know of it: it tells what
+the one sequence leaves open, which can be a tenth of what both together do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from identify.examination.valleys import within
+from identify.outcome import Status
+from identify.preparation.unknowns import Unknowns
+from identify.search.attempt import Attempt, judged
+from identify.search.sequence import by_a_hair
+from identify.shooting.passes import solve_in_passes
+from identify.uncertainty.objection import Remembering
+
+
+def neighbours(attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> list[Attempt]:
+    """Answers of the very samples of an answer, with the motion next to its own, that lie in its joint region.
+
+    Args:
+        noise: of all logs: its memory widens that region.
+    """
+    at_answer = replace(unknowns, start=attempt.solved.theta)
+    logs = attempt.prepared
+    found: list[Attempt] = []
+    for cut, guesses in by_a_hair(logs, logs, attempt.solved.guesses, at_answer):
+        solved = solve_in_passes([log.data for log in cut], guesses, at_answer.softened())
+        other = judged(replace(attempt, prepared=tuple(cut), solved=solved))
+        if other.gate.status is Status.CONVERGED and within(attempt, other, unknowns, noise):
+            found.append(other)
+    return found
