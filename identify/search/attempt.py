@@ -101,15 +101,16 @@ def solve_placed(
     motion that follows from the answer, or with the sequences that are nearly that of the answer, and the best of
     all."""
     attempt = _solved(prepared, placed, unknowns, clock, firmness, hopeless, trust)
-    if attempt.solved.solution.cost > hopeless or not np.isfinite(attempt.excess):
+    if attempt.solved.solution.cost > hopeless or not np.all(np.isfinite(attempt.solved.theta)):
         return attempt
+    # A rest that can get no shorter is also what the solver fails on.
     at_answer = replace(unknowns, start=attempt.solved.theta)
     whole = [prepared[number] for number in attempt.logs]
     anew = refollowed(whole, attempt.prepared, attempt.solved.guesses, at_answer)
     if anew is not None:
         other = _solved(prepared, _placed(attempt, anew), at_answer, clock, firmness, hopeless, None)
         return other if other.excess < attempt.excess - BETTER else attempt
-    for _ in range(TRIES):
+    for _ in range(TRIES if np.isfinite(attempt.excess) else 0):
         at_answer = replace(unknowns, start=attempt.solved.theta)
         ways = by_a_hair(whole, attempt.prepared, attempt.solved.guesses, at_answer)
         others = [_solved(prepared, _placed(attempt, w), at_answer, clock, firmness, hopeless, None) for w in ways]

@@ -74,7 +74,7 @@ def search(
     best: Attempt | None = None
     for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
         best = _better(best, _from_logs(prepared, first, able, unknowns, way))
-        if _fits(best) and faint <= set(best.logs):
+        if _fits(best) and set(able) <= set(best.logs):
             break
     if not _fits(best):
         best = _levels_only(prepared, able, unknowns, clock) or best
