@@ -53,7 +53,8 @@ CASES, SEED = 200, 4
 
 @dataclass(frozen=True)
 class Outcome:
-    """One fit of the study. errors: relative, by parameter; distance: joint, squared."""
+    """One fit of the study. errors: relative, by parameter; distance: joint, squared; left_out: numbers of the logs
+    that took no part."""
 
     status: Status
     verdicts: dict[str, str]
@@ -61,6 +62,7 @@ class Outcome:
     distance: float
     seconds: float
     message: str
+    left_out: tuple[int, ...] = ()
 
     @property
     def recovered(self) -> bool:
@@ -96,7 +98,7 @@ def compared(found: Findings, case: Case, seconds: float) -> Outcome:
     values = dict(zip(unknowns.names, unknowns.values(theta, base).tolist(), strict=True))
     errors = {n: values[n] / case.truth[n] - 1 for n in FRICTION}
     verdicts = {e.name: e.verdict for e in found.estimates if e.name in FRICTION}
-    return Outcome(found.status, verdicts, errors, distance, seconds, found.message)
+    return Outcome(found.status, verdicts, errors, distance, seconds, found.message, tuple(found.left_out))
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,7 @@ class Study:
             "distance": outcome.distance,
             "seconds": outcome.seconds,
             "verdicts": outcome.verdicts,
+            "left_out": outcome.left_out,
         }
         append(file, line)
         return line
