@@ -75,5 +75,3 @@ def test_an_answer_that_is_no_near_thing_has_none_beside() -> None:
     assert found is not None and found.gate.status is Status.CONVERGED
     noise = examined.allowed(found, information_at(found, unknowns), 0.0).noise
     assert neighbours(found, unknowns, noise) == []
-
-

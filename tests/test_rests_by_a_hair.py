@@ -8,6 +8,7 @@ import pytest
 from data_io import Record
 from identify import Scene
 from identify.effects import MAIN
+from identify.examination import examined
 from identify.first_guess.slide_parts import SlideParts
 from identify.identification import find
 from identify.model.model import assemble
@@ -57,6 +58,7 @@ def test_what_such_a_slip_tells_is_true(record: Record, monkeypatch: pytest.Monk
     assert abs(wrong) < 2.5
     assert ends[:4] == ["arrest", "arrest", "arrest", "release"]
     monkeypatch.setattr(SlideParts, "_rests_anyway", lambda _self, _released: True)
+    monkeypatch.setattr(examined, "neighbours", lambda *_given: [])  # these hold the other motion as well
     wrong, ends = off(record)
     assert ends[:4] == ["arrest"] * 4  # it is as brief as the others
     assert abs(wrong) > 5.0  # and the closed form starts from a rest that there is not

@@ -149,7 +149,7 @@ def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, beside: Sequ
     free = q.unknowns.free
     likely = np.array([other.solved.theta[free] - solved.theta[free] for other in beside]).reshape(-1, f)
     limits = np.array([max(objection(attempt, other, seen.noise), ONE) for other in beside])
-    if walked is not None:
+    if walked is not None and walked.likely.size:
         likely, limits = np.concatenate([walked.likely, likely]), np.concatenate([walked.objection, limits])
     if likely.size:
         values, logarithmic = q.unknowns.values(solved.theta, q.base)[free], q.unknowns.logarithmic[free]

@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 _Stage = Callable[[list[Prepared], list[int], Unknowns, Clock], Attempt | None]
 
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
+SLIPS = 2  # of a log that is not left out before it was looked at together with all others
 ATTEMPTS = 4  # starts that are solved before giving up
 DRAWN = 2  # starts by lot that are solved where all others were lost
 SHORT = 2  # of these that were lost, and are solved again in short passes
@@ -70,11 +71,12 @@ def search(
     cycling = [[i for i in able if prepared[i].typical >= least] for least in LEAST]
     faint = {i for i in able if prepared[i].manner.faint}
     choices = [[i for i in cycling[0] if i not in faint], *cycling, able]
+    slips = {i for i in able if prepared[i].falls.size >= SLIPS}
     way = _Way(sources, seed, thorough, last, clock, told)
     best: Attempt | None = None
     for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
         best = _better(best, _from_logs(prepared, first, able, unknowns, way))
-        if _fits(best) and set(able) <= set(best.logs):
+        if _fits(best) and faint | slips <= set(best.logs):
             break
     if not _fits(best):
         best = _levels_only(prepared, able, unknowns, clock) or best
