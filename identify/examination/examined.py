@@ -26,6 +26,7 @@ from identify.telling import Progress
 from identify.uncertainty.hints import hints, onsets, untold
 from identify.uncertainty.profile import Profiles, profile
 from identify.uncertainty.profile_ground import ProfilePoint
+from identify.uncertainty.profile_side import CRITICAL
 from identify.uncertainty.uncertainty import Estimate, Information, Interval, estimates
 from identify.uncertainty.widened import widened_on_both_scales
 
@@ -34,8 +35,6 @@ AtBound = Callable[[Array], Mapping[str, str]]
 
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
 CURVE_STEPS = 4  # of each side of a profile that is drawn
-ONE = chi_square(LEVEL, 1)
-"""Squared distance at which what is as likely as an answer lies: at the end of an interval."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +147,7 @@ def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, beside: Sequ
     joint, f = seen.joint.copy(), len(seen.white)
     free = q.unknowns.free
     likely = np.array([other.solved.theta[free] - solved.theta[free] for other in beside]).reshape(-1, f)
-    limits = np.array([max(objection(attempt, other, seen.noise), ONE) for other in beside])
+    limits = np.array([max(objection(attempt, other, seen.noise), CRITICAL) for other in beside])
     if walked is not None and walked.likely.size:
         likely, limits = np.concatenate([walked.likely, likely]), np.concatenate([walked.objection, limits])
     if likely.size:

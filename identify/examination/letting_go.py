@@ -18,9 +18,8 @@ from identify.outcome import Status
 from identify.preparation.guess import Guess
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import BETTER, Attempt, judged
+from identify.search.attempt import BETTER, Attempt, solve_moved
 from identify.search.sequence import followed_anew, resequenced
-from identify.shooting.passes import solve_in_passes
 
 Array = NDArray[np.float64]
 
@@ -45,8 +44,7 @@ def _beyond(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     if held is None:
         return None
     for cut, guesses, there in _other_motions(attempt, unknowns, held):
-        solved = solve_in_passes([log.data for log in cut], guesses, there.softened())
-        other = judged(replace(attempt, prepared=tuple(cut), solved=solved))
+        other = solve_moved(attempt, cut, guesses, there)
         if other.gate.status is Status.CONVERGED and other.excess < attempt.excess - BETTER:
             return other
     return None

@@ -12,9 +12,8 @@ from dataclasses import replace
 from identify.examination.valleys import within
 from identify.outcome import Status
 from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Attempt, judged
+from identify.search.attempt import Attempt, solve_moved
 from identify.search.sequence import by_a_hair
-from identify.shooting.passes import solve_in_passes
 from identify.uncertainty.objection import Remembering
 
 
@@ -28,8 +27,7 @@ def neighbours(attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> list
     logs = attempt.prepared
     found: list[Attempt] = []
     for cut, guesses in by_a_hair(logs, logs, attempt.solved.guesses, at_answer):
-        solved = solve_in_passes([log.data for log in cut], guesses, at_answer.softened())
-        other = judged(replace(attempt, prepared=tuple(cut), solved=solved))
+        other = solve_moved(attempt, cut, guesses, at_answer)
         if other.gate.status is Status.CONVERGED and within(attempt, other, unknowns, noise):
             found.append(other)
     return found

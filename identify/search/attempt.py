@@ -110,7 +110,9 @@ def solve_placed(
     if anew is not None:
         other = _solved(prepared, _placed(attempt, anew), at_answer, clock, firmness, hopeless, None)
         return other if other.excess < attempt.excess - BETTER else attempt
-    for _ in range(TRIES if np.isfinite(attempt.excess) else 0):
+    if not np.isfinite(attempt.excess):
+        return attempt
+    for _ in range(TRIES):
         at_answer = replace(unknowns, start=attempt.solved.theta)
         ways = by_a_hair(whole, attempt.prepared, attempt.solved.guesses, at_answer)
         others = [_solved(prepared, _placed(attempt, w), at_answer, clock, firmness, hopeless, None) for w in ways]
@@ -168,6 +170,16 @@ def _fits_better(one: Solved, other: Solved) -> bool:
     """Whether a solution that was found fits clearly better than another, of no more samples."""
     here, there = (2.0 * solved.solution.cost - solved.problem.samples for solved in (one, other))
     return one.solution.success and one.problem.samples >= other.problem.samples and not there <= here + BETTER
+
+
+def solve_moved(attempt: Attempt, cut: Sequence[Prepared], motion: list[Guess], unknowns: Unknowns) -> Attempt:
+    """Solve the logs of an attempt with another motion from another theta (unknowns.start), the sequence of modes kept.
+
+    Args:
+        cut: the logs, to what could be followed.
+    """
+    solved = solve_in_passes([log.data for log in cut], motion, unknowns.softened())
+    return replace(attempt, prepared=tuple(cut), solved=solved, gate=_gated(solved, cut))
 
 
 def judged(attempt: Attempt) -> Attempt:
