@@ -166,6 +166,7 @@ def find(
         if better is None:
             break
         attempt = disowned(better, prepared, plenty(prepared))
+        left_out = {i: why for i, why in left_out.items() if i not in attempt.logs}
     clock.add("intervals", since)
     return prepared, findings
 

@@ -11,9 +11,11 @@ from scipy.signal import lfilter
 from data_io import Record
 from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
-from identify import Scene, fit
-from identify.diagnosis.diagnosis import _explanations, diagnose
+from identify import Scene, fit, identification
+from identify.diagnosis import diagnosis
+from identify.diagnosis.diagnosis import REMAINS, _explanations, _is_nearer, diagnose
 from identify.diagnosis.suspects import GROSS, SLIGHT, found_and_stated
+from identify.effect_choice.fitted import Fitted, as_it_ended
 from identify.effect_choice.nested import fit_beside, fit_model
 from identify.effects import MAIN
 from identify.first_guess.start import candidates, fit_features
@@ -22,7 +24,7 @@ from identify.motion.simulate import run
 from identify.outcome import Status
 from identify.preparation.prepare import prepare
 from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Clock, judged
+from identify.search.attempt import Clock, judged, solve_from
 from identify.search.search import HOPELESS, search
 from identify.search.starts import features_of, starts_of
 
@@ -162,18 +164,66 @@ def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
     assert not list(starts_of(logs, unknowns, "data", 0, True, HOPELESS, Clock()))  # cycles that differ have no start
 
 
-def test_a_better_answer_that_was_met_on_the_way_is_handed_back(case):
-    """What is set free may explain nothing but lead the search out of another valley."""
+@pytest.fixture(scope="module")
+def right(case):
+    """A scene, its records and logs, and their answer."""
     scene, records = _scene(RIG), [case.records[i] for i in LOGS]
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    right, _ = search(logs, unknowns)
-    astray = replace(right, solved=replace(right.solved, solution=replace(right.solved.solution, cost=1e4)))
-    cause = diagnose(scene, records, logs, unknowns, astray)
+    return scene, records, logs, unknowns, search(logs, unknowns)[0]
+
+
+def _astray(attempt):
+    return replace(attempt, solved=replace(attempt.solved, solution=replace(attempt.solved.solution, cost=1e4)))
+
+
+def test_a_better_answer_that_was_met_on_the_way_is_handed_back(right):
+    """What is set free may explain nothing but lead the search out of another valley, in which logs are left out."""
+    scene, records, logs, unknowns, answer = right
+    alone = solve_from(logs, [1], replace(unknowns, start=answer.solved.theta), Clock())
+    cause = diagnose(scene, records, logs, unknowns, _astray(alone))
     assert cause is not None and cause.better is not None
-    assert cause.better.gate.status is Status.CONVERGED
+    assert cause.better.logs == (0, 1) and cause.better.gate.status is Status.CONVERGED
     # another valley lies farther off
-    np.testing.assert_allclose(cause.better.solved.theta, right.solved.theta, atol=0.02)
+    np.testing.assert_allclose(cause.better.solved.theta, answer.solved.theta, atol=0.02)
+
+
+def test_a_suspect_as_it_is_stated_leads_to_a_better_answer(right, monkeypatch):
+    """A mass that is set free and found as stated explains nothing, but the start from the data describes the logs."""
+    scene, records, logs, unknowns, answer = right
+    mass = tuple(suspect for suspect in GROSS if suspect.parameter == "mass")
+    monkeypatch.setattr(diagnosis, "GROSS", mass)
+    monkeypatch.setattr(diagnosis, "SLIGHT", ())
+    cause = diagnose(scene, records, logs, unknowns, _astray(answer))
+    assert cause is not None and cause.sentence == "another answer of the same model"
+    assert cause.better.gate.status is Status.CONVERGED
+    np.testing.assert_allclose(cause.better.solved.theta, answer.solved.theta, atol=0.02)
+    monkeypatch.setattr(diagnosis, "GROSS", ())
+    assert diagnose(scene, records, logs, unknowns, _astray(answer)) is None
+
+
+def test_a_better_answer_leaves_out_no_log_that_was_described(right):
+    scene, _, logs, unknowns, answer = right
+    ended = as_it_ended(scene, unknowns, logs, _astray(answer))
+    back = Fitted(scene, unknowns, tuple(logs), answer, answer.excess)
+    assert _is_nearer(back, ended) and not _is_nearer(ended, back)
+    assert _is_nearer(back, as_it_ended(scene, unknowns, logs, replace(_astray(answer), logs=(1,))))
+    assert not _is_nearer(replace(back, attempt=replace(answer, logs=(1,))), ended)
+    assert not _is_nearer(replace(back, excess=ended.excess - 0.5 * REMAINS * ended.excess), ended)
+    assert not _is_nearer(replace(back, attempt=None, excess=np.inf), ended)
+
+
+def test_a_log_that_a_better_answer_describes_is_not_said_to_be_left_out(case, monkeypatch):
+    scene = _scene(RIG, range(len(SPEEDS)))
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, case.records, strict=True)]
+    met = iter([search(logs, unknowns)[0]])
+    monkeypatch.setattr(identification, "search_grouped", lambda *_, **__: (None, {0: "log_0 was left out"}))
+    monkeypatch.setattr(identification, "looked_into", lambda findings, *_: (findings, next(met, None)))
+    result = fit(scene, case.records).result
+    assert result["status"] == "converged"
+    assert [log["reason_left_out"] for log in result["logs"]] == [None] * len(SPEEDS)
+    assert not any("left out" in note for note in result["notes"])
 
 
 def test_a_hidden_slip_is_not_blamed_on_the_rig(case):

@@ -87,6 +87,7 @@ def diagnose(
     if fits(ended):
         return None
     found: list[_Explanation] = []
+    freed_fits: list[tuple[Suspect, Fitted]] = []
     beside = (
         *restraints(scene, sitting(unknowns, attempt)),
         *ties(scene),
@@ -94,19 +95,33 @@ def diagnose(
     )
     if attempt is not None and ended.excess < NEAR * ended.samples:
         tried = _tried((*beside, *SLIGHT), scene, prepared, lambda freed: _from_values(ended, freed, records))
-        found = _explanations(_refined(tried, ended, records), scene, ended)
+        freed_fits = _refined(tried, ended, records)
+        found = _explanations(freed_fits, scene, ended)
     if not found:
         tried = _tried((*beside, *GROSS), scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
-        found = _explanations(_refined(tried, ended, records), scene, ended)
+        freed_fits += _refined(tried, ended, records)
+        found = _explanations(freed_fits, scene, ended)
     if not found:
-        return disagreement(scene, records, ended)
+        return _as_stated(freed_fits, scene, records, ended) or disagreement(scene, records, ended)
     found.sort(key=lambda each: each.fitted.excess)
     alike = [each for each in found if each.fitted.excess < found[0].fitted.excess + TOLD]
     sentence = "; or ".join(each.words for each in sorted(alike, key=lambda each: not each.restrains))
     # What was set free may explain nothing but have led the search elsewhere.
     back = fit_beside(found[0].fitted, scene, records)
-    nearer = back.attempt is not None and back.logs == ended.logs and ended.excess - back.excess > _worth(ended)
-    return Cause(sentence, back.attempt if nearer else None)
+    return Cause(sentence, back.attempt if _is_nearer(back, ended) else None)
+
+
+def _as_stated(
+    tried: list[tuple[Suspect, Fitted]], scene: Scene, records: Sequence[Record], ended: Fitted
+) -> Cause | None:
+    """The answer of the model as it is stated, where a suspect describes the logs with the value that is stated: to set
+    it free led the search elsewhere."""
+    led = [fitted for _, fitted in tried if fits(fitted) and set(fitted.logs) >= set(ended.logs)]
+    for fitted in sorted(led, key=lambda each: each.excess)[:1]:
+        back = fit_beside(fitted, scene, records)
+        if _is_nearer(back, ended):
+            return Cause("another answer of the same model", back.attempt)
+    return None
 
 
 def _from_values(ended: Fitted, freed: Scene, records: Sequence[Record]) -> Fitted:
@@ -119,9 +134,11 @@ def _from_values(ended: Fitted, freed: Scene, records: Sequence[Record]) -> Fitt
     return slowly if slowly.excess < fitted.excess else fitted
 
 
-def _worth(ended: Fitted) -> float:
-    """By how much the misfit of another answer of the same model must be smaller for it to be looked into."""
-    return max(TOLD, REMAINS * ended.excess)
+def _is_nearer(back: Fitted, ended: Fitted) -> bool:
+    """Whether another answer of the same model lies so much nearer to the data that it is to be looked into: it leaves
+    out none of the logs, and may describe more."""
+    worth = max(TOLD, REMAINS * ended.excess)
+    return back.attempt is not None and set(back.logs) >= set(ended.logs) and ended.excess - back.excess > worth
 
 
 def _tried(
