@@ -42,6 +42,12 @@ def _scene(rig, chosen=LOGS):
     return Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs})
 
 
+def _prepared(scene, records):
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    return logs, unknowns
+
+
 def _lagging(lag):
     """What a first-order sensor shows of the motion, on a fine grid, sampled: an answer from outside the model."""
     random, out = np.random.default_rng(2), []
@@ -58,8 +64,7 @@ def _lagging(lag):
 
 def _diagnosed(scene, records):
     """What is said of the misfit that the data's own start ends in: a whole fit would try others first."""
-    unknowns = from_scene(scene)
-    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    logs, unknowns = _prepared(scene, records)
     attempt, _ = search(logs, unknowns, thorough=False)
     assert attempt is not None and attempt.gate.status is not Status.CONVERGED
     cause = diagnose(scene, records, logs, unknowns, attempt)
@@ -112,13 +117,13 @@ def test_a_zero_of_the_friction_force_is_found_where_the_load_varies_and_not_loo
         load = np.interp(times, *course) + 2e-3 * random.standard_normal(times.size)
         records.append(Record(times, load, force + 0.03 + 2e-3 * random.standard_normal(times.size)))
     scene = _scene(RIG).with_effects((*MAIN, "varying_normal_force"))
-    prepared = [prepare(scene, e, r, from_scene(scene)) for e, r in zip(scene.logs, records, strict=True)]
+    prepared, _ = _prepared(scene, records)
     zero = next(suspect for suspect in SLIGHT if suspect.parameter == "sensor_offset")
     freed = fit_model(zero.freed(scene, prepared), records, thorough=False)
     value, _ = found_and_stated(zero, freed, scene)
     assert value == pytest.approx(0.03, abs=1e-3) and "reads 30" in zero.words(freed, round(value, 3), 0.0)
     constant = [replace(record, normal_force=np.ones(record.time.size)) for record in records]
-    prepared = [prepare(scene, e, r, from_scene(scene)) for e, r in zip(scene.logs, constant, strict=True)]
+    prepared, _ = _prepared(scene, constant)
     assert zero.freed(scene, prepared) is None, "a load that is always the same cannot tell it from a coefficient"
 
 
@@ -153,8 +158,7 @@ def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
     case, scene, _ = wrong("stiffness", 36)
     suspect = next(suspect for suspect in GROSS if suspect.parameter == "stiffness")
     freed = suspect.freed(scene, [])
-    unknowns = from_scene(freed)
-    logs = [prepare(freed, entry, record, unknowns) for entry, record in zip(freed.logs, case.records, strict=True)]
+    logs, unknowns = _prepared(freed, case.records)
     features, bases = features_of(logs)
     own = fit_features(unknowns, features, bases, candidates(unknowns, features, bases))
     assert own[0].cost > HOPELESS
@@ -168,8 +172,7 @@ def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
 def right(case):
     """A scene, its records and logs, and their answer."""
     scene, records = _scene(RIG), [case.records[i] for i in LOGS]
-    unknowns = from_scene(scene)
-    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    logs, unknowns = _prepared(scene, records)
     return scene, records, logs, unknowns, search(logs, unknowns)[0]
 
 
@@ -215,8 +218,7 @@ def test_a_better_answer_leaves_out_no_log_that_was_described(right):
 
 def test_a_log_that_a_better_answer_describes_is_not_said_to_be_left_out(case, monkeypatch):
     scene = _scene(RIG, range(len(SPEEDS)))
-    unknowns = from_scene(scene)
-    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, case.records, strict=True)]
+    logs, unknowns = _prepared(scene, case.records)
     met = iter([search(logs, unknowns)[0]])
     monkeypatch.setattr(identification, "search_grouped", lambda *_, **__: (None, {0: "log_0 was left out"}))
     monkeypatch.setattr(identification, "looked_into", lambda findings, *_: (findings, next(met, None)))

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from identify.search.attempt import Attempt
 
+ANOTHER_ANSWER = "another answer of the same model"
+
 
 @dataclass(frozen=True)
 class Cause:

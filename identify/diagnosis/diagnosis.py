@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.diagnosis.by_log import misfits_of_logs
-from identify.diagnosis.cause import Cause
+from identify.diagnosis.cause import ANOTHER_ANSWER, Cause
 from identify.diagnosis.disagreement import disagreement
 from identify.diagnosis.held import Held
 from identify.diagnosis.log_speeds import log_speeds
@@ -99,29 +99,34 @@ def diagnose(
         found = _explanations(freed_fits, scene, ended)
     if not found:
         tried = _tried((*beside, *GROSS), scene, prepared, lambda freed: fit_model(freed, records, thorough=False))
-        freed_fits += _refined(tried, ended, records)
-        found = _explanations(freed_fits, scene, ended)
+        more = _refined(tried, ended, records)
+        freed_fits += more
+        found = _explanations(more, scene, ended)
     if not found:
         return _as_stated(freed_fits, scene, records, ended) or disagreement(scene, records, ended)
     found.sort(key=lambda each: each.fitted.excess)
     alike = [each for each in found if each.fitted.excess < found[0].fitted.excess + TOLD]
     sentence = "; or ".join(each.words for each in sorted(alike, key=lambda each: not each.restrains))
-    # What was set free may explain nothing but have led the search elsewhere.
-    back = fit_beside(found[0].fitted, scene, records)
-    return Cause(sentence, back.attempt if _is_nearer(back, ended) else None)
+    return Cause(sentence, _back(found[0].fitted, scene, records, ended))
 
 
 def _as_stated(
     tried: list[tuple[Suspect, Fitted]], scene: Scene, records: Sequence[Record], ended: Fitted
 ) -> Cause | None:
-    """The answer of the model as it is stated, where a suspect describes the logs with the value that is stated: to set
-    it free led the search elsewhere."""
+    """The answer of the model as it is stated, where a suspect describes the logs and is no explanation, having the
+    value that is stated; None where there is none."""
     led = [fitted for _, fitted in tried if fits(fitted) and set(fitted.logs) >= set(ended.logs)]
-    for fitted in sorted(led, key=lambda each: each.excess)[:1]:
-        back = fit_beside(fitted, scene, records)
-        if _is_nearer(back, ended):
-            return Cause("another answer of the same model", back.attempt)
-    return None
+    if not led:
+        return None
+    better = _back(min(led, key=lambda each: each.excess), scene, records, ended)
+    return None if better is None else Cause(ANOTHER_ANSWER, better)
+
+
+def _back(freed: Fitted, scene: Scene, records: Sequence[Record], ended: Fitted) -> Attempt | None:
+    """The answer of the model as it is stated, from the fit of a suspect, where it is nearer to the data: what was set
+    free may explain nothing but have led the search elsewhere."""
+    back = fit_beside(freed, scene, records)
+    return back.attempt if _is_nearer(back, ended) else None
 
 
 def _from_values(ended: Fitted, freed: Scene, records: Sequence[Record]) -> Fitted:
@@ -250,7 +255,7 @@ def doubt(
         back = fit_smaller(fitted, scene, records)
         back = back if back.attempt is None else replace(back, attempt=judged(back.attempt))
         if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
-            return Doubt("another answer of the same model", gain, np.inf, "", back.attempt)
+            return Doubt(ANOTHER_ANSWER, gain, np.inf, "", back.attempt)
         words = suspect.words(fitted, *found_and_stated(suspect, fitted, scene))
         found.append(_Gain(gain, words, suspect.restrains, fitted))
     if not found:

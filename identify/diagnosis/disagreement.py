@@ -13,7 +13,7 @@ import numpy as np
 
 from data_io import Record
 from identify.diagnosis.by_log import misfits_of_logs
-from identify.diagnosis.cause import Cause
+from identify.diagnosis.cause import ANOTHER_ANSWER, Cause
 from identify.effect_choice.fitted import Fitted, described
 from identify.effect_choice.nested import fit_from_values, fit_model
 from identify.errors import FitError, SceneError
@@ -49,7 +49,7 @@ def disagreement(scene: Scene, records: Sequence[Record], ended: Fitted) -> Caus
             continue
         back = fit_from_values(others, scene, records)
         if back.complete and described(back):
-            return Cause("another answer of the same model", back.attempt)
+            return Cause(ANOTHER_ANSWER, back.attempt)
         off = _off(back, others, some)
         if off > FAR:
             named.append((name_of_recording(scene, some), off))
