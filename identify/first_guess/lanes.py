@@ -8,7 +8,7 @@ a fraction of a percent, which is what a start needs; answers come from `simulat
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import casadi as ca
 import numpy as np
@@ -29,6 +29,7 @@ LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
 NEWTON_STEPS = 40
 TREMBLING = 3.0  # times the swing of the drive: a shorter slip is a tremble of the contact, and the stick goes on
 MOST_TREMBLES = 30  # before one slip
+STRIDE = 8  # steps of a slip between two looks at which lanes still slide
 
 
 @dataclass(frozen=True)
@@ -97,17 +98,21 @@ def _functions(model: Model) -> dict[str, Mapped]:
                 out[i] = ca.fmax(state[i], q.lower)
         return out
 
-    def motion(state: ca.SX, _t: object) -> ca.SX:
-        return model.slip(clamp(state), p, u)
+    def motion(given: ca.SX, state: ca.SX, _t: object) -> ca.SX:
+        return model.slip(clamp(state), p, given)
 
-    after, _, stages = step(RK4, motion, x, h)
+    steps, state, now = list[tuple[ca.SX, ca.SX, ca.SX]](), x, u
+    for _ in range(STRIDE):
+        free, _, stages = step(RK4, partial(motion, now), state, h)
+        steps.append((clamp(free), free, stages[0]))
+        state, now = clamp(free), ca.vertcat(now[:TIME], now[TIME] + h)
     t = ca.SX.sym("t")
     then = ca.vertcat(u[:TIME], u[TIME] + t)
     rested = model.rest(x, p, then, t)
     spare = model.grip(rested, p, then) - model.driving_force(rested, p, then)
     slope = ca.jacobian(spare, t)
     made = (
-        ca.Function("lane_step", [x, p, u, h], [clamp(after), after, stages[0]]),
+        ca.Function("lane_stride", [x, p, u, h], [ca.horzcat(*column) for column in zip(*steps, strict=True)]),
         ca.Function("lane_spare", [x, p, u, t], [spare, slope, rested]),
         ca.Function("lane_force", [x, p, u], [model.load_cell(x, p, u)]),
         ca.Function("lane_at_force", [t, p, u], [model.at_force(t, p, u)]),
@@ -205,40 +210,37 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     Args:
         p: (n, n_p); u: (n, 4) drive speed, normal force, direction +1, time at the start.
     """
-    functions, n, n_x = _functions(model), x.shape[0], len(model.states)
-    names = model.parameter_names
+    n, n_x, names = x.shape[0], len(model.states), model.parameter_names
     half = np.pi * np.sqrt(p[:, names.index("mass")] / p[:, names.index("stiffness")])
     h = half / per_half_period
-    states, rates = [x.copy()], []
-    arrest, saturation = np.full(n, np.nan), np.full(n, np.nan)
-    at_arrest, at_saturation = np.full((n, n_x), np.nan), np.full((n, n_x), np.nan)
-    active = np.arange(n)
-    current, last_rate, u = x.copy(), np.zeros((n, n_x)), u.copy()
-    saturated = np.zeros(n, bool)
+    states, rates, longest = [x[None]], list[Array](), 0
+    active, now, saturated = np.arange(n), u.copy(), np.zeros(n, bool)
+    current, last_rate = x.copy(), np.zeros((n, n_x))
     arrests, saturations = list[_Crossing](), list[_Crossing]()
-    for s in range(int(LONGEST * per_half_period)):
-        before = current[active]
-        after, free, rate = functions["step"]([before, p[active], u[active], h[active]])
-        finite: Bools = np.all(np.isfinite(after), axis=1)
-        if not np.all(finite):
-            after, rate = np.where(finite[:, None], after, before), np.where(finite[:, None], rate, 0.0)
-        last_rate[active] = rate
-        rates.append(last_rate.copy())
-        stopped = finite & (after[:, SPEED] <= 0.0)
-        if stopped.any():
-            arrests.append(_Crossing(s, active[stopped], before[stopped], free[stopped]))
-        reached = _clamps(model, before, free) & ~stopped & ~saturated[active]
-        if reached.any():
-            saturations.append(_Crossing(s, active[reached], before[reached], free[reached]))
-            saturated[active[reached]] = True
-        current[active] = after
-        states.append(current.copy())
-        active = active[finite & ~stopped]
-        u[:, TIME] += h
+    for first in range(0, int(LONGEST * per_half_period), STRIDE):
+        every = active.size == n  # as a rule all rest at about the same step
+        given = (current, p, now, h) if every else (current[active], p[active], now[active], h[active])
+        made = _Stride.of(model, given)
+        if np.any(made.rests):
+            arrests.append(made.crossing(first, active, np.flatnonzero(made.rests), made.last[made.rests]))
+        reached = made.clamps(model) & ~saturated[active][:, None]
+        if np.any(reached):
+            which = np.flatnonzero(np.any(reached, axis=1))
+            saturations.append(made.crossing(first, active, which, np.argmax(reached[which], axis=1)))
+            saturated[active[which]] = True
+        for course, end, new in ((states, current, made.after), (rates, last_rate, made.rate)):
+            part = np.repeat(end[None], STRIDE, axis=0)
+            part[:, active] = new.transpose(1, 0, 2)
+            course.append(part)
+            end[active] = new[:, -1]
+        longest = first + min(int(np.max(made.last)) + 1, STRIDE)
+        active = active[made.last == STRIDE]
+        now[:, TIME] += STRIDE * h
         if active.size == 0:
             break
-    rates.append(last_rate.copy())
-    result = Slips(h, np.stack(states), np.stack(rates), saturation, arrest, at_saturation, at_arrest)
+    none, nowhere = np.full(n, np.nan), np.full((n, n_x), np.nan)
+    courses = (np.concatenate(course)[: longest + 1] for course in (states, [*rates, last_rate[None]]))
+    result = Slips(h, *courses, none, none.copy(), nowhere, nowhere.copy())
     if arrests:
         _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
     if saturations and model.clamped is not None:
@@ -256,22 +258,61 @@ def _lowest(model: Model) -> float:
     return 0.0 if model.clamped is None else model.states[model.clamped].lower or 0.0
 
 
-def _clamps(model: Model, before: Array, free: Array) -> Bools:
-    """Whether the bounded state of each lane comes to its bound on the way from `before` to `free` (n, n_x)."""
-    if model.clamped is None:
-        return np.zeros(before.shape[0], bool)
-    low = _lowest(model)
-    return (free[:, model.clamped] <= low) & (before[:, model.clamped] > low)
-
-
 @dataclass(frozen=True)
 class _Crossing:
-    """Lanes (k,) in which a state comes to a level within step s: their states before and after it (k, n_x)."""
+    """Lanes (k,) in which a state comes to a level within a step (k,): their states before and after it (k, n_x)."""
 
-    step: int
+    step: Indices
     lanes: Indices
     before: Array
     free: Array
+
+
+@dataclass(frozen=True)
+class _Stride:
+    """STRIDE steps of lanes (k,), each (k, STRIDE, n_x): states before and after every step, `free` those after it
+    without the bound, rates at its start; in the step `last` (k,) a lane comes to its end and stays there, STRIDE where
+    it goes on; `rests` (k,) whether it came to rest, not out of all numbers."""
+
+    before: Array
+    after: Array
+    free: Array
+    rate: Array
+    last: Indices
+    rests: Bools
+
+    @staticmethod
+    def of(model: Model, given: tuple[Array, ...]) -> _Stride:
+        """From states (k, n_x), parameters (k, n_p), inputs (k, 4) and step lengths (k,)."""
+        after, free, rate = (out.reshape(given[0].shape[0], STRIDE, -1) for out in _functions(model)["stride"](given))
+        before = np.concatenate([given[0][:, None], after[:, :-1]], axis=1)
+        over = stopped = after[..., SPEED] <= 0.0
+        if not np.all(np.isfinite(after)):
+            lost = ~np.all(np.isfinite(after), axis=2)
+            over, stopped = stopped | lost, stopped & ~lost
+            after[lost], rate[lost] = before[lost], 0.0
+        last = np.where(np.any(over, axis=1), np.argmax(over, axis=1), STRIDE)
+        ended = np.flatnonzero(last < STRIDE)
+        rests = np.zeros(last.size, bool)
+        if ended.size:
+            end = last[ended]
+            rests[ended] = stopped[ended, end]
+            beyond = np.arange(STRIDE)[:, None] > end[:, None, None]
+            for course in (after, rate):
+                course[ended] = np.where(beyond, course[ended, end][:, None], course[ended])
+        return _Stride(before, after, free, rate, last, rests)
+
+    def clamps(self, model: Model) -> Bools:
+        """Whether the bounded state comes to its bound within each step (k, STRIDE), of those before the end."""
+        if model.clamped is None:
+            return np.zeros(self.after.shape[:2], bool)
+        low = _lowest(model)
+        falls = (self.free[..., model.clamped] <= low) & (self.before[..., model.clamped] > low)
+        return np.asarray(falls & (np.arange(STRIDE) < self.last[:, None]))
+
+    def crossing(self, first: int, active: Indices, which: Indices, step: Indices) -> _Crossing:
+        """What crosses in a step (c,) of some lanes (c,), which are lanes of all lanes by `active` (k,)."""
+        return _Crossing(first + step, active[which], self.before[which, step], self.free[which, step])
 
 
 def _mark(
@@ -280,7 +321,7 @@ def _mark(
     """Record when a component comes to its level, time (n,), and the states there (n, n_x)."""
     lanes = np.concatenate([c.lanes for c in crossings])
     old, free = np.concatenate([c.before for c in crossings]), np.concatenate([c.free for c in crossings])
-    s = np.repeat([c.step for c in crossings], [c.lanes.size for c in crossings])
+    s = np.concatenate([c.step for c in crossings])
     rate = out.rates[s, lanes] * out.h[lanes, None]
     bend = free - old - rate  # the states within the step: old + rate w + bend w^2
     w = _first_root(old[:, component] - level, rate[:, component], bend[:, component])

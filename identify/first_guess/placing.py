@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from data_io.thinned import thinned
 from identify.first_guess import lanes
-from identify.first_guess.waveform import middle_of_fall, waveform
+from identify.first_guess.waveform import Waves, middle_of_fall
 from identify.model.model import ELONGATION, TIME, Model
 from identify.preparation.guess import Grid, Guess, LogData
 
@@ -102,8 +102,8 @@ def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:
 def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[lanes.Slips, Array]:
     """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
     _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD)
-    waves = _waves(model, slips, side)
-    onset = side.fall - middle_of_fall(waves.force, waves.h, waves.duration)
+    waves, middle = _waves(model, slips, side)
+    onset = side.fall - middle
     samples = _around(logs, side, onset, waves.duration)
     onset = onset + _scan(waves, samples, onset)
     for _ in range(2):
@@ -155,30 +155,16 @@ def _first_arrests(model: Model, side: _Lanes, starts: list[Array]) -> Array:
     return x
 
 
-@dataclass(frozen=True)
-class _Waves:
-    """The simulated cycles as functions of time from their onset: force at the steps (n, s), end force (n,),
-    duration (n,), stick slope (n,) [N/s]."""
-
-    h: Array
-    force: Array
-    end: Array
-    duration: Array
-    slope: Array
-
-    def __call__(self, times: Array) -> tuple[Array, Array]:
-        """Force and its rate at times (n, m) from the onset of each lane."""
-        return waveform(self.force, self.h, self.duration, self.end, self.slope, times)
-
-
-def _waves(model: Model, slips: lanes.Slips, side: _Lanes) -> _Waves:
+def _waves(model: Model, slips: lanes.Slips, side: _Lanes) -> tuple[Waves, Array]:
+    """The simulated cycles as functions of time, and the time of the middle of their falls (n,) [s]."""
     n, steps = side.fall.size, slips.states.shape[0]
     flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
     force = lanes.load_cell(model, flat, np.repeat(side.p, steps, axis=0), np.repeat(side.u, steps, axis=0))
     end = lanes.load_cell(model, np.nan_to_num(slips.at_arrest), side.p, side.u)
     k = side.p[:, model.parameter_names.index("stiffness")]
     duration = np.where(slips.rested, slips.arrest, slips.h)
-    return _Waves(slips.h, force.reshape(n, steps), end, duration, k * side.u[:, 0])
+    force = force.reshape(n, steps)
+    return Waves.of(force, slips.h, duration, end, k * side.u[:, 0]), middle_of_fall(force, slips.h, duration)
 
 
 @dataclass(frozen=True)
@@ -212,23 +198,23 @@ def _around(logs: list[LogData], side: _Lanes, onset: Array, duration: Array) ->
     return _Samples(time, np.where(weight > 0, force, 0.0), weight, interval)
 
 
-def _scan(waves: _Waves, samples: _Samples, onset: Array) -> Array:
+def _scan(waves: Waves, samples: _Samples, onset: Array) -> Array:
     """The best of many shifts of each cycle (n,) [s]: a slip of two samples has several places that look right,
     and no gradient leads from one to the next."""
     reach = np.maximum(samples.interval, 0.1 * waves.duration)
     best, cost = np.zeros(onset.size), np.full(onset.size, np.inf)
     for fraction in np.linspace(-1.0, 1.0, SHIFTS):
         shift = fraction * reach
-        value, _ = waves(samples.time - (onset + shift)[:, None])
+        value = waves.values(samples.time - (onset + shift)[:, None])
         square = np.sum(samples.weight * (samples.force - value) ** 2, axis=1)
         best = np.where(square < cost, shift, best)
         cost = np.minimum(square, cost)
     return best
 
 
-def _shift(waves: _Waves, samples: _Samples, onset: Array) -> Array:
+def _shift(waves: Waves, samples: _Samples, onset: Array) -> Array:
     """One Gauss-Newton step of each cycle's time shift on its own samples (n,) [s]."""
-    value, slope = waves(samples.time - onset[:, None])
+    value, slope = waves.with_rates(samples.time - onset[:, None])
     with np.errstate(all="ignore"):
         pull = np.sum(samples.weight * (samples.force - value) * slope, axis=1)
         move = -pull / np.sum(samples.weight * slope**2, axis=1)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identify.first_guess import lanes
 from identify.first_guess.features import Features
-from identify.first_guess.waveform import middle_of_fall, waveform
+from identify.first_guess.waveform import Waves, middle_of_fall
 from identify.preparation.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ class _Fold:
         # The middle of the simulated fall is the origin; its position is found on the simulated steps.
         middle = middle_of_fall(force, slips.h, duration)
         t = np.tile(self.times, (s, 1)) + shift.reshape(-1, 1) + middle[:, None]
-        value, slope = waveform(force, slips.h, duration, end_force, k * u[:, 0], t)
+        value, slope = Waves.of(force, slips.h, duration, end_force, k * u[:, 0]).with_rates(t)
         out = np.empty((s * self.n_logs, self.width + 2))
         d_shift = np.zeros_like(out)
         weight = np.tile(self.weight, (s, 1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,21 +26,55 @@ def middle_of_fall(force: Array, h: Array, duration: Array) -> Array:
     return np.asarray((after - 1 + w) * h)
 
 
-def waveform(force: Array, h: Array, duration: Array, end_force: Array, slope: Array, t: Array) -> tuple[Array, Array]:
-    """Stick line, slip, stick line at times t (n, b) from the onset: values and slopes; cubic between steps."""
-    u = np.clip(t / h[:, None], 0.0, force.shape[1] - 1.000001)
-    i = u.astype(int)
-    rows = np.arange(force.shape[0])[:, None]
-    f0, f1 = force[rows, i], force[rows, i + 1]
-    # Cubic through the neighbours' slopes: the steps are coarse.
-    before, after = force[rows, np.maximum(i - 1, 0)], force[rows, np.minimum(i + 2, force.shape[1] - 1)]
-    d0, d1 = 0.5 * (f1 - before), 0.5 * (after - f0)
-    w = u - i
-    cubic = f0 * (1 + 2 * w) * (1 - w) ** 2 + f1 * w**2 * (3 - 2 * w) + d0 * w * (1 - w) ** 2 - d1 * w**2 * (1 - w)
-    rate = (6 * w * (w - 1) * (f0 - f1) + d0 * (1 - 4 * w + 3 * w**2) + d1 * (3 * w**2 - 2 * w)) / h[:, None]
-    s = slope[:, None]
-    early, late = t < 0.0, t > duration[:, None]
-    value = np.where(
-        early, force[:, :1] + s * t, np.where(late, end_force[:, None] + s * (t - duration[:, None]), cubic)
-    )
-    return value, np.where(early | late, s, rate)
+@dataclass(frozen=True)
+class Waves:
+    """The force of simulated cycles as a function of time from their onset: stick line, slip, stick line.
+
+    h (n,) step lengths [s]; duration (n,) of the slips [s]; start, end (n,) force at their ends [N]; slope (n,) of the
+    sticks [N/s]; cubics (4, n * s): coefficients of the powers of the share of every step that has passed.
+    """
+
+    h: Array
+    duration: Array
+    start: Array
+    end: Array
+    slope: Array
+    cubics: Array
+
+    @staticmethod
+    def of(force: Array, h: Array, duration: Array, end: Array, slope: Array) -> Waves:
+        """From the force at the steps (n, s + 1); cubic through the neighbours' slopes: the steps are coarse."""
+        around = np.concatenate([force[:, :1], force, force[:, -1:]], axis=1)
+        tilt = 0.5 * (around[:, 2:] - around[:, :-2])
+        rise, first, last = np.diff(force, axis=1), tilt[:, :-1], tilt[:, 1:]
+        bends = [force[:, :-1], first, 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise]
+        return Waves(h, duration, force[:, 0], end, slope, np.stack(bends).reshape(4, -1))
+
+    def values(self, t: Array) -> Array:
+        """Force (n, b) at times t (n, b) from the onset of each cycle."""
+        c, w = self._within(t)
+        return self._lines(t, ((c[3] * w + c[2]) * w + c[1]) * w + c[0])
+
+    def with_rates(self, t: Array) -> tuple[Array, Array]:
+        """Force (n, b) at times t (n, b) from the onset of each cycle, and its rates [N/s]."""
+        c, w = self._within(t)
+        value = self._lines(t, ((c[3] * w + c[2]) * w + c[1]) * w + c[0])
+        rate = ((3.0 * c[3] * w + 2.0 * c[2]) * w + c[1]) / self.h[:, None]
+        return value, np.where((t < 0.0) | (t > self.duration[:, None]), self.slope[:, None], rate)
+
+    def _within(self, t: Array) -> tuple[Array, Array]:
+        """The coefficients (4, n, b) of the step in which each time is, and the share of it that has passed."""
+        lanes = self.h.size
+        steps = self.cubics.shape[1] // lanes
+        u = np.clip(t / self.h[:, None], 0.0, steps - 1e-6)
+        i = u.astype(np.int64)
+        w = u - i
+        i += steps * np.arange(lanes)[:, None]
+        return np.take(self.cubics, i, axis=1), w
+
+    def _lines(self, t: Array, slip: Array) -> Array:
+        """The force in the slip (n, b), and on the lines before and after it."""
+        s = self.slope[:, None]
+        late = t - self.duration[:, None]
+        value = np.where(late > 0.0, self.end[:, None] + s * late, slip)
+        return np.where(t < 0.0, self.start[:, None] + s * t, value)
