@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identify.calculators.spread import Interval
 from identify.closed_forms import stability
@@ -15,6 +16,8 @@ from identify.closed_forms.groups import Groups, groups
 from identify.closed_forms.jump import jump
 from identify.closed_forms.steady import FrictionLike, RigLike
 from identify.effects import MAIN
+
+Array = NDArray[np.float64]
 
 AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
 KNOWN = (*MAIN, "driven_damping", "linear_weakening", "varying_normal_force")  # effects, at one operating point
@@ -74,32 +77,53 @@ class ClosedForms:
     worn: bool
 
 
+def side_by_side(pairs: Sequence[Contact]) -> Contact:
+    """Several pairs (n,) as one whose quantities are arrays (n,), as the closed forms take them."""
+
+    def column(parts: Sequence[Any]) -> SimpleNamespace:
+        return SimpleNamespace(**{name: np.array([getattr(one, name) for one in parts]) for name in vars(parts[0])})
+
+    return Contact(column([pair.rig for pair in pairs]), column([pair.friction for pair in pairs]))
+
+
 def closed_forms(pair: Contact, drive_speed: float, normal_force: float) -> ClosedForms:
     """The closed forms at drive speed [m/s], positive, and normal force [N] (docs/equations.md, sections 4 to 6)."""
+    return closed_forms_each([pair], np.array([drive_speed]), np.array([normal_force]))[0]
+
+
+def closed_forms_each(pairs: Sequence[Contact], drive_speed: Array, normal_force: Array) -> list[ClosedForms]:
+    """The closed forms of several pairs (n,), each at its own drive speed and normal force (n,); see `closed_forms`."""
+    pair = side_by_side(pairs)
     rig, friction = pair.rig, pair.friction
     g = groups(rig, friction, drive_speed, normal_force)
     cycle = jump(rig, friction, drive_speed, normal_force)
-    limit = float(stability.critical_loading(g.alpha))
-    fall = (friction.mu_s - friction.mu_k0) * normal_force / np.sqrt(rig.mass * rig.stiffness)
-    critical_speed = float("nan") if np.isnan(limit) else fall / limit if limit > 0 else float("inf")
-    ageing = friction.D > 0 and friction.t_cr > 0
-    return ClosedForms(
-        groups=g,
-        status=str(cycle.status),
-        drop=cycle.drop,
-        period=cycle.period,
-        slip_duration=cycle.slip_duration,
-        peak_speed=cycle.peak_speed,
-        saturation=cycle.saturation,
-        critical_speed=critical_speed,
-        friction_parameter=g.Pi,
-        critical_friction=float(stability.critical_friction(g.z / 2, g.tau_cr)) if ageing else float("nan"),
-        critical_friction_printed=(
-            float(stability.critical_friction(g.zeta, g.tau_cr, form="printed")) if ageing else float("nan")
-        ),
-        critical_frequency=float(stability.critical_frequency(g.z / 2, g.tau_cr)) if ageing else float("nan"),
-        worn=not ageing or g.v_acr > 1,
-    )
+    limit = stability.critical_loading(g.alpha)
+    ageing = (np.asarray(friction.D) > 0) & (np.asarray(friction.t_cr) > 0)
+    with np.errstate(all="ignore"):
+        fall = (friction.mu_s - friction.mu_k0) * normal_force / np.sqrt(rig.mass * rig.stiffness)
+        columns = {
+            "drop": cycle.drop,
+            "period": cycle.period,
+            "slip_duration": cycle.slip_duration,
+            "peak_speed": cycle.peak_speed,
+            "saturation": cycle.saturation,
+            "critical_speed": np.where(np.isnan(limit), np.nan, np.where(limit > 0, fall / limit, np.inf)),
+            "friction_parameter": g.Pi,
+            "critical_friction": np.where(ageing, stability.critical_friction(g.z / 2, g.tau_cr), np.nan),
+            "critical_friction_printed": np.where(
+                ageing, stability.critical_friction(g.zeta, g.tau_cr, form="printed"), np.nan
+            ),
+            "critical_frequency": np.where(ageing, stability.critical_frequency(g.z / 2, g.tau_cr), np.nan),
+        }
+    return [
+        ClosedForms(
+            groups=Groups(**{name: float(column[i]) for name, column in asdict(g).items()}),
+            status=str(cycle.status[i]),
+            worn=bool(not ageing[i] or g.v_acr[i] > 1),
+            **{name: float(column[i]) for name, column in columns.items()},
+        )
+        for i in range(len(pairs))
+    ]
 
 
 def judged(value: float, answer: float | None, status: str, alpha: float) -> str:

@@ -1,25 +1,28 @@
-"""Exact derivatives of every number of the closed forms at an operating point, by rig, pair, speed and load."""
+"""Exact derivatives of every number of the closed forms at operating points, by rig, pair, speed and load."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from identify.calculators.comparison import Contact
+from identify.calculators.comparison import Contact, side_by_side
 from identify.closed_forms import stability
 from identify.closed_forms.groups import formed, settings
 from identify.closed_forms.jump import jump
 from identify.numerics.dual import Dual, lifted, plain, sqrt, variables
 
 CYCLE = ("drop", "period", "slip_duration", "peak_speed")
+Array = NDArray[np.float64]
 Table = dict[str, dict[str, float]]
 
 
-def form_slopes(pair: Contact, drive_speed: float, normal_force: float) -> tuple[Table, Table]:
-    """(closed forms, groups): {name: {quantity: derivative}} over `steady.QUANTITIES`, SI; a quantity that is absent
-    moves nothing. Names as in an outlook."""
+def form_slopes(pairs: Sequence[Contact], drive_speed: Array, normal_force: Array) -> list[tuple[Table, Table]]:
+    """For every pair (n,) at its drive speed and normal force (n,): (closed forms, groups), {name: {quantity:
+    derivative}} over `steady.QUANTITIES`, SI; a quantity that is absent moves nothing. Names as in an outlook."""
+    pair = side_by_side(pairs)
     q = variables(settings(pair.rig, pair.friction, drive_speed, normal_force))
     with np.errstate(all="ignore"):
         g = formed(q)
@@ -33,8 +36,9 @@ def form_slopes(pair: Contact, drive_speed: float, normal_force: float) -> tuple
             "Pi_fc_printed": _stability(stability.critical_friction, g["zeta"], g["tau_cr"], "printed"),
             "Omega_c": _stability(stability.critical_frequency, g["z"] / 2, g["tau_cr"]),
         }
-    told = {name: _floats(value) for name, value in forms.items()}
-    return {name: cycle[name] for name in CYCLE} | told, {name: _floats(value) for name, value in g.items()}
+    slopes = {name: cycle[name] for name in CYCLE} | {name: _slopes(value) for name, value in forms.items()}
+    by_group = {name: _slopes(value) for name, value in g.items()}
+    return [(_at(slopes, i), _at(by_group, i)) for i in range(len(pairs))]
 
 
 def _stability(function: Any, zeta: Any, tau_cr: Any, form: str = "derived") -> Any:
@@ -42,6 +46,10 @@ def _stability(function: Any, zeta: Any, tau_cr: Any, form: str = "derived") -> 
     return lifted(value, [(zeta, table["zeta"]), (tau_cr, table["tau_cr"])])
 
 
-def _floats(value: Any) -> dict[str, float]:
-    slopes: Mapping[str, Any] = value.slopes if isinstance(value, Dual) else {}
-    return {name: float(slope) for name, slope in slopes.items()}
+def _slopes(value: Any) -> Mapping[str, Any]:
+    return value.slopes if isinstance(value, Dual) else {}
+
+
+def _at(columns: Mapping[str, Mapping[str, Any]], i: int) -> Table:
+    """The derivatives (n,) of every name at one of the points."""
+    return {name: {q: float(slope[i]) for q, slope in table.items()} for name, table in columns.items()}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.calculators.calculable import check_calculable
-from identify.calculators.comparison import ClosedForms, beyond, closed_forms, contact, judged, number
+from identify.calculators.comparison import ClosedForms, beyond, closed_forms_each, contact, judged, number
 from identify.calculators.drawn import POINT
 from identify.calculators.form_slopes import Table, form_slopes
 from identify.calculators.outlook_words import amplitude_text, closed_form_text, stability_text
@@ -95,9 +95,15 @@ def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[s
     unknown = [n for n in names if n not in model.parameter_names and n not in POINT]
     if unknown:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
+    pairs = [contact(dict(zip(model.parameter_names, map_.p.tolist(), strict=True))) for map_ in maps]
+    at = np.array(speeds), np.array([map_.normal_force for map_ in maps])
+    uncertain = bool(names) and any(point.covariance is not None for point in points)
+    slopes = form_slopes(pairs, *at) if uncertain else [({}, {})] * len(points)
     return [
-        _document(map_, point, answer, names)
-        for map_, point, answer in zip(maps, points, prospects(maps, speeds), strict=True)
+        _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), tables), forms)
+        for map_, point, answer, tables, forms in zip(
+            maps, points, prospects(maps, speeds), slopes, closed_forms_each(pairs, *at), strict=True
+        )
     ]
 
 
@@ -111,11 +117,8 @@ def _map(model: Model, point: OperatingPoint) -> CycleMap:
     return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
 
 
-def _document(map_: CycleMap, point: OperatingPoint, answer: Prospect, names: Sequence[str]) -> dict[str, Any]:
+def _document(map_: CycleMap, answer: Prospect, spread: _Intervals, forms: ClosedForms) -> dict[str, Any]:
     speed = answer.steady.drive_speed
-    values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True))
-    spread = _Intervals(map_, answer, point.covariance, tuple(names))
-    forms = closed_forms(contact(values), speed, map_.normal_force)
     document: dict[str, Any] = {
         "operating_point": {
             "drive_speed": number(speed, "m/s", ""),
@@ -140,15 +143,21 @@ def _document(map_: CycleMap, point: OperatingPoint, answer: Prospect, names: Se
 class _Intervals:
     """Intervals of the answers under a covariance; without one, all are None."""
 
-    def __init__(self, map_: CycleMap, answer: Prospect, covariance: ArrayLike | None, names: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        map_: CycleMap,
+        answer: Prospect,
+        covariance: ArrayLike | None,
+        names: tuple[str, ...],
+        forms: tuple[Table, Table],
+    ) -> None:
+        """forms: derivatives of the closed forms and of the groups."""
         self._map, self._answer, self._names = map_, answer, names
         matrix = None if covariance is None or not names else np.asarray(covariance, float)
         point = dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
         self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix, point)
-        self._forms: tuple[Table, Table] = ({}, {})
+        self._forms = forms
         if self._spread is not None:
-            values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True))
-            self._forms = form_slopes(contact(values), answer.steady.drive_speed, map_.normal_force)
             steady = answer.steady
             self._growth, self._force = sliding_slopes(map_, steady.drive_speed, names)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 
@@ -89,12 +89,12 @@ class Model:
         """Names of the parameters, in the order of p."""
         return tuple(p.name for p in self.parameters)
 
-    @property
+    @cached_property
     def straight(self) -> bool:
         """Whether the load cell shows a straight line while the mass rests."""
         return self.decays.numel_out(0) + self.waves.numel_out(0) == 0
 
-    @property
+    @cached_property
     def vibrates(self) -> bool:
         """Whether something in the model swings in time: the drive from outside, or a finger."""
         return bool(self.waves.numel_out(0))

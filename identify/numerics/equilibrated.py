@@ -24,16 +24,17 @@ class Factors:
     """A symmetric indefinite sparse matrix (n, n), equilibrated and factored once, solved many times."""
 
     def __init__(self, matrix: sp.csc_matrix) -> None:
-        scale = np.ones(matrix.shape[0])
         scaled = matrix.tocsc(copy=True)
-        columns = np.repeat(np.arange(scaled.shape[1]), np.diff(scaled.indptr))
+        size, scale = np.abs(scaled.data), np.ones(scaled.shape[0])
+        lengths = np.diff(scaled.indptr)
+        held = np.flatnonzero(lengths)  # columns without entries stay as they are
+        begins = scaled.indptr[held]
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite makes answers that are not
-            for _ in range(SWEEPS):
-                largest = np.zeros(scaled.shape[0])
-                np.maximum.at(largest, scaled.indices, np.abs(scaled.data))
-                factor = 1.0 / np.sqrt(np.where(largest > 0, largest, 1.0))
-                scale *= factor
-                scaled.data *= factor[scaled.indices] * factor[columns]
+            for _ in range(SWEEPS if held.size else 0):
+                # Rows are as large as columns: it is symmetric.
+                largest = np.maximum.reduceat(size * scale[scaled.indices], begins) * scale[held]
+                scale[held] /= np.sqrt(np.where(largest > 0, largest, 1.0))
+            scaled.data *= scale[scaled.indices] * np.repeat(scale, lengths)
         self._scale, self._scaled = scale, scaled
         self._factors = _Bordered.of(scaled) or splu(scaled)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,18 +81,20 @@ class CycleMap:
         self.names = (*model.parameter_names, "normal_force", "drive_speed")
         typical = scales(model, self.p, normal_force)
         self.time, self.speed = typical.time, float(typical.state[SPEED])
-        self._swing = typical.time * _softened(model, self.p)
-        self._drag = _drag(model, self.p)
         self.scale = np.delete(typical.state, SPEED)  # typical size of y
         floor = FLOOR * typical.state
         floor[SPEED] = SPEED_FLOOR * self.speed
         self.glider = Glider(model, rtol, rtol * floor, 1e-3 * typical.time)
         self._hold = Hold(model)
 
-    @property
+    @cached_property
     def half_period(self) -> float:
         """Half a natural period [s], of the mass on rig and series element together."""
-        return float(np.pi * self._swing)
+        return float(np.pi * self.time * _softened(self.model, self.p))
+
+    @cached_property
+    def _drag(self) -> float:
+        return _drag(self.model, self.p)
 
     def finer(self, rtol: float) -> CycleMap:
         """The same map with another tolerance."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,21 @@ from identify.shooting.blocks import Block, block
 from identify.shooting.layout import KNOWN, Family, Indices
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Blocks of one kind and cycle: slots and fixed (B, n) but for the parameters, constants (B, n_c), edges
+    (B, cells, 2); the number of the first row; theta (n_p,): the slots of the parameters."""
+
+    slots: Indices
+    fixed: Array
+    constants: Array
+    edges: Array
+    first_row: int
+    log: int
+    cycle: int
+    theta: Indices
 
 
 class Collector:
@@ -34,7 +49,7 @@ class Collector:
         self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
         self.events: list[int] = []
         self.made: dict[tuple[BlockKind, int], Block] = {}
-        self.parts: dict[tuple[BlockKind, int], list[tuple[NDArray[Any], ...]]] = {}
+        self.parts: dict[tuple[BlockKind, int], list[_Blocks]] = {}
 
     def add(
         self,
@@ -104,25 +119,29 @@ class Collector:
         made = self.made.get((kind, steps))
         if made is None:
             made = self.made[kind, steps] = block(self.model, kind, steps)
-        count = slots.shape[0]
-        rows = np.arange(self.rows, self.rows + count * made.n_rows).reshape(count, made.n_rows)
-        self.rows += rows.size
         theta = np.where(own >= 0, own, self.theta)[self.source]
-        start = self.unknowns.start[self.source]
-        entry = (
-            np.concatenate([slots, np.broadcast_to(theta, (count, theta.size))], axis=1),
-            np.concatenate([fixed, np.broadcast_to(start, (count, start.size))], axis=1),
-            constants,
-            rows,
-            np.full(count, log),
-            np.full(count, cycle),
-            edges,
-        )
+        entry = _Blocks(slots, fixed, constants, edges, self.rows, log, cycle, theta)
+        self.rows += slots.shape[0] * made.n_rows
         self.parts.setdefault((kind, steps), []).append(entry)
 
     def families(self) -> tuple[Family, ...]:
         """All blocks so far, one family per kind."""
-        return tuple(
-            Family(self.made[kind, steps], *(np.concatenate(column) for column in zip(*entries, strict=True)))
-            for (kind, steps), entries in self.parts.items()
+        return tuple(self._family(self.made[key], entries) for key, entries in self.parts.items())
+
+    def _family(self, made: Block, entries: list[_Blocks]) -> Family:
+        counts = np.array([e.slots.shape[0] for e in entries])
+        count = int(counts.sum())
+        theta = np.repeat(np.stack([e.theta for e in entries]), counts, axis=0)
+        start = np.broadcast_to(self.unknowns.start[self.source], theta.shape)
+        within = np.arange(count) - np.repeat(np.cumsum(counts) - counts, counts)
+        first = np.repeat([e.first_row for e in entries], counts) + made.n_rows * within
+        return Family(
+            made,
+            np.concatenate([np.concatenate([e.slots for e in entries]), theta], axis=1),
+            np.concatenate([np.concatenate([e.fixed for e in entries]), start], axis=1),
+            np.concatenate([e.constants for e in entries]),
+            first[:, None] + np.arange(made.n_rows),
+            np.repeat([e.log for e in entries], counts),
+            np.repeat([e.cycle for e in entries], counts),
+            np.concatenate([e.edges for e in entries]),
         )

@@ -7,7 +7,6 @@ discretisation, which is worth showing as a share of each standard error.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from identify.numerics.equilibrated import optimality_matrix, solve_equilibrated
@@ -27,16 +26,8 @@ def discretisation_error(solved: Solved) -> Array:
     # What the solver left of its own conditions is not the steps' doing: it is taken out.
     own = solved.problem.evaluate(solved.solution.z, derivatives=True)
     assert own.jacobian is not None and own.gradient is not None
-    multipliers = _multipliers(own.jacobian, own.gradient)
-    change = point.gradient - own.gradient + (point.jacobian - own.jacobian).T @ multipliers
+    change = point.gradient - own.gradient + (point.jacobian - own.jacobian).T @ solved.solution.multipliers
     left = np.concatenate([change, point.rows - own.rows])
     step = solve_equilibrated(kkt, -left[:, None])[:, 0] * 2**ORDER / (2**ORDER - 1)
     count = problem.layout.free.size
     return np.asarray(-step[:count] * problem.layout.scale[:count])
-
-
-def _multipliers(jacobian: sp.csc_matrix, gradient: Array) -> Array:
-    """Multipliers (m,) of the rows at a solution: gradient + J^T multipliers = 0 in the least-squares sense."""
-    n, m = gradient.size, jacobian.shape[0]
-    kkt = sp.bmat([[sp.identity(n, format="csc"), jacobian.T], [jacobian, None]], format="csc")
-    return np.asarray(solve_equilibrated(kkt, np.concatenate([-gradient, np.zeros(m)])[:, None])[n:, 0])

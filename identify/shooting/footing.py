@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -145,12 +147,12 @@ class Footing:
         a finger goes through half a period while a slip lasts. Written as lines from the start of the slide.
 
         A guess whose events coincide has a slide of no length: its normal force is level, not undefined."""
+        since = (span[1] - span[0]) * shares(intervals)
+        forces = self.log.normal_force.at(span[0] + since)
+        width = since[1:] - since[:-1]
+        slope = np.divide(forces[1:] - forces[:-1], width, out=np.zeros(intervals), where=width > 0.0)
         local = np.tile(self._constants(rows, *span, span[0]), (intervals, 1))
-        edges = np.linspace(*span, intervals + 1)
-        forces = self.log.normal_force.at(edges)
-        width = np.diff(edges)
-        slope = np.divide(np.diff(forces), width, out=np.zeros(intervals), where=width > 0.0)
-        local[:, -7], local[:, -5] = forces[:-1] - slope * (edges[:-1] - span[0]), slope
+        local[:, -7], local[:, -5] = forces[:-1] - slope * since[:-1], slope
         return local
 
     def _intervals(
@@ -171,27 +173,27 @@ class Footing:
                 those of the whole span.
         """
         intervals, steps, n_x = nodes.shape[0] - 1, self.grid.steps, self.n_x
-        values = nodes[1:].copy()
-        unknown = np.ones((intervals, n_x), bool)
+        values, index = nodes[1:].copy(), np.full((intervals, n_x), KNOWN)
         for row, known in ((slice(None, -1), known_inside), (slice(-1, None), known_at_end)):
             for component in known:
                 values[row, component] = self.c.model.states[component].lower or 0.0
-                unknown[row, component] = False
-        index = np.full((intervals, n_x), KNOWN)
+        unknown = _unknown(intervals, n_x, known_inside, known_at_end)
         index[unknown] = self.c.add(values[unknown], np.broadcast_to(self.size, unknown.shape)[unknown])
-        befores = np.concatenate([self.node[None], index[:-1]])
-        d_end = np.array([end])
-        tail = np.concatenate([self.offset, d_end, self.load])
-        tail_values = np.concatenate([ZERO, ZERO, self.load_value])
+        d_end, fractions = np.array([end]), shares(intervals)
+        slots = np.empty((intervals, 2 * n_x + 2 + self.load.size), dtype=np.int64)
+        fixed = np.zeros(slots.shape)
+        for table, before, nodes_at, load in (
+            (slots, self.node, index, self.load),
+            (fixed, self.value, values, self.load_value),
+        ):
+            table[0, :n_x], table[1:, :n_x], table[:, n_x : 2 * n_x] = before, nodes_at[:-1], nodes_at
+            table[:, 2 * n_x + 2 :] = load
+        slots[:, 2 * n_x], slots[:, 2 * n_x + 1] = self.offset[0], end
         constants = np.tile(self._constants(self.size, *span, span[0]), (intervals, 1)) if local is None else local
-        fractions = np.arange(intervals + 1) / intervals
-        constants[:, -2:] = np.stack([fractions[:-1], fractions[1:]], axis=1)
-        cells = span[0] + (span[1] - span[0]) * np.linspace(0.0, 1.0, intervals * steps + 1)
-        slots = np.concatenate([befores, index, np.tile(tail, (intervals, 1))], axis=1)
-        fixed = np.concatenate(
-            [np.concatenate([self.value[None], values[:-1]]), values, np.tile(tail_values, (intervals, 1))], axis=1
-        )
-        edges = np.stack([cells[:-1], cells[1:]], axis=1).reshape(intervals, steps, 2)
+        constants[:, -2], constants[:, -1] = fractions[:-1], fractions[1:]
+        cells = span[0] + (span[1] - span[0]) * shares(intervals * steps)
+        edges = np.empty((intervals, steps, 2))
+        edges[..., 0], edges[..., 1] = cells[:-1].reshape(intervals, steps), cells[1:].reshape(intervals, steps)
         last = intervals - 1 if kind == "released" else intervals  # the guard is in the last interval
         for name, part in (("saturated" if kind == "released" else kind, slice(0, last)), (kind, slice(last, None))):
             if slots[part].size:
@@ -211,6 +213,24 @@ class Footing:
     def _pace_of_bound(self, state: Array, at: float) -> float:
         """A typical rate of the bounded state [1/s]."""
         return float(np.max(np.abs(self._rates(state, at)[list(self.held)]) * self.size))
+
+
+@lru_cache(maxsize=64)
+def shares(parts: int) -> Array:
+    """The shares at which something is cut into so many equal parts (parts + 1,); not to be written to."""
+    out = np.linspace(0.0, 1.0, parts + 1)
+    out.setflags(write=False)
+    return out
+
+
+@lru_cache(maxsize=64)
+def _unknown(intervals: int, n_x: int, inside: tuple[int, ...], at_end: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Which components of the nodes (intervals, n_x) at the ends of intervals are unknown; not to be written to."""
+    out = np.ones((intervals, n_x), bool)
+    out[:-1, list(inside)] = False
+    out[-1, list(at_end)] = False
+    out.setflags(write=False)
+    return out
 
 
 def _kind(kind: str, reaged: bool) -> BlockKind:

@@ -64,6 +64,16 @@ class Scatter:
         )
 
 
+def _by_columns(rows: Indices, columns: Indices, height: int) -> tuple[Indices, NDArray[np.bool_], Indices]:
+    """Entries (k,) of a matrix column by column: their order, which of them in this order are not in the place of the
+    one before, and the number of each such place, column * height + row."""
+    keys = columns * height + rows
+    order = np.argsort(keys, kind="stable")  # block by block they are all but in order, which this makes use of
+    keys = keys[order]
+    first = np.append(True, keys[1:] != keys[:-1])[: keys.size]
+    return order, first, keys[first]
+
+
 class Pattern:
     """The nonzeros of the Jacobian (m, n) of the rows and of the upper triangle of the Hessian (n, n), both by columns,
     and the index maps of every family."""
@@ -74,17 +84,17 @@ class Pattern:
         self.shape = (m, n)
         d_row = np.concatenate([f.jacobian_rows for f in self.families])
         d_col = np.concatenate([f.jacobian_columns for f in self.families])
-        order = np.lexsort((d_row, d_col))
+        order, first, keys = _by_columns(d_row, d_col, m)
         self._jacobian_order = order
         # Parameters that are tied meet in one column: their entries are added up.
-        rows, columns = d_row[order], d_col[order]
-        first = np.append(True, (np.diff(rows) != 0) | (np.diff(columns) != 0))[: rows.size]
         self._jacobian_first = None if np.all(first) else np.flatnonzero(first)
-        self._jacobian_rows, self._jacobian_columns = rows[first].astype(np.int32), columns[first]
+        self._jacobian_rows, self._jacobian_columns = (keys % m).astype(np.int32), keys // m
         self._jacobian_starts = np.searchsorted(self._jacobian_columns, np.arange(n + 1)).astype(np.int32)
         h_row = np.concatenate([*(f.hessian_rows for f in self.families), np.arange(n)])
         h_col = np.concatenate([*(f.hessian_columns for f in self.families), np.arange(n)])
-        keys, self._hessian_slot = np.unique(h_col * n + h_row, return_inverse=True)
+        order, first, keys = _by_columns(h_row, h_col, n)
+        self._hessian_slot = np.empty(order.size, dtype=np.int64)
+        self._hessian_slot[order] = np.cumsum(first) - 1
         self._hessian_rows, self._hessian_columns = (keys % n).astype(np.int32), keys // n
         self._hessian_starts = np.searchsorted(self._hessian_columns, np.arange(n + 1)).astype(np.int32)
 

@@ -15,6 +15,7 @@ from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
 
+BARRIER = 5e-5  # below what counts as no complementarity (1e-4): a coarse solve ends without lowering it once more
 STANDSTILL = 1e-3  # of half chi^2 per iteration
 QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
 OUT_OF_ORDER = "Events_Out_Of_Order"
@@ -51,7 +52,7 @@ ALWAYS: Mapping[str, Any] = MappingProxyType(
 @dataclass(frozen=True)
 class Solution:
     """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, its own words, whether they mean
-    success, iterations, cost, largest row."""
+    success, iterations, cost, largest row, multipliers (m,) of the rows: gradient + J^T multipliers = 0."""
 
     z: Array
     x: Array
@@ -60,6 +61,7 @@ class Solution:
     iterations: int
     cost: float
     infeasibility: float
+    multipliers: Array
 
 
 class _Port(ca.Callback):
@@ -143,11 +145,12 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
 
 def _not_begun(problem: Problem) -> Solution:
     """Of a guess whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
-    return Solution(problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf)
+    return Solution(problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, np.zeros(problem.layout.rows))
 
 
-def _left_by(problem: Problem, z: Array, stats: Mapping[str, Any]) -> Solution:
-    """What the solver left: its last z (n,) scaled, and what it says of it."""
+def _left_by(problem: Problem, result: Mapping[str, Any], stats: Mapping[str, Any]) -> Solution:
+    """What the solver left, and what it says of it."""
+    z = np.array(result["x"]).ravel()
     point = problem.evaluate(z, derivatives=False)
     return Solution(
         z=z,
@@ -157,6 +160,7 @@ def _left_by(problem: Problem, z: Array, stats: Mapping[str, Any]) -> Solution:
         iterations=int(stats["iter_count"]),
         cost=point.cost,
         infeasibility=float(np.max(np.abs(point.rows), initial=0.0)),
+        multipliers=np.array(result["lam_g"]).ravel(),
     )
 
 
@@ -164,7 +168,7 @@ def solve(
     problem: Problem,
     *,
     tolerance: float = 1e-8,
-    barrier: float = 1e-4,
+    barrier: float = BARRIER,
     iterations: int = 60,
     exact: bool = False,
     start: Array | None = None,
@@ -198,4 +202,4 @@ def solve(
     solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
     lower, upper = layout.lower / layout.scale, layout.upper / layout.scale
     result = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
-    return _left_by(problem, np.array(result["x"]).ravel(), solver.stats())
+    return _left_by(problem, result, solver.stats())
