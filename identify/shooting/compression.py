@@ -70,6 +70,11 @@ class Moments:
         """The same samples, compressed around another curve."""
         return replace(self, reference=curve, pull=-self.slope_at(curve), square=self.squares_at(curve))
 
+    def of(self, blocks: slice) -> Moments:
+        """Those of some blocks."""
+        columns = (self.curvature, self.pull, self.reference, self.square, self.count)
+        return Moments(*(column[blocks] for column in columns))
+
     def _bent(self, step: Array) -> Array:
         return np.asarray(np.matmul(self.curvature, step[..., None])[..., 0])
 

@@ -6,7 +6,6 @@ nothing else share it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,58 +19,76 @@ from identify.shooting.layout import Family, Indices, Layout
 Array = NDArray[np.float64]
 
 
+PORTION = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
+
+
+@dataclass(frozen=True)
+class Part:
+    """Constant index maps of some blocks of one family, PORTION at most: which entries of their dense Jacobian
+    (b, n_rows, n_slots) and Hessian (b, n_slots, n_slots) count, and where these stand among those of all parts."""
+
+    blocks: slice
+    jacobian_entries: Indices
+    hessian_entries: Indices
+    jacobian: slice
+    hessian: slice
+
+
+@dataclass
+class _Numbering:
+    """The places in the matrices, column by column, of all entries that count so far, part by part."""
+
+    shape: tuple[int, int]
+    jacobian: list[Indices]
+    hessian: list[Indices]
+    counts: tuple[int, int] = (0, 0)
+
+    def part(self, family: Family, blocks: slice) -> Part:
+        """The index maps of some blocks, whose entries are counted."""
+        m, n = self.shape
+        slots, rows = family.slots[blocks], family.rows[blocks]
+        known = slots >= 0
+        entries = np.flatnonzero(np.broadcast_to(known[:, None, :], (*rows.shape, slots.shape[1])))
+        self.jacobian.append((slots[:, None, :] * m + rows[:, :, None]).ravel()[entries])
+        # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
+        left, right = slots[:, :, None], slots[:, None, :]
+        upper = np.flatnonzero(known[:, :, None] & known[:, None, :] & (left <= right))
+        self.hessian.append((right * n + left).ravel()[upper])
+        before, self.counts = self.counts, (self.counts[0] + entries.size, self.counts[1] + upper.size)
+        return Part(blocks, entries, upper, slice(before[0], self.counts[0]), slice(before[1], self.counts[1]))
+
+
 @dataclass(frozen=True)
 class Scatter:
-    """Constant index maps of one family: which entries of its dense Jacobian (B, n_rows, n_slots) and Hessian
-    (B, n_slots, n_slots) count, and the row and column of each; the slots that are an unknown (B * n_slots,), and those
-    that are one in some block."""
+    """Where a family stands: slots and rows of its blocks, the slots that are an unknown in some block, and the index
+    maps part by part."""
 
     slots: Indices
     rows: Indices
-    jacobian_entries: Indices
-    jacobian_rows: Indices
-    jacobian_columns: Indices
-    hessian_entries: Indices
-    hessian_rows: Indices
-    hessian_columns: Indices
-    known_slots: NDArray[np.bool_]
     used: tuple[int, ...]
+    parts: tuple[Part, ...]
 
     @staticmethod
-    def of(family: Family) -> Scatter:
-        """The index maps of a family."""
-        count, n_slots = family.slots.shape
-        n_rows = family.block.n_rows
-        rows = np.broadcast_to(family.rows[:, :, None], (count, n_rows, n_slots)).ravel()
-        columns = np.broadcast_to(family.slots[:, None, :], (count, n_rows, n_slots)).ravel()
-        entries = np.flatnonzero(columns >= 0)
-        left = np.broadcast_to(family.slots[:, :, None], (count, n_slots, n_slots)).ravel()
-        right = np.broadcast_to(family.slots[:, None, :], (count, n_slots, n_slots)).ravel()
-        # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
-        upper = np.flatnonzero((left >= 0) & (right >= 0) & (left <= right))
-        known = family.slots >= 0
-        return Scatter(
-            family.slots,
-            family.rows,
-            entries,
-            rows[entries],
-            columns[entries],
-            upper,
-            left[upper],
-            right[upper],
-            known.ravel(),
-            tuple(np.flatnonzero(np.any(known, axis=0)).tolist()),
-        )
+    def of(family: Family, numbering: _Numbering) -> Scatter:
+        """That of a family, whose entries are counted."""
+        used = np.flatnonzero(np.any(family.slots >= 0, axis=0))
+        starts = range(0, family.slots.shape[0], PORTION)
+        parts = tuple(numbering.part(family, slice(first, first + PORTION)) for first in starts)
+        return Scatter(family.slots, family.rows, tuple(used.tolist()), parts)
+
+    def gradient(self, pull: Array, size: int) -> Array:
+        """What the slots of all blocks pull at (B, n_slots), by unknowns (size,)."""
+        known = self.slots.ravel() >= 0
+        return np.bincount(self.slots.ravel()[known], weights=pull.ravel()[known], minlength=size)
 
 
-def _by_columns(rows: Indices, columns: Indices, height: int) -> tuple[Indices, NDArray[np.bool_], Indices]:
-    """Entries (k,) of a matrix column by column: their order, which of them in this order are not in the place of the
-    one before, and the number of each such place, column * height + row."""
-    keys = columns * height + rows
-    order = np.argsort(keys, kind="stable")  # block by block they are all but in order, which this makes use of
-    keys = keys[order]
-    first = np.append(True, keys[1:] != keys[:-1])[: keys.size]
-    return order, first, keys[first]
+def _in_order(places: Indices) -> tuple[Indices, NDArray[np.bool_], Indices]:
+    """Places of entries (k,) in a matrix: their order, which of them in this order are not in the place of the one
+    before, and these places."""
+    order = np.argsort(places, kind="stable")  # block by block they are all but in order, which this makes use of
+    places = places[order]
+    first = np.append(True, places[1:] != places[:-1])[: places.size]
+    return order, first, places[first]
 
 
 class Pattern:
@@ -79,23 +96,20 @@ class Pattern:
     and the index maps of every family."""
 
     def __init__(self, layout: Layout) -> None:
-        self.families = [Scatter.of(family) for family in layout.families]
         n, m = layout.size, layout.rows
-        self.shape = (m, n)
-        d_row = np.concatenate([f.jacobian_rows for f in self.families])
-        d_col = np.concatenate([f.jacobian_columns for f in self.families])
-        order, first, keys = _by_columns(d_row, d_col, m)
+        numbering = _Numbering((m, n), [], [])
+        self.families = [Scatter.of(family, numbering) for family in layout.families]
+        self.shape, self.counts = (m, n), numbering.counts
+        order, first, places = _in_order(np.concatenate(numbering.jacobian))
         self._jacobian_order = order
         # Parameters that are tied meet in one column: their entries are added up.
         self._jacobian_first = None if np.all(first) else np.flatnonzero(first)
-        self._jacobian_rows, self._jacobian_columns = (keys % m).astype(np.int32), keys // m
+        self._jacobian_rows, self._jacobian_columns = (places % m).astype(np.int32), places // m
         self._jacobian_starts = np.searchsorted(self._jacobian_columns, np.arange(n + 1)).astype(np.int32)
-        h_row = np.concatenate([*(f.hessian_rows for f in self.families), np.arange(n)])
-        h_col = np.concatenate([*(f.hessian_columns for f in self.families), np.arange(n)])
-        order, first, keys = _by_columns(h_row, h_col, n)
+        order, first, places = _in_order(np.concatenate([*numbering.hessian, (n + 1) * np.arange(n)]))
         self._hessian_slot = np.empty(order.size, dtype=np.int64)
         self._hessian_slot[order] = np.cumsum(first) - 1
-        self._hessian_rows, self._hessian_columns = (keys % n).astype(np.int32), keys // n
+        self._hessian_rows, self._hessian_columns = (places % n).astype(np.int32), places // n
         self._hessian_starts = np.searchsorted(self._hessian_columns, np.arange(n + 1)).astype(np.int32)
 
     def fits(self, layout: Layout) -> bool:
@@ -109,22 +123,23 @@ class Pattern:
             )
         )
 
-    def jacobian(self, parts: Sequence[Array], scale: Array) -> sp.csc_matrix:
-        """The scaled Jacobian from the entries of every family that count."""
-        flat = np.concatenate(parts)[self._jacobian_order]
+    def entries(self) -> tuple[Array, Array]:
+        """Room for the entries that count, of the Jacobian and, behind them the diagonal (n,), of the Hessian."""
+        return np.empty(self.counts[0]), np.zeros(self.counts[1] + self.shape[1])
+
+    def jacobian(self, entries: Array, scale: Array) -> sp.csc_matrix:
+        """The scaled Jacobian from the entries that count."""
+        flat = entries[self._jacobian_order]
         if self._jacobian_first is not None:
             flat = np.add.reduceat(flat, self._jacobian_first)
         data = flat * scale[self._jacobian_columns]
         return sp.csc_matrix((data, self._jacobian_rows, self._jacobian_starts), self.shape)
 
-    def hessian(self, parts: Sequence[Array], diagonal: Array, scale: Array) -> sp.csc_matrix:
-        """The scaled Hessian, upper triangle, from the entries of every family that count and the diagonal (n,)."""
-        n = diagonal.size
-        bends = np.bincount(
-            self._hessian_slot, weights=np.concatenate([*parts, diagonal]), minlength=self._hessian_rows.size
-        )
+    def hessian(self, entries: Array, scale: Array) -> sp.csc_matrix:
+        """The scaled Hessian, upper triangle, from the entries that count and its diagonal."""
+        bends = np.bincount(self._hessian_slot, weights=entries, minlength=self._hessian_rows.size)
         data = np.asarray(bends * scale[self._hessian_columns] * scale[self._hessian_rows])
-        return sp.csc_matrix((data, self._hessian_rows, self._hessian_starts), (n, n))
+        return sp.csc_matrix((data, self._hessian_rows, self._hessian_starts), (scale.size, scale.size))
 
     @cached_property
     def sparsities(self) -> tuple[ca.Sparsity, ca.Sparsity]:

@@ -146,14 +146,16 @@ class Problem:
         point = self.evaluate(z, derivatives=True)
         assert point.hessian is not None
         x, scale = z * self.layout.scale, self.layout.scale
-        parts = []
+        _, entries = self.pattern.entries()
         known = zip(self.layout.families, self.moments, self.pattern.families, point.curves, strict=True)
         for family, moments, scatter, curve in known:
-            slots, count = family.slot_values(x), family.slots.shape[0]
-            pull = on_cost * moments.slope_at(curve).reshape(count, -1)
-            bend = family.block.bend(slots, family.constants, on_rows[family.rows], pull, scatter.used)
-            parts.append(bend.ravel()[scatter.hessian_entries])
-        summed = self.pattern.hessian(parts, np.zeros(z.size), scale)
+            slots, pull = family.slot_values(x), on_cost * moments.slope_at(curve)
+            for part in scatter.parts:
+                at = part.blocks
+                weights = on_rows[family.rows[at]], pull[at].reshape(pull[at].shape[0], -1)
+                bend = family.block.bend(slots[at], family.constants[at], *weights, scatter.used)
+                np.take(bend, part.hessian_entries, out=entries[part.hessian])
+        summed = self.pattern.hessian(entries, scale)
         summed.data += on_cost * point.hessian.data
         return summed
 
@@ -177,34 +179,28 @@ class Problem:
         prior = self._prior(x)
         rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
         gradient = prior / layout.prior_sd * scale
-        curves, jacobian_parts, hessian_parts = [], [], []
+        curves, (in_jacobian, in_hessian) = [], self.pattern.entries()
+        in_hessian[-z.size :] = 1.0 / layout.prior_sd**2
         for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
-            block_rows, curve, d_rows, d_curve = family.block.evaluate(
-                family.slot_values(x), family.constants, derivatives=True
-            )
-            rows[family.rows] = block_rows
+            slots, curve, pull = family.slot_values(x), np.empty_like(moments.reference), np.empty(family.slots.shape)
+            for part in scatter.parts:
+                at = part.blocks
+                rows[family.rows[at]], curve[at], d_rows, d_curve = family.block.evaluate(
+                    slots[at], family.constants[at], derivatives=True
+                )
+                held = moments.of(at)
+                bend = np.matmul(held.curvature, d_curve)  # (b, cells, order, n_slots)
+                shape = (bend.shape[0], -1, bend.shape[-1])
+                tall = d_curve.reshape(shape).transpose(0, 2, 1)
+                pull[at] = np.matmul(tall, held.slope_at(curve[at]).reshape(shape[0], -1, 1))[..., 0]
+                hessian = np.matmul(tall, bend.reshape(shape))
+                np.take(d_rows, part.jacobian_entries, out=in_jacobian[part.jacobian])
+                np.take(hessian, part.hessian_entries, out=in_hessian[part.hessian])
             cost += 0.5 * float(np.sum(moments.squares_at(curve)))
             curves.append(curve)
-            bend = np.matmul(moments.curvature, d_curve)  # (B, cells, order, n_slots)
-            count, n_slots = family.slots.shape
-            shape = (count, -1, n_slots)
-            tall = d_curve.reshape(shape)
-            step = moments.slope_at(curve).reshape(count, -1, 1)
-            pull = np.matmul(tall.transpose(0, 2, 1), step)[..., 0]
-            hessian = np.matmul(tall.transpose(0, 2, 1), bend.reshape(shape))
-            gradient += (
-                np.bincount(
-                    family.slots.ravel()[scatter.known_slots],
-                    weights=pull.ravel()[scatter.known_slots],
-                    minlength=z.size,
-                )
-                * scale
-            )
-            jacobian_parts.append(d_rows.ravel()[scatter.jacobian_entries])
-            hessian_parts.append(hessian.ravel()[scatter.hessian_entries])
-        jacobian = self.pattern.jacobian(jacobian_parts, scale)
-        hessian_matrix = self.pattern.hessian(hessian_parts, 1.0 / layout.prior_sd**2, scale)
-        return Point(cost, rows, tuple(curves), gradient, jacobian, hessian_matrix)
+            gradient += scatter.gradient(pull, z.size) * scale
+        jacobian = self.pattern.jacobian(in_jacobian, scale)
+        return Point(cost, rows, tuple(curves), gradient, jacobian, self.pattern.hessian(in_hessian, scale))
 
 
 def transcribe(
