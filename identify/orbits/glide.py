@@ -16,7 +16,7 @@ from identify.errors import SimulationError
 from identify.model.model import SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
 from identify.numerics.compiled import Compiled, compiled
-from identify.orbits.glide_steps import LANES, glide_functions
+from identify.orbits.glide_steps import glide_functions, glide_tangents
 
 Array = NDArray[np.float64]
 
@@ -67,12 +67,10 @@ class Glider:
         modes = sliding_modes(model.clamped is not None)
         self._exits = {name: [(GUARDS.index(g), then) for g, then in m.exits] for name, m in modes.items()}
         self._direction = np.ones(1)
-        self._lanes = np.ones((LANES, self._n + 1))
         self._xh, self._w = np.empty(self._n + 1), np.empty(len(model.parameters) + 2)
         tolerances = np.concatenate([[rtol], atol])
         for name, call in self._calls.items():
-            x = self._lanes if "tangent" in name else self._xh
-            given = [x.reshape(-1), self._w, self._direction, tolerances]
+            given = [self._xh, self._w, self._direction, tolerances]
             call.bind([self._xh[:-1], self._w] if name == "hold" else given[: len(call.given)])
 
     def slide(self, x: Array, w: Array, limit: float, *, stops: bool = True) -> Glide:
@@ -217,13 +215,10 @@ class Glider:
 
     def step_tangents(self, leg: Leg, steps: Array, columns: int) -> Array:
         """d after/d (x, w) of every step (s, n_x + 1) of a leg: shape (s, n_x, n_x + columns)."""
-        call, self._direction[0] = self._calls[f"tangent_{leg.mode}"], leg.direction
-        out = np.empty((steps.shape[0], self._n, self._n + columns))
-        for first in range(0, steps.shape[0], LANES):
-            part = steps[first : first + LANES]
-            self._lanes[: part.shape[0]] = part
-            out[first : first + part.shape[0]] = call().reshape(LANES, *out.shape[1:])[: part.shape[0]]
-        return out
+        settings = np.broadcast_to(self._w, (steps.shape[0], self._w.size))
+        direction = np.full(steps.shape[0], leg.direction)
+        (out,) = glide_tangents(self.model)[leg.mode]([steps, settings, direction])
+        return out.reshape(-1, self._n, self._n + columns)
 
     def _switch(self, glide: Glide, number: int) -> Array:
         """What the switch to a leg does to tangents (n_x, n_x): 1 + (rate before - rate after) d(switch time)."""
