@@ -1,15 +1,19 @@
 """Record: one run of a tribometer as frozen SI columns; refuses what a fit could not trust."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from data_io.checks import channel, check_clock, column, forces, speed, unit
 from data_io.errors import LogError
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Frozen, Scalar, Step
+
+if TYPE_CHECKING:  # 0.3 s: imported only where it is used
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +73,14 @@ class Record:
 
     def to_frame(self) -> pd.DataFrame:
         """Return the columns as a data frame; what is no column stands in `frame.attrs["stickslip"]`."""
+        import pandas as pd
+
         frame = pd.DataFrame(dict(self.columns()))
         frame.attrs["stickslip"] = self.about()
         return frame
 
     @classmethod
-    def from_frame(cls, frame: pd.DataFrame, metadata: Mapping[str, Scalar] | None = None) -> "Record":
+    def from_frame(cls, frame: pd.DataFrame, metadata: Mapping[str, Scalar] | None = None) -> Record:
         """Build a record from a frame with the SI columns time, normal_force, friction_force and any others.
 
         A column drive_speed [m/s] is the drive; all other columns must be numbers and become channels. A time that
@@ -120,7 +126,7 @@ class Record:
         }
 
     @classmethod
-    def from_columns(cls, columns: Mapping[str, FloatArray], about: Mapping[str, Any]) -> "Record":
+    def from_columns(cls, columns: Mapping[str, FloatArray], about: Mapping[str, Any]) -> Record:
         """Build a record from SI columns by name and what `about()` tells of it. Raises `LogError`."""
         time = np.asarray(columns["time"], dtype=np.float64)
         metadata = dict(about.get("metadata", {}))

@@ -1,16 +1,18 @@
 """A block of delimited rows to float64 columns: pandas' C parser on the fast path, field by field on the slow one."""
 
+from __future__ import annotations
+
 import csv
 import io
 import re
 import warnings
 from collections.abc import Set
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
-import pandas as pd
 
 from data_io.block_ends import without_cut_row
 from data_io.decimal_mark import decimal_mark
@@ -21,10 +23,9 @@ from data_io.source import Source
 from data_io.text import BLANKS, to_number
 from data_io.true_runs import longest_run
 
-# pandas rounds every number correctly by default since 3.1 and warns about the option since
-_EXACT: Final[dict[str, Any]] = (
-    {} if tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1) else {"float_precision": "round_trip"}
-)
+if TYPE_CHECKING:  # 0.3 s: imported only where a log is text
+    import pandas as pd
+
 _MISSING: Final = ["-", "--", "---", "1.#INF", "-1.#INF"]
 
 
@@ -54,6 +55,15 @@ class Above:
     ending: str | None = None
 
 
+@cache
+def _exact() -> dict[str, Any]:
+    """pandas rounds every number correctly by default since 3.1 and warns about the option since."""
+    import pandas as pd
+
+    rounds = tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
+    return {} if rounds else {"float_precision": "round_trip"}
+
+
 def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
     """Read a run of pure numbers at the speed of pandas; None where a row is short, long or holds something else.
 
@@ -78,6 +88,8 @@ def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None)
 
 def read_path(path: Path, above: int, head: Head, decimal: str | None) -> Numbers | None:
     """Read a file below so many lines; None where a row is short, long or holds something else."""
+    import pandas as pd
+
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)
         frame = _frame(path, head, decimal, skiprows=above)
@@ -90,6 +102,8 @@ def _frame(
     readable: Any, head: Head, decimal: str | None, *, usecols: list[int] | None = None, skiprows: int | None = None
 ) -> pd.DataFrame | None:
     """Numbers as pandas reads them at its fastest; None for an empty or foreign field, or a long row."""
+    import pandas as pd
+
     try:
         frame: pd.DataFrame = pd.read_csv(
             readable,
@@ -104,7 +118,7 @@ def _frame(
             quoting=csv.QUOTE_NONE,
             engine="c",
             compression=None,
-            **_EXACT,
+            **_exact(),
         )
     except (ValueError, OverflowError, Warning):
         return None
@@ -211,6 +225,8 @@ def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str
 
 
 def _pandas(block: str, head: Head, decimal: str, width: int, quoted: bool) -> pd.DataFrame:
+    import pandas as pd
+
     with warnings.catch_warnings():
         # of a long first row pandas drops the end, and only warns of it
         warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -227,7 +243,7 @@ def _pandas(block: str, head: Head, decimal: str, width: int, quoted: bool) -> p
                 low_memory=False,
                 quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
                 engine="c",
-                **_EXACT,
+                **_exact(),
             )
         except pd.errors.EmptyDataError:
             return pd.DataFrame({index: pd.Series(dtype=np.float64) for index in range(width)})
@@ -258,7 +274,7 @@ def _widest(source: Source, block: str, first_line: int, head: Head) -> int:
 
 def _slow_column(
     source: Source,
-    column: "pd.Series[Any]",
+    column: pd.Series[Any],
     index: int,
     head: Head,
     decimal: str,

@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from data_io.frozen import Finding, FloatArray
 from data_io.record import Record
@@ -106,6 +105,8 @@ def _local_interval(change: FloatArray) -> FloatArray:
     """Median interval around each interval, shape (n - 1,): a few dropouts do not move it, a switch does."""
     if change.size and np.ptp(change) <= _EVEN * change[0]:  # an even clock needs no window
         return np.broadcast_to(np.median(thinned(change)), change.shape)
+    import pandas as pd  # 0.3 s: few logs need it
+
     window = min(_WINDOW, change.size)
     return pd.Series(change).rolling(window, center=True, min_periods=1).median().to_numpy(dtype=np.float64)
 
