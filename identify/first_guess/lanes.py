@@ -7,8 +7,9 @@ a fraction of a percent, which is what a start needs; answers come from `simulat
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -98,14 +99,16 @@ def _functions(model: Model) -> dict[str, Mapped]:
                 out[i] = ca.fmax(state[i], q.lower)
         return out
 
-    def motion(given: ca.SX, state: ca.SX, _t: object) -> ca.SX:
-        return model.slip(clamp(state), p, given)
+    def motion(state: ca.SX, _t: object) -> ca.SX:
+        return model.slip(clamp(state), p, u)
 
-    steps, state, now = list[tuple[ca.SX, ca.SX, ca.SX]](), x, u
+    free, _, stages = step(RK4, motion, x, h)
+    # Called once for each step: that costs much less than to write the step out as often.
+    one = ca.Function("lane_step", [x, p, u, h], [clamp(free), free, stages[0]])
+    steps, state, now = list[Sequence[ca.SX]](), x, u
     for _ in range(STRIDE):
-        free, _, stages = step(RK4, partial(motion, now), state, h)
-        steps.append((clamp(free), free, stages[0]))
-        state, now = clamp(free), ca.vertcat(now[:TIME], now[TIME] + h)
+        steps.append(one(state, p, now, h))
+        state, now = steps[-1][0], ca.vertcat(now[:TIME], now[TIME] + h)
     t = ca.SX.sym("t")
     then = ca.vertcat(u[:TIME], u[TIME] + t)
     rested = model.rest(x, p, then, t)

@@ -11,6 +11,7 @@ A rest that is no straight line takes many blocks; the moment in which the conta
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import casadi as ca
@@ -173,6 +174,33 @@ def _cells(s: Symbols, points: list[tuple[ca.SX, ca.SX]], fractions: list[ca.SX]
     return ca.vertcat(*curves)
 
 
+@lru_cache(maxsize=32)
+def _step(model: Model, saturated: bool) -> ca.Function:
+    """One RK4 step of a slip: (x, time since the slip began, length, p, course of the inputs as `_inputs` has it) ->
+    x after it, and what the load cell sees before it, and the rate of that. Called once for each step, which costs much
+    less than to write the step out as often."""
+    n_x = len(model.states)
+    x, t, h = ca.SX.sym("x", n_x), ca.SX.sym("t"), ca.SX.sym("h")
+    p, course, u = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 8), ca.SX.sym("u", len(INPUTS))
+    field, seed = model.saturated if saturated else model.slip, ca.SX.sym("rate", n_x)
+    sensor_rate = ca.Function("sensor_rate", [x, p, u, seed], [ca.jtimes(model.load_cell(x, p, u), x, seed)])
+
+    def motion(at: ca.SX, offset: ca.SX) -> ca.SX:
+        return field(at, p, _inputs(course, t + offset))
+
+    after, _, stages = step(RK4, motion, x, h)
+    now = _inputs(course, t)
+    return ca.Function("step", [x, t, h, p, course], [after, model.load_cell(x, p, now), sensor_rate(x, p, now, stages[0])])
+
+
+def _inputs(course: ca.SX, t: ca.SX) -> ca.SX:
+    """u of the model at a time since a slip began. course (8,): drive speed, normal force, its slope, its deviation and
+    the swing of that until the end of the phase, its duration, offset and time of its start."""
+    drive_speed, force, slope, deviation, swing, duration, offset, since = ca.vertsplit(course)
+    force = force + slope * (offset + t) + deviation + swing * (t / duration) ** 2
+    return ca.vertcat(drive_speed, force, 1, since + offset + t)
+
+
 def _slip(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca.SX]:
     """One shooting interval of a slip: RK4 steps, their defect at the end, a cubic Hermite curve per step.
 
@@ -183,45 +211,26 @@ def _slip(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca
     s = Symbols.of(model)
     p = s.parameters(model)
     saturated = kind in ("saturated", "released")
-    field = model.saturated if saturated else model.slip
     swing = s.deviation_end - s.deviation if kind in TREMBLING else ca.SX(0)
+    loads = s.force_start, s.force_slope, s.deviation, swing
+    course = ca.vertcat(s.drive_speed, *loads, s.duration, s.offset_start, s.since)
     held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
-
-    def inputs(t: ca.SX) -> ca.SX:
-        force = s.force_start + s.force_slope * (s.offset_start + t) + s.deviation + swing * (t / s.duration) ** 2
-        return ca.vertcat(s.drive_speed, force, 1, s.since + s.offset_start + t)
-
-    seed, state, inner = (
-        ca.SX.sym("rate", len(model.states)),
-        ca.SX.sym("x", len(model.states)),
-        ca.SX.sym("u", len(INPUTS)),
-    )
-    inner_p = ca.SX.sym("p", len(model.parameters))
-    sensor = model.load_cell(state, inner_p, inner)
-    sensor_rate = ca.Function("sensor_rate", [state, inner_p, inner, seed], [ca.jtimes(sensor, state, seed)])
-
-    x = ca.SX(s.start)
+    one, x = _step(model, saturated), ca.SX(s.start)
     for i in held:
         x[i] = model.states[i].lower
     h = s.duration * (s.last - s.first) / steps
     points: list[tuple[ca.SX, ca.SX]] = []
     for j in range(steps):
-        t = s.duration * s.first + j * h
-
-        def motion(at: ca.SX, offset: ca.SX, t: ca.SX = t) -> ca.SX:
-            return field(at, p, inputs(t + offset))
-
-        before = x
-        x, _, stages = step(RK4, motion, x, h)
-        points.append((model.load_cell(before, p, inputs(t)), sensor_rate(before, p, inputs(t), stages[0])))
+        x, force, rate = one(x, s.duration * s.first + j * h, h, p, course)
+        points.append((force, rate))
     t = s.duration * s.last
-    points.append((model.load_cell(x, p, inputs(t)), sensor_rate(x, p, inputs(t), field(x, p, inputs(t)))))
+    points.append(one(x, t, h, p, course)[1:])
 
     fractions = [s.first + (s.last - s.first) * j / steps for j in range(steps)]
     rows = [(s.end[i] - x[i]) / s.row_scale[i] for i in range(len(model.states)) if i not in held]
     if kind == "released":
         freed = held[0]  # held rows are not used: the place of its scale holds that of its rate
-        rows.append(model.slip(x, p, inputs(t))[freed] / s.row_scale[freed])
+        rows.append(model.slip(x, p, _inputs(course, t))[freed] / s.row_scale[freed])
     return s, ca.vertcat(*rows), _cells(s, points, fractions, h)
 
 
