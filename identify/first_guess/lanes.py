@@ -231,10 +231,10 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
             which = np.flatnonzero(np.any(reached, axis=1))
             saturations.append(made.crossing(first, active, which, np.argmax(reached[which], axis=1)))
             saturated[active[which]] = True
-        for course, end, new in ((states, current, made.after), (rates, last_rate, made.rate)):
+        for so_far, end, new in ((states, current, made.after), (rates, last_rate, made.rate)):
             part = np.repeat(end[None], STRIDE, axis=0)
             part[:, active] = new.transpose(1, 0, 2)
-            course.append(part)
+            so_far.append(part)
             end[active] = new[:, -1]
         longest = first + min(int(np.max(made.last)) + 1, STRIDE)
         active = active[made.last == STRIDE]
@@ -242,8 +242,9 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
         if active.size == 0:
             break
     none, nowhere = np.full(n, np.nan), np.full((n, n_x), np.nan)
-    courses = (np.concatenate(course)[: longest + 1] for course in (states, [*rates, last_rate[None]]))
-    result = Slips(h, *courses, none, none.copy(), nowhere, nowhere.copy())
+    course = np.concatenate(states)[: longest + 1]
+    slope = np.concatenate([*rates, last_rate[None]])[: longest + 1]
+    result = Slips(h, course, slope, none, none.copy(), nowhere, nowhere.copy())
     if arrests:
         _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
     if saturations and model.clamped is not None:

@@ -16,6 +16,7 @@ from identify.model.modes import ModeName, sliding_modes
 from identify.numerics.mapped import Mapped
 from identify.numerics.tableaus import DORMAND_PRINCE, step
 
+
 @dataclass(frozen=True)
 class _Symbols:
     """What steps are functions of: state and length of a step, setting, direction; parameters and inputs in these."""
@@ -55,7 +56,8 @@ def glide_functions(model: Model) -> Mapping[str, ca.Function]:
     """Compiled by model: per sliding mode `step_`, the `rate_`; what rest needs.
 
     step: (x and length, w, direction, tolerances) -> x after, error norm, guards and their slopes in time, as one
-    vector; the tolerances are rtol and atol (n_x,). rate: (x, w, direction) -> dx/dt. hold: (x, w) -> force that tries to move a resting mass, force it withstands.
+    vector; the tolerances are rtol and atol (n_x,). rate: (x, w, direction) -> dx/dt. hold: (x, w) -> force that tries
+    to move a resting mass, force it withstands.
     """
     n_x, s = len(model.states), _Symbols.of(model)
     xh, w, direction, p, u = s.xh, s.w, s.direction, s.p, s.u

@@ -190,7 +190,9 @@ def _step(model: Model, saturated: bool) -> ca.Function:
 
     after, _, stages = step(RK4, motion, x, h)
     now = _inputs(course, t)
-    return ca.Function("step", [x, t, h, p, course], [after, model.load_cell(x, p, now), sensor_rate(x, p, now, stages[0])])
+    return ca.Function(
+        "step", [x, t, h, p, course], [after, model.load_cell(x, p, now), sensor_rate(x, p, now, stages[0])]
+    )
 
 
 def _inputs(course: ca.SX, t: ca.SX) -> ca.SX:

@@ -79,7 +79,7 @@ class Scatter:
     def gradient(self, pull: Array, size: int) -> Array:
         """What the slots of all blocks pull at (B, n_slots), by unknowns (size,)."""
         known = self.slots.ravel() >= 0
-        return np.bincount(self.slots.ravel()[known], weights=pull.ravel()[known], minlength=size)
+        return np.asarray(np.bincount(self.slots.ravel()[known], weights=pull.ravel()[known], minlength=size))
 
 
 def _in_order(places: Indices) -> tuple[Indices, NDArray[np.bool_], Indices]:

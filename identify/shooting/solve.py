@@ -145,7 +145,9 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
 
 def _not_begun(problem: Problem) -> Solution:
     """Of a guess whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
-    return Solution(problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, np.zeros(problem.layout.rows))
+    return Solution(
+        problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, np.zeros(problem.layout.rows)
+    )
 
 
 def _left_by(problem: Problem, result: Mapping[str, Any], stats: Mapping[str, Any]) -> Solution:
