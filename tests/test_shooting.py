@@ -171,6 +171,33 @@ def test_a_cell_may_be_compressed_in_portions(portion, monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("portion", [1, 7])
+def test_derivatives_may_be_taken_in_portions(portion, monkeypatch):
+    whole = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)[0]
+    z, on_rows = _somewhere(whole, 1e-2), np.random.default_rng(7).standard_normal(whole.layout.rows)
+    assert all(len(family.parts) == 1 for family in whole.pattern.families)
+    monkeypatch.setattr("identify.shooting.pattern.PORTION", portion)
+    cut = Problem(whole.logs, whole.layout)
+    assert max(len(family.parts) for family in cut.pattern.families) > 3
+    one, other = (problem.evaluate(z, derivatives=True) for problem in (whole, cut))
+    for name in ("rows", "gradient"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9)
+    pairs = [(one.jacobian, other.jacobian), (one.hessian, other.hessian)]
+    pairs.append(tuple(problem.exact_hessian(z, 0.7, on_rows) for problem in (whole, cut)))
+    for left, right in pairs:
+        np.testing.assert_allclose(left.toarray(), right.toarray(), rtol=1e-9, atol=1e-9 * abs(left).max())
+
+
+def test_multipliers_of_a_solution_balance_its_gradient():
+    problem, logs = _problem(load_sd=1e-4)
+    unknowns = problem.layout.unknowns
+    solved = solve_in_passes(problem.logs, case.placed(unknowns, logs, problem.logs, COARSE), unknowns)
+    point = solved.problem.evaluate(solved.solution.z, derivatives=True)
+    balanced = point.gradient + point.jacobian.T @ solved.solution.multipliers
+    assert np.max(np.abs(balanced)) < 1e-5 * np.max(np.abs(point.gradient))
+    assert np.max(np.abs(point.gradient)) > 1.0, "the rows hold the answer"
+
+
 def test_one_sample_moved_is_seen():
     problem = _problem()[0]
     log = problem.logs[1]
