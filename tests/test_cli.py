@@ -12,9 +12,10 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from data_io import write_csv, write_hdf5
+from data_io import Record, write_csv, write_hdf5
 from identify import examples
 from identify.cli import fit as fit_command
 from identify.cli import main as cli
@@ -345,7 +346,7 @@ def test_an_interruption_of_the_garbage_collector_is_remembered_quietly(folder, 
 @pytest.mark.parametrize("work", ["{}", "exec({!r})"])
 def test_an_interruption_while_the_imports_come_in_is_one_sentence(folder, work):
     signalled = "import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(60)"
-    (folder / "pandas.py").write_text(work.format(signalled))
+    (folder / "casadi.py").write_text(work.format(signalled))
     path = os.pathsep.join([str(folder), environment()["PYTHONPATH"]])
     command = [sys.executable, "-m", "identify", "fit", "--scene", "x"]
     done = subprocess.run(command, capture_output=True, text=True, env={**environment(), "PYTHONPATH": path})
@@ -357,6 +358,18 @@ def test_help_is_quick_and_brings_no_casadi():
     script = "import sys, identify.cli.main as m; m.build_parser().format_help(); print('casadi' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_only_a_log_of_text_brings_pandas(folder):
+    time = np.arange(2000) / 1000
+    record = Record(time, np.full(time.size, 1.0), np.sin(20 * time))
+    write_hdf5(record, folder / "log.h5")
+    write_csv(record, folder / "log.csv")
+    script = "import sys; from data_io import read_log; read_log(sys.argv[1]); print('pandas' in sys.modules)"
+    for name, brought in (("log.h5", "False"), ("log.csv", "True")):
+        command = [sys.executable, "-c", script, str(folder / name)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment())
+        assert done.stdout.strip() == brought, name
 
 
 def test_a_reader_that_leaves_early_is_no_error(folder):

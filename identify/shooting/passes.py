@@ -20,7 +20,7 @@ from identify.preparation.guess import Grid, Guess, LogData
 from identify.preparation.loads import calmed
 from identify.preparation.unknowns import Unknowns
 from identify.shooting.shooting import Problem, transcribe
-from identify.shooting.solve import BARRIER, Solution, solve
+from identify.shooting.solve import Solution, solve
 from identify.shooting.trust import EASY, Trust, held_back
 
 Array = NDArray[np.float64]
@@ -161,7 +161,7 @@ def _in_passes(
     way: _Way,
 ) -> Solved:
     """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
-    grid, tolerance, barrier = COARSE, 1e-3, BARRIER
+    grid, tolerance, barrier = COARSE, 1e-3, 1e-4
     trust = way.trust
     iterations, forming, arrived = 0, 0.0, 0
     trembling = any(calmed(log) is not log for log in logs)

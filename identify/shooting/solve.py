@@ -15,7 +15,6 @@ from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
 
-BARRIER = 5e-5  # below what counts as no complementarity (1e-4): a coarse solve ends without lowering it once more
 STANDSTILL = 1e-3  # of half chi^2 per iteration
 QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
 OUT_OF_ORDER = "Events_Out_Of_Order"
@@ -170,7 +169,7 @@ def solve(
     problem: Problem,
     *,
     tolerance: float = 1e-8,
-    barrier: float = BARRIER,
+    barrier: float = 1e-4,
     iterations: int = 60,
     exact: bool = False,
     start: Array | None = None,
