@@ -7,7 +7,8 @@ b. The hard-constrained solve started at the truth (place, then solve in passes)
 c. The same logs sampled 30 times as fast: the time after reading.
 d. The same logs 10 and 30 times as long: the time after reading, and by how much the process grows.
 e. The four files in a new process, interpreter and imports included: with the machine code that earlier fits left
-   in the cache, and with an empty one; taking turns.
+   in the cache, and with an empty one; taking turns. The modules have their bytecode, as pip leaves an installed
+   package.
 
     python experiments/run_fit_speed.py
 """
@@ -172,11 +173,13 @@ def in_new_processes(folder: Path, repeats: int) -> tuple[Timing, Timing]:
     times: tuple[list[Timing], list[Timing]] = ([], [])
     command = [sys.executable, "-c", COLD, str(folder)]
     root = str(Path(__file__).parents[1])
+    surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    surroundings |= {"PYTHONPATH": root, "PYTHONPYCACHEPREFIX": str(folder / "bytecode")}
+    subprocess.run(command, env=surroundings, check=True, stdout=subprocess.PIPE)  # leaves the bytecode
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as empty:
             for which, cache in enumerate(({}, {"STICKSLIP_CACHE": empty})):
-                place = {"PYTHONPATH": root} | cache
-                once = partial(subprocess.run, command, env=os.environ | place, check=True, stdout=subprocess.PIPE)
+                once = partial(subprocess.run, command, env=surroundings | cache, check=True, stdout=subprocess.PIPE)
                 timing, (done,) = timed(once, 1)
                 assert done.stdout.decode().strip() == "converged", done.stdout
                 times[which].append(timing)

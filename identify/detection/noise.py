@@ -17,6 +17,7 @@ ORDERS = (2, 3, 4, 5)
 # Median over blocks of the mean square of 16 overlapping differences of unit white noise, by order.
 MEDIAN_OF_BLOCK = {2: 0.913, 3: 0.898, 4: 0.886, 5: 0.878}
 SPIKE_LENGTHS = (1, 2, 3)
+MET_AGAIN = 1 << 12  # samples among which a value comes twice where the step of the force counts beside its noise
 SPIKE_PASSES = 2
 SIDE = 5
 SPIKE_SD = 6.0
@@ -66,7 +67,10 @@ def _few(force: Array) -> float:
 
 
 def quantum(force: Array) -> float:
-    """The step of a quantised force [N]: all its values lie on a grid; 0 where the force is not quantised."""
+    """The step of a quantised force [N]: all its values lie on a grid; 0 where the force is not quantised, or so finely
+    that it hardly meets a value again."""
+    if np.all(np.diff(np.sort(force[:MET_AGAIN])) > 0.0):
+        return 0.0
     levels = np.unique(force[: 1 << 15])
     if levels.size < 3:
         return 0.0
@@ -148,10 +152,17 @@ def _extrapolated(samples: Array, steps: NDArray[np.int64]) -> tuple[Array, Arra
     Median slope and median level, so that another spike among the samples does not bend it.
     """
     i, j = np.triu_indices(SIDE, 1)
-    slope = np.median((samples[:, j] - samples[:, i]) / (j - i), axis=1)
-    level = np.median(samples - slope[:, None] * np.arange(SIDE), axis=1)
+    slope = _middle((samples[:, j] - samples[:, i]) / (j - i))
+    level = _middle(samples - slope[:, None] * np.arange(SIDE))
     left_over = samples - level[:, None] - slope[:, None] * np.arange(SIDE)
     return level[:, None] - slope[:, None] * steps, np.max(np.abs(left_over), axis=1)
+
+
+def _middle(rows: Array) -> Array:
+    """Medians of short rows (c, k), shape (c,): sorted in a third of the time that np.median takes."""
+    k = rows.shape[1]
+    ordered = np.sort(rows, axis=1)
+    return np.asarray(0.5 * (ordered[:, (k - 1) // 2] + ordered[:, k // 2]))
 
 
 def _jumps(force: Array, limit: float) -> NDArray[np.int64]:

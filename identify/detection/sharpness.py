@@ -22,6 +22,7 @@ PER_SAMPLE = 2  # points of the mean slip
 MOST_CYCLES = 60  # that are compared with a sine
 MOST_SAMPLES = 1000  # of each of them
 START = 0.15  # of a slip: the lag from which the search starts
+MOVED = 1e-6  # of the scales of the search, for its slopes
 SETTLED = 1e-4  # relative: a lag is told to two digits
 MOST_POINTS = 160  # of the mean slip
 
@@ -101,31 +102,47 @@ def _fitted(grid: Array, force: Array, slips: int, slip: float, interval: float)
     line = np.linalg.qr(np.column_stack([np.ones_like(grid), grid]))[0]
     off_line = _off(force / float(np.ptp(force)), line)  # the search stops by absolute numbers
 
-    def residual(p: Array) -> Array:
-        step = _off(_lagged_fall(grid, float(p[0]), math.exp(p[1]), math.exp(p[2])), line)
-        size = float(step @ step)
-        return off_line - (float(step @ off_line) / size if size > 0.0 else 0.0) * step
+    def residuals(p: Array) -> Array:
+        """Of several sets of parameters (k, 3), shape (k, n)."""
+        step = _off(_lagged_fall(grid, p[:, :1], np.exp(p[:, 1:2]), np.exp(p[:, 2:])), line)
+        size = np.sum(step**2, axis=1, keepdims=True)
+        share = np.divide(step @ off_line[:, None], size, out=np.zeros_like(size), where=size > 0.0)
+        return np.asarray(off_line - share * step)
+
+    def slopes(p: Array) -> Array:
+        moved = residuals(p + np.vstack([np.zeros(3), np.diag(moves)]))
+        return np.asarray((moved[1:] - moved[0]).T / moves)
 
     lower = [2 * grid[0], math.log(0.5 * interval), math.log(1e-3 * slip)]
     upper = [grid[-1], math.log(4 * slip), math.log(3 * slip)]
     start = [-0.5 * slip, math.log(slip * (1 - START)), math.log(START * slip)]
-    scale = [0.1 * slip, 0.1, 0.3]
-    best = least_squares(residual, start, bounds=(lower, upper), x_scale=scale, ftol=SETTLED, xtol=SETTLED)
+    scale = np.array([0.1 * slip, 0.1, 0.3])
+    moves = MOVED * scale
+    best = least_squares(
+        lambda p: residuals(p[None])[0],
+        start,
+        jac=slopes,
+        bounds=(lower, upper),
+        x_scale=scale,
+        ftol=SETTLED,
+        xtol=SETTLED,
+    )
     return Sharpness(math.exp(best.x[2]), math.exp(best.x[1]), slips)
 
 
 def _off(curve: Array, line: Array) -> Array:
-    """A curve (n,) without what of it lies along some orthonormal columns (n, k)."""
-    return np.asarray(curve - line @ (line.T @ curve))
+    """Curves (..., n) without what of them lies along some orthonormal columns (n, k)."""
+    return np.asarray(curve - (curve @ line) @ line.T)
 
 
-def _lagged_fall(time: Array, begin: float, duration: float, lag: float) -> Array:
-    """Half a cosine from 0 to 1 behind a first-order lag: the solution of lag y' + y = x from rest, shape (n,)."""
+def _lagged_fall(time: Array, begin: Array, duration: Array, lag: Array) -> Array:
+    """Half a cosine from 0 to 1 behind a first-order lag: the solution of lag y' + y = x from rest, shape (k, n); the
+    arguments but the time (n,) are of shape (k, 1)."""
     omega = math.pi / duration
     share = (omega * lag) ** 2
     inside = np.clip(time - begin, 0.0, duration)
     swing = (np.cos(omega * inside) + omega * lag * np.sin(omega * inside)) / (1 + share)
     rising = 0.5 * (1 - swing - share / (1 + share) * np.exp(-inside / lag))
-    end = 0.5 * (1 + 1 / (1 + share) - share / (1 + share) * math.exp(-duration / lag))
+    end = 0.5 * (1 + 1 / (1 + share) - share / (1 + share) * np.exp(-duration / lag))
     settling = 1 - (1 - end) * np.exp(-np.clip(time - begin - duration, 0.0, None) / lag)
     return np.where(time - begin > duration, settling, rising)
