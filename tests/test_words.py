@@ -9,7 +9,7 @@ from identify.calculators.outlook_words import amplitude_text, said, stability_t
 from identify.cli import main as cli
 from identify.cli.common import Terminal
 from identify.cli.summary import say_fit
-from identify.number_words import three_figures
+from identify.number_words import three_figures, told_apart
 from identify.outcome import Fit
 from identify.report.answers import answer_table, said_once
 from identify.report.page import render_page
@@ -183,3 +183,11 @@ def test_a_log_that_is_not_there_is_said_before_anything_else(tmp_path, capsys, 
 )
 def test_a_number_is_written_out_where_that_is_soon_read(value, said_as):
     assert three_figures(value) == said_as
+
+
+def test_two_numbers_are_told_apart():
+    assert told_apart(0.2, 0.3) == ("0.2", "0.3")
+    assert told_apart(1634.6, 1470.0) == ("1630", "1470")
+    # Said of a fit that a user was to correct: "a mass of 0.292 kg instead of 0.292 kg".
+    assert told_apart(0.29247, 0.29212) == ("0.2925", "0.2921")
+    assert told_apart(0.3, 0.3) == ("0.3", "0.3")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.effect_choice.fitted import Fitted
-from identify.number_words import three_figures
+from identify.number_words import three_figures, told_apart
 from identify.preparation.prepare import Prepared
 from identify.preparation.unknowns import stated_rig
 from identify.scene import Scene
@@ -142,10 +142,10 @@ def _all_speeds(scene: Scene, times: float) -> Scene:
 
 def _stated(name: str, unit: str, remedy: str) -> Words:
     def words(_fitted: Fitted, value: float, stated: float) -> str:
-        found = f"{three_figures(value)} {unit}"
+        found, before = told_apart(value, stated)
         return (
-            f"a {name} of {found} instead of {three_figures(stated)} {unit} "
-            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{found}" }})'
+            f"a {name} of {found} {unit} instead of {before} {unit} "
+            f'({remedy}, or let it be estimated: [parameters] {name} = {{ start = "{found} {unit}" }})'
         )
 
     return words
