@@ -236,7 +236,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
             part[:, active] = new.transpose(1, 0, 2)
             so_far.append(part)
             end[active] = new[:, -1]
-        longest = first + min(int(np.max(made.last)) + 1, STRIDE)
+        longest = first + min(int(np.max(made.last, initial=0)) + 1, STRIDE)
         active = active[made.last == STRIDE]
         now[:, TIME] += STRIDE * h
         if active.size == 0:
@@ -288,7 +288,8 @@ class _Stride:
     @staticmethod
     def of(model: Model, given: tuple[Array, ...]) -> _Stride:
         """From states (k, n_x), parameters (k, n_p), inputs (k, 4) and step lengths (k,)."""
-        after, free, rate = (out.reshape(given[0].shape[0], STRIDE, -1) for out in _functions(model)["stride"](given))
+        lanes, n_x = given[0].shape
+        after, free, rate = (out.reshape(lanes, STRIDE, n_x) for out in _functions(model)["stride"](given))
         before = np.concatenate([given[0][:, None], after[:, :-1]], axis=1)
         over = stopped = after[..., SPEED] <= 0.0
         if not np.all(np.isfinite(after)):
