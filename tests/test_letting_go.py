@@ -9,7 +9,8 @@ from taken_logs import error, taken
 
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify.examination import letting_go
+from identify.asked import NOTHING_MORE
+from identify.examination import certainty, letting_go
 from identify.examination.hanging import hanging
 from identify.examination.letting_go import let_go
 from identify.first_guess import first_state
@@ -55,6 +56,25 @@ def test_an_answer_is_let_go_only_for_one_that_fits_better(
     monkeypatch.setattr(letting_go, "BETTER", 2.0)
     monkeypatch.setattr(letting_go, "FARTHER", (0.0,))  # followed where it is, it is the same motion
     assert let_go(found, unknowns) is None
+
+
+def test_an_answer_that_only_finer_steps_show_to_be_held_is_let_go(
+    held: tuple[Attempt, Unknowns], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, unknowns = held
+    coarse = replace(found)  # what finer steps make of it is the answer that is held
+    made = []
+
+    def finer(attempt: Attempt, *_: object) -> tuple[Attempt, None, dict[str, float]]:
+        made.append(attempt)
+        return (found if attempt is coarse else attempt), None, {}
+
+    monkeypatch.setattr(certainty, "fine_enough", finer)
+    beyond = certainty._with_fine_steps(coarse, unknowns, NOTHING_MORE)[0]
+    assert beyond.excess < found.excess - 20.0 and hanging(beyond.solved, NAMES) is None
+    assert made == [coarse, beyond], "its steps are fine enough as well"
+    monkeypatch.setattr(certainty, "let_go", lambda *_: None)
+    assert certainty._with_fine_steps(coarse, unknowns, NOTHING_MORE)[0] is found
 
 
 def test_a_slide_that_is_cut_short_is_followed_anew(monkeypatch: pytest.MonkeyPatch) -> None:

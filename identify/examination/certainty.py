@@ -87,7 +87,7 @@ def certainty(
         if np.any(at_own_bounds(unknowns, attempt.solved.theta)):
             attempt = taken_inside(attempt, unknowns, noise_of(attempt)) or attempt
         attempt = let_go(attempt, unknowns) or attempt
-    attempt, known, discretised = fine_enough(attempt, unknowns, asked)
+    attempt, known, discretised = _with_fine_steps(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None
     seen = examine(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
@@ -120,6 +120,17 @@ def certainty(
     out = _combined(out, unknowns, base)
     out = _resampled(out, asked, seed, progress) if asked.bootstrap else out
     return _tabled(out, unknowns, progress) if asked.accuracy_table else out
+
+
+def _with_fine_steps(
+    attempt: Attempt, unknowns: Unknowns, asked: Asked
+) -> tuple[Attempt, Information, dict[str, float]]:
+    """As `fine_enough`; let go once more where only finer steps show that an event holds the answer."""
+    finer = fine_enough(attempt, unknowns, asked)
+    if finer[0] is attempt or finer[0].gate.status is not Status.CONVERGED:
+        return finer
+    freed = let_go(finer[0], unknowns)
+    return finer if freed is None else fine_enough(freed, unknowns, asked)
 
 
 def _combined(out: Certainty, unknowns: Unknowns, base: Array) -> Certainty:
