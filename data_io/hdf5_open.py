@@ -150,7 +150,7 @@ def _forked(target: Any, patience: int) -> int | None:
         if done:
             return os.waitstatus_to_exitcode(status)
         time.sleep(pause)
-        pause = min(2 * pause, 2e-3)  # a sound file takes some twenty
+        pause = min(2 * pause, 2e-3)  # a sound file takes some 20 ms
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     return None

@@ -52,15 +52,13 @@ class Waves:
 
     def values(self, t: Array) -> Array:
         """Force (n, b) at times t (n, b) from the onset of each cycle."""
-        c, w = self._within(t)
-        return self._lines(t, ((c[3] * w + c[2]) * w + c[1]) * w + c[0])
+        return self._shown(t, *self._within(t))
 
     def with_rates(self, t: Array) -> tuple[Array, Array]:
         """Force (n, b) at times t (n, b) from the onset of each cycle, and its rates [N/s]."""
         c, w = self._within(t)
-        value = self._lines(t, ((c[3] * w + c[2]) * w + c[1]) * w + c[0])
         rate = ((3.0 * c[3] * w + 2.0 * c[2]) * w + c[1]) / self.h[:, None]
-        return value, np.where((t < 0.0) | (t > self.duration[:, None]), self.slope[:, None], rate)
+        return self._shown(t, c, w), np.where((t < 0.0) | (t > self.duration[:, None]), self.slope[:, None], rate)
 
     def _within(self, t: Array) -> tuple[Array, Array]:
         """The coefficients (4, n, b) of the step in which each time is, and the share of it that has passed."""
@@ -72,8 +70,9 @@ class Waves:
         i += steps * np.arange(lanes)[:, None]
         return np.take(self.cubics, i, axis=1), w
 
-    def _lines(self, t: Array, slip: Array) -> Array:
-        """The force in the slip (n, b), and on the lines before and after it."""
+    def _shown(self, t: Array, c: Array, w: Array) -> Array:
+        """The force (n, b) in the slip, by what `_within` gives, and on the lines before and after it."""
+        slip = ((c[3] * w + c[2]) * w + c[1]) * w + c[0]
         s = self.slope[:, None]
         late = t - self.duration[:, None]
         value = np.where(late > 0.0, self.end[:, None] + s * late, slip)

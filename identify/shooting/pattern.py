@@ -78,8 +78,8 @@ class Scatter:
 
     def gradient(self, pull: Array, size: int) -> Array:
         """What the slots of all blocks pull at (B, n_slots), by unknowns (size,)."""
-        known = self.slots.ravel() >= 0
-        return np.asarray(np.bincount(self.slots.ravel()[known], weights=pull.ravel()[known], minlength=size))
+        # What slots that hold a constant pull at is counted in front of all unknowns (KNOWN is -1), and left out.
+        return np.asarray(np.bincount(self.slots.ravel() + 1, weights=pull.ravel(), minlength=size + 1)[1:])
 
 
 def _in_order(places: Indices) -> tuple[Indices, NDArray[np.bool_], Indices]:
