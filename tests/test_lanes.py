@@ -7,7 +7,7 @@ import pytest
 import shooting_case as case
 from scipy.interpolate import CubicHermiteSpline
 
-from identify.first_guess import lanes
+from identify.first_guess import lanes, sliding_lanes
 from identify.first_guess.waveform import Waves
 
 PER_HALF_PERIOD = 60
@@ -16,9 +16,9 @@ MODEL = case.MODEL
 
 @pytest.fixture(autouse=True)
 def _functions_of_their_own():
-    lanes._functions.cache_clear()
+    sliding_lanes._stride.cache_clear()
     yield
-    lanes._functions.cache_clear()
+    sliding_lanes._stride.cache_clear()
 
 
 def _given(n=60, seed=4):
@@ -32,9 +32,9 @@ def _given(n=60, seed=4):
 
 
 def _slips(x, p, u, stride, monkeypatch):
-    monkeypatch.setattr(lanes, "STRIDE", stride)
-    lanes._functions.cache_clear()
-    return lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
+    monkeypatch.setattr(sliding_lanes, "STRIDE", stride)
+    sliding_lanes._stride.cache_clear()
+    return sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
 
 
 def test_slips_end_when_those_of_the_independent_integrator_do():
@@ -44,7 +44,7 @@ def test_slips_end_when_those_of_the_independent_integrator_do():
         x = truth.onset_states[:n]
         p = np.tile([(case.PAIR | case.RIG)[name] for name in MODEL.parameter_names], (n, 1))
         u = np.tile([speed[0], case.LOAD, 1.0, 0.0], (n, 1))
-        slips = lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
+        slips = sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
         assert np.all(slips.rested)
         np.testing.assert_allclose(slips.arrest, (truth.arrests - truth.onsets[: truth.arrests.size])[:n], rtol=2e-3)
         np.testing.assert_allclose(slips.saturation, truth.saturations[:n] - truth.onsets[:n], rtol=2e-3)
@@ -63,7 +63,7 @@ def test_slips_are_the_same_however_many_steps_a_call_takes(stride, monkeypatch)
 
 
 def test_a_lane_at_rest_stays_where_it_is():
-    slips = lanes.slip(MODEL, *_given(), PER_HALF_PERIOD)
+    slips = sliding_lanes.slip(MODEL, *_given(), PER_HALF_PERIOD)
     for i in np.flatnonzero(slips.rested):
         after = int(np.ceil(slips.arrest[i] / slips.h[i]))
         np.testing.assert_array_equal(

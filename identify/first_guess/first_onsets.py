@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from identify.first_guess import lanes
 from identify.first_guess.placing import PER_HALF_PERIOD, guess_of
+from identify.first_guess.sliding_lanes import Slips
 from identify.model.model import Model
 from identify.motion.resting import swing
 from identify.preparation.guess import Grid, Guess, LogData
@@ -50,7 +51,7 @@ def with_first_onsets(log: LogData, guess: Guess, unknowns: Unknowns, grid: Grid
     return replace(guess, **new)
 
 
-def _simulated(model: Model, log: LogData, x: Array, p: Array, begins: Array) -> tuple[Array, lanes.Slips]:
+def _simulated(model: Model, log: LogData, x: Array, p: Array, begins: Array) -> tuple[Array, Slips]:
     """Rest and slip from the states x (c, n_x) at their times (c,) [s]."""
     speeds = np.array([log.speed_at(float(t)) for t in begins])
     u = np.stack([speeds, log.normal_force.at(begins), np.ones_like(begins), begins], axis=1)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from data_io.thinned import thinned
 from identify.first_guess import lanes
+from identify.first_guess.sliding_lanes import Slips
 from identify.first_guess.waveform import Waves, middle_of_fall
 from identify.model.model import ELONGATION, TIME, Model
 from identify.preparation.guess import Grid, Guess, LogData
@@ -99,7 +100,7 @@ def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:
     return x
 
 
-def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[lanes.Slips, Array]:
+def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[Slips, Array]:
     """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
     _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD)
     waves, middle = _waves(model, slips, side)
@@ -155,7 +156,7 @@ def _first_arrests(model: Model, side: _Lanes, starts: list[Array]) -> Array:
     return x
 
 
-def _waves(model: Model, slips: lanes.Slips, side: _Lanes) -> tuple[Waves, Array]:
+def _waves(model: Model, slips: Slips, side: _Lanes) -> tuple[Waves, Array]:
     """The simulated cycles as functions of time, and the time of the middle of their falls (n,) [s]."""
     n, steps = side.fall.size, slips.states.shape[0]
     flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
@@ -227,7 +228,7 @@ def guess_of(
     log: LogData,
     p: Array,
     start: Array,
-    slips: lanes.Slips,
+    slips: Slips,
     mine: NDArray[np.int64],
     onset: Array,
     grid: Grid,
@@ -238,7 +239,7 @@ def guess_of(
         start: state at the begin (n_x,); slips: of many logs, of which `mine` (c,) are this log's; onset: (c,) [s].
     """
     saturation, arrest = slips.saturation[mine], slips.arrest[mine]
-    picked = lanes.Slips(
+    picked = Slips(
         slips.h[mine],
         slips.states[:, mine],
         slips.rates[:, mine],

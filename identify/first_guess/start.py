@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from identify.first_guess import lanes
 from identify.first_guess.features import Features
+from identify.first_guess.sliding_lanes import slip
 from identify.first_guess.waveform import Waves, middle_of_fall
 from identify.preparation.unknowns import Unknowns
 
@@ -72,7 +73,7 @@ class _Fold:
         u = np.tile(self.u, (s, 1))
         x = lanes.at_force(model, arrest.ravel(), p, u)
         stick, at_onset = lanes.stick(model, x, p, u)
-        slips = lanes.slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
+        slips = slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
         steps = slips.states.shape[0]
         flat = slips.states.transpose(1, 0, 2).reshape(-1, x.shape[1])
         force = lanes.load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(
