@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.answering import Question, answered
 from identify.asked import NOTHING_MORE, Asked
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.held import Held, against_data
-from identify.diagnosis.second_look import looked_into
 from identify.effect_choice.choice import Choice
-from identify.effect_choice.fitted import as_it_ended, described
 from identify.effect_choice.selection import choose_from_data
 from identify.effect_choice.worth import worth, worth_document
 from identify.effects import ALL
 from identify.errors import FitError
-from identify.examination.allowed import slowness
-from identify.examination.certainty import Certainty, certainty
 from identify.first_guess.vibration import tuned
 from identify.next_log.choosing import next_logs
 from identify.next_log.words import advised
@@ -29,27 +24,18 @@ from identify.next_log.words import document as next_log_document
 from identify.numerics.heap import keep_freed_memory
 from identify.outcome import Fit, LogCurves, Status
 from identify.preparation.drives import with_drives
-from identify.preparation.loads import calmed
 from identify.preparation.parting import parted
 from identify.preparation.prepare import Prepared, prepare
 from identify.preparation.scene_records import with_records
-from identify.preparation.unknowns import Unknowns, from_scene, stated_rig, user_start
+from identify.preparation.unknowns import Unknowns, from_scene, user_start
 from identify.result.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.result.result import document
 from identify.scene import Scene
-from identify.search.attempt import Attempt, Clock, solve_from
-from identify.search.grouped import search_grouped
-from identify.search.search import disowned, plenty
-from identify.search.shaken import shaken
+from identify.search.attempt import Attempt, Clock
 from identify.search.starts import Sources
-from identify.search.status_words import at_bounds, ended, underivable, untried
 from identify.telling import Progress, to_nobody
-from identify.uncertainty.hints import what_is_held
 
 Array = NDArray[np.float64]
-_Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
-
-ANSWERS = 3  # of one model, each better than the one before, that are looked into
 
 
 def fit(
@@ -67,8 +53,8 @@ def fit(
         scene: rig, effects, parameters and logs.
         records: the scene's logs in their order; None reads them.
         progress: called as progress(stage, share of the whole).
-        starts: where the search starts: "data", "user" (the scene's `start` values), "both"; default both where the
-            scene gives a start, else the data.
+        starts: where the search starts: "data", "user" (the scene's `start` values, and the data only where these lead
+            to no answer of all logs), "both"; default both where the scene gives a start, else the data.
         seed: of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
             bootstrap.
         asked: how finely, and which further looks at how sure the answer is.
@@ -146,124 +132,13 @@ def find(
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
-    sources = starts or _default_starts(scene)
-
-    def searched(logs: list[Prepared], last: bool) -> _Searched:
-        found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
-        return logs, *found
-
-    prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)
-    if attempt is not None and unknowns.model.vibrates:
-        progress("solving from other starts", 0.85)
-        since = time.perf_counter()
-        attempt = shaken(attempt, prepared, unknowns, seed)
-        clock.add("solve", since)
-    since = time.perf_counter()
-    progress("intervals", 0.9)
-    for _ in range(ANSWERS):
-        findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, asked, seed)
-        findings, better = looked_into(findings, scene, read, prepared, progress)
-        if better is None:
-            break
-        attempt = disowned(better, prepared, plenty(prepared))
-        left_out = {i: why for i, why in left_out.items() if i not in attempt.logs}
-    clock.add("intervals", since)
-    return prepared, findings
+    question = Question(scene, read, prepared, unknowns, asked, seed)
+    return answered(question, starts or _default_starts(scene), clock, progress)
 
 
 def _default_starts(scene: Scene) -> Sources:
     """Where a search starts if nobody says."""
     return "both" if user_start(scene) else "data"
-
-
-def _by_way_of_calm(
-    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared], bool], _Searched], clock: Clock
-) -> _Searched:
-    """What a search finds; where loads tremble it goes by way of calm ones, whose answer is easily found, and follows
-    the tremor from there. What no motion follows counts as unknown."""
-    calm = [replace(log, data=calmed(log.data)) for log in prepared]
-    if all(quiet.data is log.data for quiet, log in zip(calm, prepared, strict=True)):
-        return searched(prepared, True)
-    logs, known, left_out = searched(calm, False)
-    if known is None or known.gate.status is not Status.CONVERGED:
-        found = searched(prepared, True)
-        converged = found[1] is not None and found[1].gate.status is Status.CONVERGED
-        return found if converged or known is None else (logs, known, left_out)
-    followed = solve_from(prepared, list(known.logs), replace(unknowns, start=known.solved.theta), clock)
-    if followed is None or followed.gate.status is not Status.CONVERGED:
-        return logs, known, left_out
-    return prepared, followed, left_out
-
-
-def _findings(
-    scene: Scene,
-    prepared: list[Prepared],
-    unknowns: Unknowns,
-    attempt: Attempt | None,
-    left_out: dict[int, str],
-    progress: Progress,
-    asked: Asked,
-    seed: int,
-) -> Findings:
-    """Status, estimates and what else the result document is made of."""
-    if attempt is None:
-        status, message = untried(prepared, left_out)
-        return Findings(status, message, unknowns, None, None, None, [], left_out, {})
-    if not np.all(np.isfinite(attempt.solved.theta)):
-        status, message = ended(attempt, {})
-        return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
-    base = unknowns.base(stated_rig(scene))
-    sure = certainty(
-        attempt,
-        unknowns,
-        base,
-        asked,
-        lambda theta: at_bounds(unknowns, theta),
-        speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
-        seed=seed,
-        progress=progress,
-    )
-    if sure is None:
-        return Findings(
-            Status.SOLVER_FAILED,
-            underivable(attempt),
-            unknowns,
-            attempt,
-            None,
-            None,
-            [],
-            left_out,
-            {},
-        )
-    attempt = sure.attempt
-    theta = attempt.solved.theta
-    bounds: dict[str, str] = {}
-    for at in (theta, *(guess.theta(theta) for guess in attempt.solved.guesses)):
-        bounds = at_bounds(unknowns, at) | bounds
-    status, message = ended(attempt, bounds)
-    if status is Status.CONVERGED:
-        message = what_is_held(attempt.prepared, attempt.solved.guesses, sure.colours) or message
-    return Findings(
-        status,
-        message,
-        unknowns,
-        attempt,
-        sure.information,
-        sure.covariance,
-        sure.estimates,
-        left_out,
-        {} if sure.profiles is None else dict(sure.profiles.ends),
-        sure.discretisation,
-        sure,
-        _held(scene, sure) if described(as_it_ended(scene, unknowns, prepared, attempt)) else [],
-    )
-
-
-def _held(scene: Scene, sure: Certainty) -> list[Held]:
-    """The rig as stated, against the data."""
-    memory = slowness(sure.attempt, sure.colours)
-    theta = sure.attempt.solved.theta
-    return against_data(sure.information, theta, stated_rig(scene), memory, tolerances=scene.rig.tolerances)
 
 
 def _curves(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | None) -> tuple[LogCurves, ...]:

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from data_io import Record
 from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
-from identify import Scene, fit, identification
+from identify import Scene, answering, fit
 from identify.diagnosis import diagnosis
 from identify.diagnosis.diagnosis import REMAINS, _explanations, _is_nearer, diagnose
 from identify.diagnosis.suspects import GROSS, SLIGHT, found_and_stated
@@ -220,8 +220,8 @@ def test_a_log_that_a_better_answer_describes_is_not_said_to_be_left_out(case, m
     scene = _scene(RIG, range(len(SPEEDS)))
     logs, unknowns = _prepared(scene, case.records)
     met = iter([search(logs, unknowns)[0]])
-    monkeypatch.setattr(identification, "search_grouped", lambda *_, **__: (None, {0: "log_0 was left out"}))
-    monkeypatch.setattr(identification, "looked_into", lambda findings, *_: (findings, next(met, None)))
+    monkeypatch.setattr(answering, "search_grouped", lambda *_, **__: (None, {0: "log_0 was left out"}))
+    monkeypatch.setattr(answering, "looked_into", lambda findings, *_: (findings, next(met, None)))
     result = fit(scene, case.records).result
     assert result["status"] == "converged"
     assert [log["reason_left_out"] for log in result["logs"]] == [None] * len(SPEEDS)

@@ -20,7 +20,7 @@ methods motion
 detection
 closed_forms
 orbits calculators maps
-preparation first_guess shooting asked uncertainty search examination effect_choice diagnosis next_log
+preparation first_guess shooting asked uncertainty search examination effect_choice diagnosis next_log answering
 result identification report
 pooling comparing batch
 cli

@@ -10,7 +10,7 @@ import pytest
 from data_io import Record
 from experiments.record_kinds import FAST, SLOW, Kind
 from experiments.study_problem import DEMO, RIG
-from identify import identification
+from identify import answering, identification
 from identify.diagnosis.findings import Findings
 from identify.examination import examined
 from identify.outcome import Status
@@ -37,7 +37,7 @@ def test_a_better_answer_of_fewer_logs_is_refused(monkeypatch: pytest.MonkeyPatc
         met.append(alone)
         return found, alone
 
-    monkeypatch.setattr(identification, "looked_into", of_one_log)
+    monkeypatch.setattr(answering, "looked_into", of_one_log)
     monkeypatch.setattr(examined, "lowest_valley", lambda attempt, *_: (attempt, []))  # how sure it is plays no part
     _, refused = identification.find(scene, records, clock=Clock(), progress=to_nobody)
     assert met and refused.status is Status.MODEL_MISFIT

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from data_io import Record
 from experiments import in_vivo
-from identify import identification
+from identify import answering
 from identify.detection.local_fits import noise_on_lines
 from identify.detection.segment import segment
 from identify.effects import MAIN
@@ -289,18 +289,18 @@ def test_the_way_to_a_trembling_load_leads_by_a_calm_one(monkeypatch, calm, foll
         asked.append(logs[0].data)
         return logs, attempt("calm", calm) if logs[0].data == "calm" else attempt("plain", plain), {}
 
-    monkeypatch.setattr(identification, "calmed", lambda _data: quiet.data)
-    monkeypatch.setattr(identification, "solve_from", lambda *_: attempt("followed", followed))
-    logs, found, _ = identification._by_way_of_calm([trembling], _Start(np.ones(1)), searched, Clock())
+    monkeypatch.setattr(answering, "calmed", lambda _data: quiet.data)
+    monkeypatch.setattr(answering, "solve_from", lambda *_: attempt("followed", followed))
+    logs, found, _ = answering._by_way_of_calm([trembling], _Start(np.ones(1)), searched, Clock())
     assert found.name == taken
     assert logs[0].data == ("calm" if taken == "calm" else "trembling")
     assert asked == ["calm"] + ["trembling"] * (plain is not None)
 
 
 def test_where_no_load_trembles_the_search_is_made_once(monkeypatch):
-    monkeypatch.setattr(identification, "calmed", lambda data: data)
+    monkeypatch.setattr(answering, "calmed", lambda data: data)
     asked = []
-    identification._by_way_of_calm(
+    answering._by_way_of_calm(
         [_Log("level")], _Start(np.ones(1)), lambda logs, last: (asked.append(last), None, {}), Clock()
     )
     assert asked == [True], "no other search comes after it"

@@ -1,0 +1,189 @@
+"""From prepared logs to an answer: searched, with how sure it is, and looked into."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from data_io import Record
+from identify.asked import Asked
+from identify.diagnosis.findings import Findings
+from identify.diagnosis.held import Held, against_data
+from identify.diagnosis.second_look import looked_into
+from identify.effect_choice.fitted import as_it_ended, described
+from identify.examination.allowed import slowness
+from identify.examination.certainty import Certainty, certainty
+from identify.outcome import Status
+from identify.preparation.loads import calmed
+from identify.preparation.prepare import Prepared
+from identify.preparation.unknowns import Unknowns, stated_rig
+from identify.scene import Scene
+from identify.search.attempt import Attempt, Clock, solve_from
+from identify.search.grouped import search_grouped
+from identify.search.search import disowned, plenty
+from identify.search.shaken import shaken
+from identify.search.starts import Sources
+from identify.search.status_words import at_bounds, ended, underivable, untried
+from identify.telling import Progress
+from identify.uncertainty.hints import what_is_held
+
+_Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
+Answer = tuple[list[Prepared], Findings]  # the logs as they are followed, and what was found
+
+ANSWERS = 3  # of one model, each better than the one before, that are looked into
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is to be answered: a scene, its records and logs, what is searched, what was asked beside the answer, and
+    the seed of all that is drawn by lot."""
+
+    scene: Scene
+    read: Sequence[Record]
+    prepared: list[Prepared]
+    unknowns: Unknowns
+    asked: Asked
+    seed: int
+
+
+def answered(question: Question, sources: Sources, clock: Clock, progress: Progress) -> Answer:
+    """The logs as they are followed, and what was found of them. Start values that lead to no answer of all logs do not
+    stand in the way of one that the data lead to."""
+    own = _answered(question, sources, clock, progress)
+    if sources != "user" or _falls_short(own) == _WHOLE:
+        return own
+    logs, findings = _answered(question, "data", clock, progress)
+    if _falls_short((logs, findings)) >= _falls_short(own):
+        return own
+    unused = "from the data, since the start values led to no answer of all logs"
+    return logs, replace(findings, message=f"{findings.message}; {unused}")
+
+
+_WHOLE = (False, 0)
+
+
+def _falls_short(answer: Answer) -> tuple[bool, int]:
+    """Whether an answer is none, and how many logs it leaves out that could take part."""
+    prepared, findings = answer
+    able = {i for i, log in enumerate(prepared) if log.left_out is None}
+    return findings.status is not Status.CONVERGED, len(able & set(findings.left_out))
+
+
+def _answered(question: Question, sources: Sources, clock: Clock, progress: Progress) -> Answer:
+    """What a search from these starts ends in, looked into."""
+    scene, prepared, unknowns, seed = question.scene, question.prepared, question.unknowns, question.seed
+
+    def searched(logs: list[Prepared], last: bool) -> _Searched:
+        found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
+        return logs, *found
+
+    prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)
+    if attempt is not None and unknowns.model.vibrates:
+        progress("solving from other starts", 0.85)
+        since = time.perf_counter()
+        attempt = shaken(attempt, prepared, unknowns, seed)
+        clock.add("solve", since)
+    since = time.perf_counter()
+    progress("intervals", 0.9)
+    for _ in range(ANSWERS):
+        findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, question.asked, seed)
+        findings, better = looked_into(findings, scene, question.read, prepared, progress)
+        if better is None:
+            break
+        attempt = disowned(better, prepared, plenty(prepared))
+        left_out = {i: why for i, why in left_out.items() if i not in attempt.logs}
+    clock.add("intervals", since)
+    return prepared, findings
+
+
+def _by_way_of_calm(
+    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared], bool], _Searched], clock: Clock
+) -> _Searched:
+    """What a search finds; where loads tremble it goes by way of calm ones, whose answer is easily found, and follows
+    the tremor from there. What no motion follows counts as unknown."""
+    calm = [replace(log, data=calmed(log.data)) for log in prepared]
+    if all(quiet.data is log.data for quiet, log in zip(calm, prepared, strict=True)):
+        return searched(prepared, True)
+    logs, known, left_out = searched(calm, False)
+    if known is None or known.gate.status is not Status.CONVERGED:
+        found = searched(prepared, True)
+        converged = found[1] is not None and found[1].gate.status is Status.CONVERGED
+        return found if converged or known is None else (logs, known, left_out)
+    followed = solve_from(prepared, list(known.logs), replace(unknowns, start=known.solved.theta), clock)
+    if followed is None or followed.gate.status is not Status.CONVERGED:
+        return logs, known, left_out
+    return prepared, followed, left_out
+
+
+def _findings(
+    scene: Scene,
+    prepared: list[Prepared],
+    unknowns: Unknowns,
+    attempt: Attempt | None,
+    left_out: dict[int, str],
+    progress: Progress,
+    asked: Asked,
+    seed: int,
+) -> Findings:
+    """Status, estimates and what else the result document is made of."""
+    if attempt is None:
+        status, message = untried(prepared, left_out)
+        return Findings(status, message, unknowns, None, None, None, [], left_out, {})
+    if not np.all(np.isfinite(attempt.solved.theta)):
+        status, message = ended(attempt, {})
+        return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
+    base = unknowns.base(stated_rig(scene))
+    sure = certainty(
+        attempt,
+        unknowns,
+        base,
+        asked,
+        lambda theta: at_bounds(unknowns, theta),
+        speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
+        seed=seed,
+        progress=progress,
+    )
+    if sure is None:
+        return Findings(
+            Status.SOLVER_FAILED,
+            underivable(attempt),
+            unknowns,
+            attempt,
+            None,
+            None,
+            [],
+            left_out,
+            {},
+        )
+    attempt = sure.attempt
+    theta = attempt.solved.theta
+    bounds: dict[str, str] = {}
+    for at in (theta, *(guess.theta(theta) for guess in attempt.solved.guesses)):
+        bounds = at_bounds(unknowns, at) | bounds
+    status, message = ended(attempt, bounds)
+    if status is Status.CONVERGED:
+        message = what_is_held(attempt.prepared, attempt.solved.guesses, sure.colours) or message
+    return Findings(
+        status,
+        message,
+        unknowns,
+        attempt,
+        sure.information,
+        sure.covariance,
+        sure.estimates,
+        left_out,
+        {} if sure.profiles is None else dict(sure.profiles.ends),
+        sure.discretisation,
+        sure,
+        _held(scene, sure) if described(as_it_ended(scene, unknowns, prepared, attempt)) else [],
+    )
+
+
+def _held(scene: Scene, sure: Certainty) -> list[Held]:
+    """The rig as stated, against the data."""
+    memory = slowness(sure.attempt, sure.colours)
+    theta = sure.attempt.solved.theta
+    return against_data(sure.information, theta, stated_rig(scene), memory, tolerances=scene.rig.tolerances)
