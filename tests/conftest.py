@@ -1,4 +1,7 @@
-"""Tests run in CasADi's virtual machine and leave no machine code behind; tests of machine code ask for it."""
+"""Tests run in CasADi's virtual machine and leave no machine code behind; tests of machine code ask for it.
+
+Those marked slow are whole fits of hard cases, some 10 to 50 s each: they run with --slow.
+"""
 
 import os
 
@@ -10,6 +13,17 @@ from pathlib import Path
 import pytest
 
 from identify.numerics import native
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--slow", action="store_true", help="also the tests that take 10 to 50 s each")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not config.getoption("--slow"):
+        for item in items:
+            if item.get_closest_marker("slow"):
+                item.add_marker(pytest.mark.skip(reason="takes 10 s and more: run with --slow"))
 
 
 @pytest.fixture

@@ -102,6 +102,7 @@ def _found(factor, **parameters):
     return found
 
 
+@pytest.mark.slow
 def test_a_log_of_another_pair_is_named_though_the_misfit_is_noise(monkeypatch):
     found = _found(OTHER)
     assert found.status is Status.MODEL_MISFIT

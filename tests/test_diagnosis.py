@@ -88,11 +88,13 @@ def test_a_wrong_mass_is_named_with_the_right_one(case):
     assert "[parameters]" in result["message"], "it says what to do"
 
 
+@pytest.mark.slow
 def test_a_wrong_stiffness_is_named_with_the_right_one(case):
     said = _diagnosed(_scene(RIG | {"stiffness": 1764.0}), [case.records[i] for i in LOGS])
     assert "a stiffness of 1470 N/m instead of 1760 N/m" in said
 
 
+@pytest.mark.slow
 def test_a_drive_that_is_slower_than_stated_is_named(case):
     scene = _scene(RIG)
     faster = tuple(replace(log, drive_speed=1.03 * log.drive_speed) for log in scene.logs)
@@ -103,6 +105,7 @@ def test_a_drive_that_is_slower_than_stated_is_named(case):
     assert told is not None and float(told[1]) == pytest.approx(1 / 1.03, abs=0.003)
 
 
+@pytest.mark.slow
 def test_a_lag_of_the_sensor_is_named():
     said = _diagnosed(_scene(RIG), _lagging(5e-3))
     assert "a lag of the force sensor of 5" in said or "of 4.9" in said

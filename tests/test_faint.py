@@ -109,6 +109,7 @@ def both_ways() -> tuple[tuple[list[Prepared], Unknowns], list[Attempt], Attempt
     return (prepared, replace(unknowns, start=start)), tried, given_back
 
 
+@pytest.mark.slow
 def test_slips_that_rest_by_a_hair_are_solved_both_ways() -> None:
     _, tried, both = both_ways()
     as_seen = tried[0]
@@ -120,6 +121,7 @@ def test_slips_that_rest_by_a_hair_are_solved_both_ways() -> None:
     assert both.excess < as_seen.excess - 20.0
 
 
+@pytest.mark.slow
 def test_a_solver_that_fails_on_such_a_rest_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
     # Whether it fails there, or comes to an end, is a matter of rounding: it differs from machine to machine.
     (prepared, unknowns), tried, both = both_ways()

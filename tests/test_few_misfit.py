@@ -16,6 +16,7 @@ from identify.search import search
 from identify.search.attempt import Clock, solve_from
 
 
+@pytest.mark.slow
 def test_first_slips_that_rest_otherwise_than_they_look_are_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     """After its first slip, which finds the oldest contact, the mass rests so briefly that the next slips look like
     parts of it: with an event too few there, not even the true parameters lead to an answer."""

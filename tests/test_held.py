@@ -61,6 +61,7 @@ def _chi_squared(found):
     return 2.0 * found.attempt.solved.solution.cost
 
 
+@pytest.mark.slow
 def test_a_wrong_rig_that_friction_absorbs_is_named(monkeypatch):
     """The misfit is noise; the slope of the cost along what was held tells. Truth from outside: a fit with it free."""
     name, factor = "mass", 1.05
@@ -119,6 +120,7 @@ def test_a_tolerance_that_the_data_contradict_is_told():
     assert said == pytest.approx([RIG["mass"]] * 2, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_effect_the_scene_lacks_is_named():
     """So small a misfit would pass as noise with a memory, but that the cycles have it in common."""
     scene = _scene()

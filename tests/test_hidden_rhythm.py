@@ -52,6 +52,7 @@ def searched() -> tuple[tuple[int, ...], dict[int, str]]:
     return found.logs, left_out
 
 
+@pytest.mark.slow
 def test_slips_of_two_samples_do_not_slide_and_their_log_says_how_to_sample_it(monkeypatch: pytest.MonkeyPatch) -> None:
     taken, left_out = searched()
     assert taken == (1,)

@@ -341,6 +341,7 @@ def _held_in_a_live_grip():
     return scene, Record(times, seen, force), pair | RIG
 
 
+@pytest.mark.slow
 def test_holds_in_a_live_grip_are_fitted():
     """Refused before: rests were followed under the slope that the load had when they began."""
     scene, record, truth = _held_in_a_live_grip()

@@ -127,7 +127,7 @@ def test_nothing_is_asked_for_where_all_is_identified(four_logs):
     assert next_logs(four_logs) is None
 
 
-@pytest.mark.parametrize(("free", "pair", "log"), [UNSEEN, TOO_SHORT])
+@pytest.mark.parametrize(("free", "pair", "log"), [pytest.param(*UNSEEN, marks=pytest.mark.slow), TOO_SHORT])
 def test_the_log_that_is_asked_for_tells_what_it_is_to_tell(free, pair, log):
     (name, *_) = free
     before = found_in(pair, free, [log])
@@ -141,6 +141,7 @@ def test_the_log_that_is_asked_for_tells_what_it_is_to_tell(free, pair, log):
     assert 0.5 * (told.upper - told.lower) / told.value < 1.2 * asked.tells[name]
 
 
+@pytest.mark.slow
 def test_another_log_like_the_first_would_not_have_told(unseen):
     free, pair, log = UNSEEN
     (asked,) = next_logs(unseen).logs
@@ -148,6 +149,7 @@ def test_another_log_like_the_first_would_not_have_told(unseen):
     assert estimate(found_in(pair, free, [log, log]), "a").verdict == "not identifiable"
 
 
+@pytest.mark.slow
 def test_a_log_of_many_cycles_is_asked_for_where_few_would_not_do(unseen, monkeypatch):
     (short,) = next_logs(unseen).logs
     monkeypatch.setattr(choosing, "_price", lambda *_: 40.0)

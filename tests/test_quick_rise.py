@@ -31,6 +31,7 @@ def test_the_fit_of_a_fast_log_begins_before_its_first_slip(number: int, monkeyp
     assert begun(number)[0].data.begin > onset
 
 
+@pytest.mark.slow
 def test_a_swing_that_dies_out_near_the_end_of_stick_slip_is_joined_as_the_course_it_is() -> None:
     """Pair 87: one slip at 20 mm/s, and a swing that is taken for thirteen more; the other logs tell the pair."""
     outcome = fit_case(Study(FIVE).case(87)[0], None, "data")

@@ -146,6 +146,7 @@ def test_the_derivatives_of_a_course_are_those_of_differences():
         assert (ahead.cost - behind.cost) / (2 * h) == pytest.approx(point.gradient @ way, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_sliding_sharpens_a_fit_and_one_at_another_speed_is_left_out():
     logs, unknowns = _prepared(_kind(SLOW, FAST, SLIDING), seed=2)
     (alone, _), (joined, left_out) = search.search(logs[:2], unknowns), search.search(logs, unknowns)

@@ -29,6 +29,7 @@ def wandering():
     return prepared, starts, truth, short
 
 
+@pytest.mark.slow
 def test_passes_that_go_no_farther_than_they_are_trusted_find_their_way_where_others_are_lost(wandering):
     prepared, starts, truth, short = wandering
     for found in short:
@@ -59,6 +60,7 @@ def test_trust_holds_parameters_and_events_and_tells_what_was_held_back(wanderin
     assert trust is None, "it does not go on for ever"
 
 
+@pytest.mark.slow
 def test_each_step_of_a_release_fits_better_and_the_priors_do_not_count_in_the_end(wandering):
     prepared, starts, _, (in_short_passes, *_) = wandering
     held = solve_from(prepared, usable(prepared), starts[0], Clock(), SLOWLY[0])

@@ -76,6 +76,7 @@ OTHER = {
 OTHER_RIG = {"mass": 0.249494, "stiffness": 1657.54, "damping": 100.464}
 
 
+@pytest.mark.slow
 def test_of_two_sequences_that_agree_with_their_answers_the_better_one_is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -115,6 +115,7 @@ def test_what_bends_the_sticks_is_fitted(effect, name, value):
     assert values["mu_s"] == pytest.approx(0.62, abs=3e-3)
 
 
+@pytest.mark.slow
 def test_the_error_of_the_steps_is_what_finer_steps_change():
     found = _found(MAIN, _logs(MAIN, {"a": 900.0, "delta_mu_k": -0.14}))
     solved, unknowns = found.attempt.solved, found.unknowns

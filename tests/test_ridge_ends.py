@@ -51,6 +51,7 @@ def _along(unknowns, factor):
     return away
 
 
+@pytest.mark.slow
 def test_a_better_course_is_found_from_the_ends_of_the_ridge(pair, monkeypatch):
     unknowns, truth, answer = pair
     neighbour, right = answer(WRONG), answer({})
@@ -103,6 +104,7 @@ WEAKENING = {"mu_s": 0.47084, "mu_k0": 0.48411, "delta_mu_k": -0.339895, "a": 21
 BESIDE = (0.0, 1e-6, 1e-4, 1e-5, -1e-5, 2e-4, -2e-4, 3e-4)
 
 
+@pytest.mark.slow
 def test_a_contact_that_weakens_at_rest_is_tried_with_one_that_strengthens():
     """Slips of six samples. Settled, which takes the search more than one start, an answer whose static friction is
     below its kinetic one is 48 in chi^2 above the right one, passes the gate and calls mu_k0 = 0.4841 identified."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import pytest
 
 from experiments.run_effect_selection import NOISE, RIG, draw
 from experiments.study_problem import DEMO, scene_of, simulated_case
@@ -33,6 +34,7 @@ def _first() -> Fitted:
     return fit_model(scene, records, thorough=False)
 
 
+@pytest.mark.slow
 def test_other_starts_lead_to_the_answer_that_the_first_one_misses():
     _, truth, _, _ = draw(VIBRATING)
     first = _first()

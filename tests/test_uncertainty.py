@@ -12,7 +12,7 @@ from identify.preparation.guess import Grid
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.shooting import transcribe
 from identify.uncertainty.hints import _shape
-from identify.uncertainty.uncertainty import Interval, estimates, information
+from identify.uncertainty.uncertainty import Interval, estimates, information, inverse
 
 SMALL = Grid(slip=4, saturated=4, steps=3)
 QUIET = 0.1  # noise so small that the fit is linear in it
@@ -234,3 +234,12 @@ def test_slips_that_are_nearly_resolved_ask_for_another_speed_as_well():
         "add a faster log, or more cycles"
     )
     assert "add a log at 1 mm/s or more" in asks(13.0, [1e-4])
+
+
+def test_what_holds_nothing_at_all_has_a_huge_variance_and_no_warning():
+    with np.errstate(all="raise"):
+        nothing = inverse(np.zeros((3, 3)))
+        half = inverse(np.diag([4.0, 0.0]))
+    assert np.all(np.isfinite(nothing)) and np.min(np.diag(nothing)) > 1e20
+    np.testing.assert_allclose(half[0], [0.25, 0.0], rtol=1e-12)
+    assert half[1, 1] > 1e20

@@ -79,6 +79,7 @@ def test_a_profile_hands_back_the_lowest_point_from_which_it_began(pair):
     np.testing.assert_allclose((found["early"].better.theta - right.solved.theta)[unknowns.free] / sizes, 0.0, atol=0.3)
 
 
+@pytest.mark.slow
 def test_an_answer_that_stopped_too_early_is_moved_to_the_lowest_point(pair):
     right, early, unknowns, covariance = pair
     sure = _sure(early, unknowns)
@@ -121,7 +122,7 @@ VALLEY = {
 
 
 @pytest.fixture(scope="module")
-def doubled():
+def astray():
     """An in-vivo twin at 50 Hz, and an answer whose contact ages on and on, which describes it nearly as well."""
     made = in_vivo.twin(32)
     prepared, unknowns = _prepared(*parted(*with_records(made.scene(all_known=False), made.records(50.0))))
@@ -129,6 +130,13 @@ def doubled():
     start = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
     wrong = solve_from(prepared, [0, 1], replace(unknowns, start=start), Clock())
     assert wrong.gate.status is Status.CONVERGED, "it passes the gate"
+    return made, wrong, unknowns
+
+
+@pytest.fixture(scope="module")
+def doubled(astray):
+    """The same, and the valleys about it."""
+    made, wrong, unknowns = astray
     return made, wrong, unknowns, other_valleys(wrong, unknowns, 0, noise_of(wrong))
 
 
@@ -138,6 +146,7 @@ def _off(theta, made, unknowns, name):
     return abs(value / made.truth[name] - 1.0)
 
 
+@pytest.mark.slow
 def test_a_start_thrown_about_the_datas_own_start_ends_in_the_other_valley(doubled):
     made, wrong, unknowns, valleys = doubled
     assert _off(wrong.solved.theta, made, unknowns, "t_cr") > 2.0
@@ -147,6 +156,7 @@ def test_a_start_thrown_about_the_datas_own_start_ends_in_the_other_valley(doubl
     )
 
 
+@pytest.mark.slow
 def test_other_valleys_are_of_the_same_samples_and_inside_the_joint_region_the_lowest_first(doubled):
     _, wrong, unknowns, valleys = doubled
     costs = [valley.solved.solution.cost for valley in valleys]
@@ -157,8 +167,8 @@ def test_other_valleys_are_of_the_same_samples_and_inside_the_joint_region_the_l
         assert valley.solved.problem.samples == wrong.solved.problem.samples
 
 
-def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(doubled, monkeypatch):
-    _, wrong, unknowns, _ = doubled
+def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(astray, monkeypatch):
+    _, wrong, unknowns = astray
 
     def at(cost):
         solved = wrong.solved
@@ -176,8 +186,8 @@ def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(doubled, mo
     )
 
 
-def test_where_noise_has_a_memory_a_valley_counts_that_white_noise_would_object_to(doubled):
-    _, wrong, unknowns, _ = doubled
+def test_where_noise_has_a_memory_a_valley_counts_that_white_noise_would_object_to(astray):
+    _, wrong, unknowns = astray
     limit = float(chi2.ppf(0.95, np.count_nonzero(unknowns.free)))
     weights = tuple(log.data.weight for log in wrong.prepared)
     curves = wrong.solved.fitted
@@ -192,6 +202,7 @@ def test_where_noise_has_a_memory_a_valley_counts_that_white_noise_would_object_
     assert within(wrong, other, unknowns, slow)
 
 
+@pytest.mark.slow
 def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     made, wrong, unknowns, found = doubled
     i, truth = unknowns.names.index("mu_k0"), made.truth["mu_k0"]
@@ -207,8 +218,8 @@ def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     assert ends[1][1] > wrong.solved.theta[i], "and holds the answer still"
 
 
-def test_a_place_on_a_ridge_without_end_counts_and_takes_nobodys_place(doubled, monkeypatch):
-    _, wrong, unknowns, _ = doubled
+def test_a_place_on_a_ridge_without_end_counts_and_takes_nobodys_place(astray, monkeypatch):
+    _, wrong, unknowns = astray
     solution = replace(wrong.solved.solution, cost=wrong.solved.solution.cost - 1.0, success=False)
     gate = replace(wrong.gate, status=Status.SOLVER_FAILED, solver="Maximum_Iterations_Exceeded")
     crept = replace(wrong, solved=replace(wrong.solved, solution=solution), gate=gate)

@@ -115,6 +115,7 @@ def test_nothing_is_moved_where_nothing_vibrates():
     assert assemble(MAIN).waves.numel_out(0) == 0
 
 
+@pytest.mark.slow
 def test_a_solve_that_ends_with_a_late_slip_goes_on_from_where_it_begins(monkeypatch):
     unknowns, log, *_ = _case()
     unknowns = replace(unknowns, start=_solved().theta)

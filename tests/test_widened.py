@@ -66,6 +66,7 @@ def test_likely_points_are_held_as_values_too():
     np.testing.assert_allclose(straight, covariance, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_standard_errors_times_correlations_of_a_result_are_its_covariance():
     # a follows a bent ridge: with half its interval as standard error the truth was at a distance of 5000.
     case, _, _ = Study("wide").case(53)

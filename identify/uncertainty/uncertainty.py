@@ -118,7 +118,7 @@ def inverse(matrix: Array) -> Array:
     # A parameter without any information: a variance large enough to say so and small enough to compute with.
     scale = 1.0 / np.sqrt(np.maximum(diagonal, max(1e-24 * float(np.max(diagonal)), 1e-24)))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    floor = 1e-13 * float(values[-1])
+    floor = 1e-13 * max(float(values[-1]), 1.0)  # the largest is 1 and more, but of a matrix that holds nothing
     scaled = vectors @ np.diag(1.0 / np.maximum(values, floor)) @ vectors.T
     return np.asarray(scaled * np.outer(scale, scale))
 
