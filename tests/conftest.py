@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from identify.numerics import native
+from identify.search import search, starts
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -40,3 +41,12 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
     native.wait()
     for function in known:
         function.cache_clear()
+
+
+@pytest.fixture
+def one_try(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that gives up after its first start: for what has no answer, the others only take time."""
+    monkeypatch.setattr(starts, "RANDOM", ())
+    monkeypatch.setattr(search, "DRAWN", 0)
+    monkeypatch.setattr(search, "ATTEMPTS", 1)
+    monkeypatch.setattr(search, "_by_other_means", lambda best, *_: best)

@@ -72,7 +72,7 @@ def _diagnosed(scene, records):
     return cause.sentence
 
 
-def test_a_wrong_mass_is_named_with_the_right_one(case):
+def test_a_wrong_mass_is_named_with_the_right_one(case, one_try):
     made = fit(_scene(RIG | {"mass": 0.3}, ALONE), [case.records[i] for i in ALONE])
     result = check_document(made.result)
     assert result["status"] == "model_misfit"
@@ -231,7 +231,7 @@ def test_a_log_that_a_better_answer_describes_is_not_said_to_be_left_out(case, m
     assert not any("left out" in note for note in result["notes"])
 
 
-def test_a_hidden_slip_is_not_blamed_on_the_rig(case):
+def test_a_hidden_slip_is_not_blamed_on_the_rig(case, one_try):
     records = [case.records[i] for i in ALONE]
     time, force = records[0].time, records[0].friction_force.copy()
     inside = (time > 1.0) & (time < 1.35)

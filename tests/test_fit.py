@@ -16,13 +16,13 @@ from data_io import Record
 from experiments.run_paper_test import DESIGNS, identify
 from experiments.run_recovery_study import FIVE, Study, fit_case
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
-from identify import Scene, answering, fit
+from identify import Scene, fit
 from identify.effects import MAIN
 from identify.errors import FitError
 from identify.examples import FOLDER
 from identify.identification import find
 from identify.outcome import Status
-from identify.search import search, starts
+from identify.search import search
 
 MIDDLE = (1, 2, 3)  # the logs at 0.1, 1 and 5 mm/s of the study's problem: the slow one takes longest to read
 
@@ -46,14 +46,6 @@ def _scene(logs, rig=RIG, **more):
 
 def _records(case, logs):
     return [case.records[i] for i in logs]
-
-
-@pytest.fixture
-def one_try(monkeypatch):
-    """A search that gives up after its first start: for what has no answer, the others only take time."""
-    monkeypatch.setattr(starts, "RANDOM", ())
-    monkeypatch.setattr(search, "DRAWN", 0)
-    monkeypatch.setattr(search, "ATTEMPTS", 1)
 
 
 def test_the_example_pair_is_found(demo):
@@ -152,9 +144,8 @@ def _cut(record, begin, end):
     return Record(np.arange(count) * step, record.normal_force[keep], record.friction_force[keep])
 
 
-def test_a_deleted_slip_is_noticed(case, one_try, monkeypatch):
-    """One that is flattened, and what else could explain it: tests/test_diagnosis.py."""
-    monkeypatch.setattr(answering, "looked_into", lambda findings, *_: (findings, None))
+def test_a_deleted_slip_is_noticed(case, one_try):
+    """One that is flattened: tests/test_diagnosis.py."""
     truth = oracle.simulate(DEMO | RIG, SPEEDS[2][0], 1.0, 2.5)
     begin, end = truth.onsets[5] - 0.02, truth.arrests[5] + 0.02
     records = [_cut(case.records[2], begin, end), case.records[3]]
