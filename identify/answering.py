@@ -37,7 +37,7 @@ ANSWERS = 3  # of one model, each better than the one before, that are looked in
 
 
 @dataclass(frozen=True)
-class Question:
+class Task:
     """What is to be answered: a scene, its records and logs, what is searched, what was asked beside the answer, and
     the seed of all that is drawn by lot."""
 
@@ -49,20 +49,19 @@ class Question:
     seed: int
 
 
-def answered(question: Question, sources: Sources, clock: Clock, progress: Progress) -> Answer:
+def answered(task: Task, sources: Sources, clock: Clock, progress: Progress) -> Answer:
     """The logs as they are followed, and what was found of them. Start values that lead to no answer of all logs do not
     stand in the way of one that the data lead to."""
-    own = _answered(question, sources, clock, progress)
-    if sources != "user" or _falls_short(own) == _WHOLE:
+    own = _answered(task, sources, clock, progress)
+    lacking = _falls_short(own)
+    if sources != "user" or not any(lacking):
         return own
-    logs, findings = _answered(question, "data", clock, progress)
-    if _falls_short((logs, findings)) >= _falls_short(own):
+    other = _answered(task, "data", clock, progress)
+    if _falls_short(other) >= lacking:
         return own
+    logs, findings = other
     unused = "from the data, since the start values led to no answer of all logs"
     return logs, replace(findings, message=f"{findings.message}; {unused}")
-
-
-_WHOLE = (False, 0)
 
 
 def _falls_short(answer: Answer) -> tuple[bool, int]:
@@ -72,9 +71,9 @@ def _falls_short(answer: Answer) -> tuple[bool, int]:
     return findings.status is not Status.CONVERGED, len(able & set(findings.left_out))
 
 
-def _answered(question: Question, sources: Sources, clock: Clock, progress: Progress) -> Answer:
+def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) -> Answer:
     """What a search from these starts ends in, looked into."""
-    scene, prepared, unknowns, seed = question.scene, question.prepared, question.unknowns, question.seed
+    prepared, unknowns, seed = task.prepared, task.unknowns, task.seed
 
     def searched(logs: list[Prepared], last: bool) -> _Searched:
         found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
@@ -89,8 +88,8 @@ def _answered(question: Question, sources: Sources, clock: Clock, progress: Prog
     since = time.perf_counter()
     progress("intervals", 0.9)
     for _ in range(ANSWERS):
-        findings = _findings(scene, prepared, unknowns, attempt, left_out, progress, question.asked, seed)
-        findings, better = looked_into(findings, scene, question.read, prepared, progress)
+        findings = _findings(task, prepared, attempt, left_out, progress)
+        findings, better = looked_into(findings, task.scene, task.read, prepared, progress)
         if better is None:
             break
         attempt = disowned(better, prepared, plenty(prepared))
@@ -119,16 +118,10 @@ def _by_way_of_calm(
 
 
 def _findings(
-    scene: Scene,
-    prepared: list[Prepared],
-    unknowns: Unknowns,
-    attempt: Attempt | None,
-    left_out: dict[int, str],
-    progress: Progress,
-    asked: Asked,
-    seed: int,
+    task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str], progress: Progress
 ) -> Findings:
-    """Status, estimates and what else the result document is made of."""
+    """Status, estimates and what else the result document is made of; the logs as they are followed."""
+    scene, unknowns = task.scene, task.unknowns
     if attempt is None:
         status, message = untried(prepared, left_out)
         return Findings(status, message, unknowns, None, None, None, [], left_out, {})
@@ -140,24 +133,14 @@ def _findings(
         attempt,
         unknowns,
         base,
-        asked,
+        task.asked,
         lambda theta: at_bounds(unknowns, theta),
         speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
-        seed=seed,
+        seed=task.seed,
         progress=progress,
     )
     if sure is None:
-        return Findings(
-            Status.SOLVER_FAILED,
-            underivable(attempt),
-            unknowns,
-            attempt,
-            None,
-            None,
-            [],
-            left_out,
-            {},
-        )
+        return Findings(Status.SOLVER_FAILED, underivable(attempt), unknowns, attempt, None, None, [], left_out, {})
     attempt = sure.attempt
     theta = attempt.solved.theta
     bounds: dict[str, str] = {}

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.answering import Question, answered
+from identify.answering import Task, answered
 from identify.asked import NOTHING_MORE, Asked
 from identify.diagnosis.findings import Findings
 from identify.effect_choice.choice import Choice
@@ -132,8 +132,8 @@ def find(
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
-    question = Question(scene, read, prepared, unknowns, asked, seed)
-    return answered(question, starts or _default_starts(scene), clock, progress)
+    task = Task(scene, read, prepared, unknowns, asked, seed)
+    return answered(task, starts or _default_starts(scene), clock, progress)
 
 
 def _default_starts(scene: Scene) -> Sources:

@@ -21,7 +21,7 @@ from identify.scene import Scene
 from identify.search.attempt import Attempt, Clock, solve_from
 from identify.search.grouped import search_grouped
 from identify.search.status_words import ended, untried
-from identify.telling import to_nobody
+from identify.telling import Progress, to_nobody
 
 UNUSED = "since the start values led to no answer of all logs"
 Search = Callable[..., tuple[Attempt | None, dict[int, str]]]
@@ -38,16 +38,11 @@ def of_one_log(prepared: list[Prepared], unknowns: Unknowns, **_named: Any) -> t
 
 
 def as_it_ended(
-    _scene: Scene,
-    prepared: list[Prepared],
-    unknowns: Unknowns,
-    attempt: Attempt | None,
-    left_out: dict[int, str],
-    *_: Any,
+    task: answering.Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str], _told: Progress
 ) -> Findings:
     """What a search ended in; how sure it is plays no part here."""
     status, message = untried(prepared, left_out) if attempt is None else ended(attempt, {})
-    return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
+    return Findings(status, message, task.unknowns, attempt, None, None, [], left_out, {})
 
 
 def found(
