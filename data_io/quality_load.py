@@ -37,7 +37,7 @@ def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds
         text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
         return Load(level, 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
     drift, ripple = _course(thinned(time), thinned(normal), level)
-    load = Load(level, drift, ripple, float(np.mean(normal < UNLOADED * level)))
+    load = Load(level, drift, ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
     notes = []
     if np.ptp(normal) > 0:
         notes += clipping("normal force", normal, limits)[1]

@@ -59,11 +59,10 @@ def look_at_friction(record: Record, used: npt.NDArray[np.bool_], limits: Thresh
 def clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, list[Finding]]:
     """Return how many rows stand at an end of the sensor, and a finding for each end."""
     notes, total = [], 0
-    for end, values in (("highest", force), ("lowest", -force)):
-        rows = _clipped_rows(values)
+    for end, level in (("highest", float(force.max())), ("lowest", float(force.min()))):
+        rows = _clipped_rows(force, level)
         total += rows
         if severity := limits.severity("clipped_rows", rows / force.size):
-            level = float(force.max() if end == "highest" else force.min())
             text = (
                 f"the {name} stays at its {end} value {level:.4g} N in {rows} rows: the sensor was at its end; use a "
                 "larger measuring range"
@@ -72,30 +71,29 @@ def clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, lis
     return total, notes
 
 
-def _clipped_rows(values: FloatArray) -> int:
-    """Return how many rows stand at the largest value if that looks like a sensor at its end, else 0."""
-    high = float(values.max())
-    at_end = values == high
+def _clipped_rows(values: FloatArray, level: float) -> int:
+    """Return how many rows stand at the level, an extreme value, if that looks like a sensor at its end, else 0."""
+    at_end = values == level
     count = int(np.count_nonzero(at_end))
     if count < _CLIPPED_RUN or longest_run(at_end) < _CLIPPED_RUN:
         return 0
-    below, counts = np.unique(values[(values < high) & (values > high - 0.1 * np.ptp(values))], return_counts=True)
-    if below.size < 2:
-        below, counts = np.unique(values[~at_end], return_counts=True)
-    if below.size < 2:
+    off = np.abs(values - level)
+    before, counts = np.unique(off[(off > 0.0) & (off < 0.1 * np.ptp(values))], return_counts=True)
+    if before.size < 2:
+        before, counts = np.unique(off[~at_end], return_counts=True)
+    if before.size < 2:
         return 0
-    usual = max(float(np.mean(counts[-5:])), 1.0)
+    usual = max(float(np.mean(counts[:5])), 1.0)
     return count if count > _CLIPPED_EXCESS * usual else 0
 
 
 def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> float:
     """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards."""
     pair = used[1:] & used[:-1]
-    friction = np.abs(np.diff(record.friction_force))
-    same = pair & (friction == 0)
+    same = pair & (record.friction_force[1:] == record.friction_force[:-1])
     if not same.any():
         return 0.0
-    moved = friction[pair & (friction > 0)]
+    moved = np.abs(np.diff(record.friction_force))[pair & ~same]
     if moved.size == 0 or float(np.median(moved)) <= _BIG_STEP * step:
         return 0.0
     if np.ptp(record.normal_force[used]) > 0:

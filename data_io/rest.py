@@ -7,7 +7,7 @@ import numpy as np
 
 from data_io.frozen import FloatArray
 from data_io.record import Record
-from data_io.thinned import kept, thinned_steps
+from data_io.thinned import kept, thinned, thinned_steps
 
 FEWEST: Final = 20
 """Rows of a rest that is worth a word."""
@@ -75,7 +75,7 @@ def find_rests(record: Record, friction: FloatArray) -> Rests:
     before = after = None
     if FEWEST <= head < _SHARE * force.size:
         level = float(np.mean(force[: int(_SHARE * head)]))
-        if abs(level) < _LOW * float(np.median(np.abs(force[head:]))):
+        if abs(level) < _LOW * float(np.median(np.abs(thinned(force[head:])))):
             before = Rest(0, int(np.flatnonzero(finite)[head - 1]) + 1, level, told=False)
     if (
         max(5 * FEWEST, _LEAST * force.size) <= tail < _SHARE * force.size

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.uncertainty.coloured import Colour, _correlation, colour, coloured_covariance
+from identify.uncertainty import coloured
+from identify.uncertainty.coloured import Colour, _asked, _correlation, colour, coloured_covariance
 
 
 def _process(random, n, regression):
@@ -55,8 +56,27 @@ def test_covariance_is_that_of_repeated_draws():
 
 @pytest.mark.parametrize("portion", [1, 7, 300, 1000, 5000])
 def test_correlation_in_portions_is_that_of_the_whole(portion, monkeypatch):
-    monkeypatch.setattr("identify.uncertainty.coloured.PORTION", portion)
+    monkeypatch.setattr(coloured, "PORTION", portion)
+    monkeypatch.setattr(coloured, "MOST_PORTIONS", 1000)
     residual = _process(np.random.default_rng(6), 1000, [0.8])
     whole = [residual[: 1000 - lag] @ residual[lag:] for lag in range(25)]
-    found = _correlation(residual, np.ones(1000, bool), 24)
+    found = _correlation(residual, np.ones(1000, bool), _asked(1000), 24)
     np.testing.assert_allclose(found, np.array(whole) / whole[0], rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("regression", [[], [0.8]])
+def test_a_long_log_is_asked_from_all_over_it(regression):
+    samples = 1_000_000
+    asked = _asked(samples)
+    assert len(asked) == coloured.MOST_PORTIONS
+    assert asked[0].start == 0
+    assert asked[-1].stop >= samples > asked[-1].start
+    found = colour(_process(np.random.default_rng(7), samples, regression))
+    assert found.memory == pytest.approx(9.0 if regression else 1.0, rel=0.08)  # (1 + 0.8) / (1 - 0.8)
+
+
+def test_noise_that_is_coloured_in_one_half_of_a_long_log_is_coloured():
+    random = np.random.default_rng(8)
+    halves = [random.standard_normal(500_000), 0.6 * _process(random, 500_000, [0.8])]
+    for residual in (np.concatenate(halves), np.concatenate(halves[::-1])):
+        assert colour(residual).memory == pytest.approx(5.0, rel=0.2)  # the mean of 1 and 9

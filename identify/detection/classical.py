@@ -20,6 +20,7 @@ Figures = dict[str, float | int | None]
 Reasons = dict[str, str]
 
 FEWEST_ROWS = 20
+STEPS = 32  # of the normal force within the width over which it is averaged, at least
 
 DEFINITIONS: Mapping[str, str] = {
     "mean_coefficient": "friction force over normal force, mean over time from the first breakaway on",
@@ -98,7 +99,8 @@ def _row(
 ) -> tuple[Figures, Reasons]:
     rows = slice(stroke.start, stroke.stop)
     time, load = record.time[rows], record.normal_force[rows]
-    force = stroke.direction * (record.friction_force[rows] - tare)
+    force = record.friction_force[rows] - tare if tare else record.friction_force[rows]
+    force = -force if stroke.direction < 0 else force
     if segmentation is None or segmentation.phase.size != time.size:
         segmentation = segment(time, force, half_period=half_period)
     good = np.isfinite(force) & np.isfinite(load) & ~segmentation.spikes
@@ -154,18 +156,17 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
     if float(np.median(thinned(kept(part.load, part.good)))) <= 0.0:
         return told, dict.fromkeys(keys, "the normal force is not positive: no coefficient of friction")
     cycles, phase = part.found.cycles, part.found.phase
-    load = smooth(part.load, max(5, part.load.size // 200) | 1)
-    load = np.where(load > 0, load, np.nan)
+    load = _steady(part.load)
+    load = load if load.min() > 0 else np.where(load > 0, load, np.nan)
     coefficient, loaded = part.force / load, _begins_loading(part)
     begin = int(np.searchsorted(part.time, cycles.onset[0])) if cycles.count else _end_of_first_stick(phase)
-    moving = part.good.copy()
-    moving[: begin if loaded else 0] = False
+    moving = slice(begin if loaded else 0, None)
     peaks = cycles.onset_force / np.interp(cycles.onset, part.time, load)
     middles = cycles.middle / np.interp(cycles.fall, part.time, load)
     breakaway = (float(peaks[0]) if cycles.count else _first_peak(part, load, begin)) if loaded else None
-    _put(told, "mean_coefficient", coefficient[moving])
+    _put(told, "mean_coefficient", kept(coefficient[moving], part.good[moving]))
     _put(told, "static_peak_coefficient", peaks[1:] if loaded else peaks)
-    _put(told, "sliding_mean_coefficient", coefficient[moving & (phase == SLIDING)])
+    _put(told, "sliding_mean_coefficient", coefficient[moving][part.good[moving] & (phase[moving] == SLIDING)])
     told["first_breakaway_coefficient"] = breakaway
     if cycles.count:
         _put(told, "kinetic_mean_coefficient", middles)
@@ -173,6 +174,15 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
         told["kinetic_mean_coefficient"] = told["sliding_mean_coefficient"]
         told["kinetic_mean_coefficient_sd"] = told["sliding_mean_coefficient_sd"]
     return told, _coefficient_reasons(cycles)
+
+
+def _steady(load: Array) -> Array:
+    """The normal force (n,) without its noise [N]: averaged over a two-hundredth of the record, a long one in steps."""
+    width = max(5, load.size // 200)
+    step = max(width // STEPS, 1)
+    blocks = load[: load.size // step * step].reshape(-1, step).mean(axis=1)
+    slow = np.repeat(smooth(blocks, width // step | 1), step)
+    return np.concatenate([slow, np.full(load.size - slow.size, slow[-1])]) if slow.size < load.size else slow
 
 
 def _coefficient_reasons(cycles: Cycles) -> Reasons:

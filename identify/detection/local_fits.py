@@ -7,6 +7,7 @@ from functools import lru_cache
 from math import sqrt
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from identify.numerics.quantiles import chi_square
@@ -139,9 +140,10 @@ def _remembered(force: Array, sticks: list[tuple[int, int]], found: float) -> fl
 def _about_lines(force: Array, index: NDArray[np.int64], length: int, degree: int) -> float | None:
     """Sd of the force about curves of a degree through blocks of a length that begin at `index` (b,) [N]."""
     index = index[:: max(1, index.size // MOST_BLOCKS)]
-    blocks = force[index[:, None] + np.arange(length)]
+    blocks = sliding_window_view(force, length)[index]
     basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), degree + 1))[0]
-    squares = ((blocks - (blocks @ basis) @ basis.T) ** 2).sum(axis=1)
+    blocks -= (blocks @ basis) @ basis.T
+    squares = np.einsum("ij,ij->i", blocks, blocks)
     free = length - degree - 1
     usual = float(np.median(squares)) / (1.0 - 2.0 / (9.0 * free)) ** 3
     # White noise exceeds the limit once in 5000 blocks, whatever their length.

@@ -107,16 +107,19 @@ def spikes(force: Array, noise: float) -> Mask:
 def _spikes_above(force: Array, limit: float) -> Mask:
     """Spikes that leave their surroundings by more than the limit; one removed may uncover its neighbour."""
     marked, clean = np.zeros(force.size, dtype=bool), force
-    jump = _jumps(clean, limit)
+    jump, looked = _jumps(clean, limit), 0
     for length in SPIKE_LENGTHS * SPIKE_PASSES:
+        if looked == len(SPIKE_LENGTHS):  # without a spike: so would be every further look
+            break
         first = _candidates(jump, clean, length)
         found = first[_stands_out(clean, first, length, limit)] if first.size else first
+        looked += 1
         if found.size == 0:
             continue
         for k in range(length):
             marked[found + k] = True
         clean = bridged(clean, marked)
-        jump = _jumps(clean, limit)
+        jump, looked = _jumps(clean, limit), 0
     return marked
 
 

@@ -61,17 +61,19 @@ def smooth(force: Array, width: int) -> Array:
     width = min(width, force.size if force.size % 2 else force.size - 1)
     if width < 3:
         return force
-    inner = running_means(force, width)
-    return np.concatenate((np.full(width // 2, inner[0]), inner, np.full(width // 2, inner[-1])))
+    out, half = np.empty(force.size), width // 2
+    inner = running_means(force, width, out[half : force.size - half])
+    out[:half], out[force.size - half :] = inner[0], inner[-1]
+    return out
 
 
-def running_means(values: Array, width: int) -> Array:
-    """Means of every `width` neighbours of values (n,), shape (n - width + 1,).
+def running_means(values: Array, width: int, means: Array | None = None) -> Array:
+    """Means of every `width` neighbours of values (n,), shape (n - width + 1,); written to `means` where it is given.
 
     Put together of sums of 1, 2, 4, ... neighbours: faster than differences of a running total, which a processor can
     only add up one by one, and not rounded by what came long before.
     """
-    means, portion = np.empty(values.size - width + 1), max(PORTION, 4 * width)
+    means, portion = np.empty(values.size - width + 1) if means is None else means, max(PORTION, 4 * width)
     for first in range(0, means.size, portion):
         part = means[first : first + portion]
         _sum_neighbours(values[first : first + part.size + width - 1], width, part)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.correct import Corrections, correct
+from data_io.thinned import kept, thinned_steps
 from identify.errors import FitError
 from identify.scene.values import LogEntry
 
@@ -50,17 +51,18 @@ class _Used:
 
     @staticmethod
     def of(entry: LogEntry, record: Record) -> _Used:
-        kept = correct(record, Corrections(window=entry.window, exclude=entry.exclude)).used
-        kept = kept & np.isfinite(record.friction_force)
+        used = correct(record, Corrections(window=entry.window, exclude=entry.exclude)).used
+        used = used & np.isfinite(record.friction_force)
         begin = float(record.metadata.get("file_time_start", 0.0))
-        return _Used(record.time[kept] + begin, record.friction_force[kept])
+        time = kept(record.time, used)
+        return _Used(time + begin if begin else time, kept(record.friction_force, used))
 
 
 def _shared(one: _Used, other: _Used) -> Array:
     """The times [s] of the samples that both have; none where a single one of the same time differs."""
     if min(one.time.size, other.time.size) <= FEW:
         return np.empty(0)
-    near = SAME_TIME * float(np.median(np.diff(other.time)))
+    near = SAME_TIME * float(np.median(thinned_steps(other.time)))
     first, last = np.searchsorted(one.time, [other.time[0] - near, other.time[-1] + near])
     for rows in (slice(first, last, max((last - first) // LOOKED_AT, 1)), slice(first, last)):
         time, force = one.time[rows], one.force[rows]

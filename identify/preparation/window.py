@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import thinned_steps
+from data_io.thinned import kept, thinned_steps
 from identify.detection.segment import STICK, Segmentation
 from identify.detection.zigzag import running_means
 from identify.motion.drive import Drive
@@ -68,24 +68,27 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     first, last = np.searchsorted(time, [begin, onset])
     t, f = time[first:last], force[first:last]
     good = np.isfinite(f)
-    t, f = t[good], f[good]
+    t, f = kept(t, good), kept(f, good)
     if t.size < 12:
         return begin
     # The upper part of the rise, by force and not by time: however long the machine waited before it.
     width = max(min(t.size // 10, 25), 1)
     flat = running_means(f, width)
     low, high = float(np.min(flat)), float(np.max(flat))
-    below = [int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE]
-    late = slice(below[0], max(below[1], below[0] + 3))
+    lower, upper = (int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE)
+    late = slice(lower, max(upper, lower + 3))
     middle, height = float(np.mean(t[late])), float(np.mean(f[late]))
     slope = float((t[late] - middle) @ (f[late] - height)) / max(float(np.sum((t[late] - middle) ** 2)), 1e-300)
-    off = running_means(f - height - slope * (t - middle), width)
-    centre = t[width // 2 : width // 2 + off.size]
+    centre = t[width // 2 : lower]  # of the windows before the late stretch
+    if centre.size == 0:
+        return begin
+    early = slice(0, centre.size + width - 1)
+    off = running_means(f[early] - height - slope * (t[early] - middle), width)
     # The line itself is uncertain where it is extrapolated: twice the late stretch away, about three times as much.
     n = max(late.stop - late.start, 3)
-    reach = np.abs(centre - np.mean(t[late])) / max(np.std(t[late]), 1e-300)
+    reach = (middle - centre) / max(float(np.std(t[late])), 1e-300)
     sd = noise * np.sqrt(1.0 / width + (1.0 + reach**2) / n)
-    wrong = np.flatnonzero((np.abs(off) > ONSET_MARGIN * sd) & (centre < t[late][0]))
+    wrong = np.flatnonzero(np.abs(off) > ONSET_MARGIN * sd)
     if wrong.size == 0:
         return begin
     # Where the difference was last seen it had become small, not nought: a little of the line is left out as well.

@@ -73,8 +73,11 @@ def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
         sums = sums[:-half] + sums[half:]
         if width > OVERLAP * step:
             sums, step = sums[::2], 2 * step
-        low, high = np.quantile(thinned(sums, ENOUGH), (0.25, 0.75)) / np.sqrt(width)
-        spread = max(1.0, 0.5 * float(high - low) / QUARTILE)
+        few = thinned(sums, ENOUGH)
+        quarter = few.size // 4
+        ordered = np.partition(few, (quarter, few.size - 1 - quarter))
+        span = float(ordered[few.size - 1 - quarter] - ordered[quarter])  # np.quantile takes four times as long
+        spread = max(1.0, 0.5 * span / np.sqrt(width) / QUARTILE)
         ends = (int(np.argmin(sums)), int(np.argmax(sums)))
         about = step * max(ends, key=lambda end: abs(float(sums[end])))
         begin = max(about - step + 1, 0)

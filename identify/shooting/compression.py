@@ -18,6 +18,7 @@ from identify.shooting.layout import Family, Indices
 Array = NDArray[np.float64]
 
 PORTION = 1 << 15  # samples worked on at once: few enough to stay in cache
+LINE = 2  # coefficients of a line
 
 
 @dataclass(frozen=True)
@@ -108,35 +109,41 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
 
 
 def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Moments:
-    """The samples in the cells of a family, compressed around a curve (B, cells, order)."""
+    """The samples in the cells of a family, compressed around a curve (B, cells, order).
+
+    Sample by sample only the line that the curve begins with is taken off, which leaves residuals small enough for
+    their squares to be exact; the rest of it moves the sums.
+    """
     order, n_cells, count = family.block.order, family.block.n_cells, family.slots.shape[0]
     n = count * n_cells
     powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
     square, number = np.zeros(n), np.zeros(n)
-    curve = reference.reshape(n, order)
+    line = np.where(np.arange(order) < LINE, reference, 0.0)
+    beginning = line.reshape(n, order)[:, :LINE]
     for held in samples_of(family, logs):
         log, cells, u = logs[held.log], held.cells, held.u
         weight, force = log.weight[held.samples], log.force[held.samples]
         first = np.cumsum(held.lengths) - held.lengths
-        r = force - held.of_curve(curve)
+        r = force - held.of_curve(beginning)
         number[cells] += held.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
         pulled = weight * r
         square[cells] += np.add.reduceat(np.multiply(pulled, r, out=r), first)
         for i in range(2 * order - 1):
-            weight = weight * u if i else weight
+            weight = np.multiply(weight, u, out=weight if i > 1 else None) if i else weight
             powers[cells, i] += np.add.reduceat(weight, first)
             if i < order:
                 pulled = np.multiply(pulled, u, out=pulled) if i else pulled
                 pull[cells, i] += np.add.reduceat(pulled, first)
     hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
     shape = (count, n_cells)
-    return Moments(
+    about_line = Moments(
         powers[:, hankel].reshape(*shape, order, order),
         pull.reshape(*shape, order),
-        reference,
+        line,
         square.reshape(shape).sum(axis=1),
         number.reshape(shape).sum(axis=1),
     )
+    return about_line.around(reference)
 
 
 def _each(values: Array, lengths: Indices) -> Array:

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 MOST = 24  # order of the autoregression
 FEWEST = 50  # samples per order
 PORTION = 1 << 14  # samples worked on at once
+MOST_PORTIONS = 8  # of one log: 131,072 samples tell a correlation to 0.3 %
 PAYS = 1.5  # times Schwarz's price: white noise is called coloured once in many thousand logs
 
 
@@ -47,11 +48,12 @@ class Colour:
 def colour(residual: Array) -> Colour:
     """The colour of the residuals of one log (n,), NaN where there is none."""
     known = np.isfinite(residual)
-    count = int(np.count_nonzero(known))
+    asked = _asked(residual.size)
+    count = sum(int(np.count_nonzero(known[part])) for part in asked)
     most = min(MOST, count // FEWEST)
     if most < 1:
         return Colour(np.empty(0), 1.0)
-    correlation = _correlation(residual, known, most)
+    correlation = _correlation(residual, known, asked, most)
     price = PAYS * np.log(count) / count
     best, cost = Colour(np.empty(0), 1.0), 0.0
     regression, innovation = np.empty(0), 1.0
@@ -67,12 +69,19 @@ def colour(residual: Array) -> Colour:
     return best
 
 
-def _correlation(residual: Array, known: NDArray[np.bool_], most: int) -> Array:
+def _asked(samples: int) -> list[slice]:
+    """The portions of a log that are asked for its colour: of a long one a few from all over it."""
+    portions = [slice(first, first + PORTION) for first in range(0, samples, PORTION)]
+    chosen = np.linspace(0, len(portions) - 1, min(len(portions), MOST_PORTIONS)).astype(int).tolist()
+    return [portions[i] for i in chosen]
+
+
+def _correlation(residual: Array, known: NDArray[np.bool_], asked: Sequence[slice], most: int) -> Array:
     """Correlation at lags 0 to `most`, divided by the full count so that it belongs to a process."""
-    centred = np.where(known, residual, 0.0)
     lags = np.zeros(most + 1)
-    for first in range(0, centred.size, PORTION):  # few enough samples to stay in cache for every lag
-        later = centred[first : first + PORTION + most]
+    for part in asked:  # few enough samples to stay in cache for every lag
+        reached = slice(part.start, part.stop + most)
+        later = np.where(known[reached], residual[reached], 0.0)
         for lag in range(most + 1):
             moved = later[lag : lag + PORTION]
             lags[lag] += later[: moved.size] @ moved
