@@ -183,6 +183,7 @@ def _astray(attempt):
     return replace(attempt, solved=replace(attempt.solved, solution=replace(attempt.solved.solution, cost=1e4)))
 
 
+@pytest.mark.slow
 def test_a_better_answer_that_was_met_on_the_way_is_handed_back(right):
     """What is set free may explain nothing but lead the search out of another valley, in which logs are left out."""
     scene, records, logs, unknowns, answer = right

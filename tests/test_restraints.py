@@ -90,6 +90,7 @@ def two_people(**d: Any) -> Scene:
     return replace(free, logs=tuple(logs), parameters=of_each)
 
 
+@pytest.mark.slow
 def test_of_a_parameter_with_groups_those_are_named_that_contradict_its_prior(case: Case) -> None:
     other = simulated_case({**DEMO, "D": 1.8 * DEMO["D"]}, 18)
     records = [one.records[i] for one in (case, other) for i in LOGS]
