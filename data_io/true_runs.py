@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 def true_runs(flags: Sequence[bool] | np.ndarray[Any, Any]) -> npt.NDArray[np.int64]:
     """First index of each run of true values and that behind its last (r, 2), of flags (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
+    padded = np.concatenate(([False], np.asarray(flags, dtype=bool), [False]))
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
     return edges.reshape(-1, 2).astype(np.int64)
 
 

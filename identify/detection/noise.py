@@ -39,9 +39,10 @@ def white_noise(force: Array) -> float:
     if force.size < BLOCK:
         return _few(force)
     estimates = []
-    sampled = _sampled(force)
-    for order in ORDERS:
-        squares = np.diff(sampled, order) ** 2
+    differences = np.diff(_sampled(force))
+    for order in ORDERS:  # one after the other
+        differences = np.diff(differences)
+        squares = differences**2
         blocks = squares.size // BLOCK
         if blocks < 4:
             estimates.append(sqrt(float(np.median(squares)) / 0.455 / comb(2 * order, order)))

@@ -94,7 +94,9 @@ def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> t
     if len(falls) < FEWEST_SLIPS - 1:
         return None
     slope = found.stick_slope[0] if found.stick_slope else 0.0
-    mean = np.mean([np.interp(t + grid, sound, there) for t in falls], axis=0)
+    about = np.searchsorted(sound, np.add.outer(falls, [grid[0], grid[-1]])).tolist()
+    near = [slice(max(first - 1, 0), last + 1) for first, last in about]  # np.interp reads all that it is given
+    mean = np.mean([np.interp(t + grid, sound[i], there[i]) for t, i in zip(falls, near, strict=True)], axis=0)
     return grid, mean - slope * grid, len(falls)
 
 

@@ -261,5 +261,5 @@ def _label_without_slips(trace: Trace, phase: Phase) -> None:
 
 def not_slipping(phase: Phase) -> list[tuple[int, int]]:
     """First sample and end of every stretch of stick and of sliding."""
-    edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
+    edges = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1).tolist(), int(phase.size)]
     return [(first, end) for first, end in pairwise(edges) if phase[first] != SLIP]

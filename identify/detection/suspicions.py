@@ -16,6 +16,7 @@ from identify.detection.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 
+ENOUGH = 1 << 12  # forces that tell how large they are
 SWAPPED = 3  # slips of the normal force, where the friction force has none
 STILL = 0.05  # of its level: a force that ranges less is no friction force with slips
 SLOWEST, FASTEST = 2.2, 14.0  # samples per period of an oscillation that is sampled too slowly
@@ -45,7 +46,8 @@ def strange_coefficient(record: Record, thresholds: Thresholds = DEFAULTS) -> Fi
     loaded = np.isfinite(record.normal_force) & np.isfinite(record.friction_force) & (record.normal_force > 0)
     if not loaded.any():
         return None
-    friction, normal = (thinned(kept(values, loaded)) for values in (record.friction_force, record.normal_force))
+    forces = record.friction_force, record.normal_force
+    friction, normal = (thinned(kept(values, loaded), ENOUGH) for values in forces)
     ratio = float(np.quantile(np.abs(friction) / normal, 0.9))
     severity = thresholds.severity("coefficient_highest", ratio) or thresholds.severity("coefficient_lowest", ratio)
     if severity is None or ratio == 0.0:
@@ -82,7 +84,7 @@ def _swapped(record: Record, phases: Sequence[Segmentation]) -> Finding | None:
 
 def _swing(force: Array) -> float:
     """How far a force ranges, without its outer tenths, over its level."""
-    low, middle, high = np.quantile(np.abs(thinned(kept(force, np.isfinite(force)))), [0.1, 0.5, 0.9])
+    low, middle, high = np.quantile(np.abs(thinned(kept(force, np.isfinite(force)), ENOUGH)), [0.1, 0.5, 0.9])
     return float((high - low) / middle) if middle > 0.0 else np.inf
 
 

@@ -182,7 +182,8 @@ def left_by_smoothing(smoothed: Array, noise: float, width: int) -> float:
     if width < 3 or count < 30:
         return white
     means = smoothed[width // 2 :: width][:count]
-    seen = sqrt(float(np.quantile(thinned(np.diff(means, 2) ** 2), QUIET)) / QUIET_OF_WHITE / 6.0)
+    bends = thinned(means[2:]) - 2.0 * thinned(means[1:-1]) + thinned(means[:-2])
+    seen = sqrt(float(np.quantile(bends**2, QUIET)) / QUIET_OF_WHITE / 6.0)
     return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
 
 

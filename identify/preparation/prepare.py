@@ -213,9 +213,10 @@ def _data(log: Segmented, course: Course, fitted: tuple[float, float], unknowns:
     rig, (begin, end) = log.rig, fitted
     repeatable = float(REPEATABLE * np.mean(course.force.values))
     labels = log.entry.labels
+    finite = np.isfinite(log.force)
     return LogData(
         time=np.ascontiguousarray(log.record.time),
-        force=np.where(np.isfinite(log.force), log.force, 0.0),
+        force=log.force if finite.all() else np.where(finite, log.force, 0.0),
         weight=_weight(log),
         base=unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
         drive_speed=log.speed,

@@ -89,9 +89,8 @@ def segmented(entry: LogEntry, record: Record, rig: Rig) -> Segmented:
     used = corrected.used & np.isfinite(force) & np.isfinite(record.normal_force)
     refuse_too_few(entry, record, used, name)
     sign = _sign(entry, kept(force, used))
-    force = sign * force
-    rows = np.flatnonzero(used)
-    inner = slice(int(rows[0]), int(rows[-1]) + 1)
+    force = -force if sign < 0 else force
+    inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
     found = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
     spikes = np.ones(record.time.size, bool)
