@@ -64,7 +64,7 @@ def describe_sampling(
         change = np.diff(time)
         odd = odd or (change.size > 2 and abs(change[0] / np.median(thinned(change)) - 1) > _ODD_FIRST)
         level = _local_interval(change)
-        switches += _switches(time, level if level.strides[0] else level[:1], previous, thresholds["rate_switch"])
+        switches += _switches(time, level, previous, thresholds["rate_switch"])
         previous = float(level[-1])
         intervals.append(change)
         local.append(level)

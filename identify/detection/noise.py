@@ -39,9 +39,9 @@ def white_noise(force: Array) -> float:
     if force.size < BLOCK:
         return _few(force)
     estimates = []
-    differences = np.diff(_sampled(force))
-    for order in ORDERS:  # one after the other
-        differences = np.diff(differences)
+    differences, reached = _sampled(force), 0
+    for order in ORDERS:  # each from the one before
+        differences, reached = np.diff(differences, order - reached), order
         squares = differences**2
         blocks = squares.size // BLOCK
         if blocks < 4:
@@ -108,19 +108,20 @@ def spikes(force: Array, noise: float) -> Mask:
 def _spikes_above(force: Array, limit: float) -> Mask:
     """Spikes that leave their surroundings by more than the limit; one removed may uncover its neighbour."""
     marked, clean = np.zeros(force.size, dtype=bool), force
-    jump, looked = _jumps(clean, limit), 0
-    for length in SPIKE_LENGTHS * SPIKE_PASSES:
-        if looked == len(SPIKE_LENGTHS):  # without a spike: so would be every further look
+    jump = _jumps(clean, limit)
+    for _ in range(SPIKE_PASSES):
+        before = clean
+        for length in SPIKE_LENGTHS:
+            first = _candidates(jump, clean, length)
+            found = first[_stands_out(clean, first, length, limit)] if first.size else first
+            if found.size == 0:
+                continue
+            for k in range(length):
+                marked[found + k] = True
+            clean = bridged(clean, marked)
+            jump = _jumps(clean, limit)
+        if clean is before:  # nothing was found, and nothing would be
             break
-        first = _candidates(jump, clean, length)
-        found = first[_stands_out(clean, first, length, limit)] if first.size else first
-        looked += 1
-        if found.size == 0:
-            continue
-        for k in range(length):
-            marked[found + k] = True
-        clean = bridged(clean, marked)
-        jump, looked = _jumps(clean, limit), 0
     return marked
 
 

@@ -8,7 +8,7 @@ from math import log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import thinned
+from data_io.thinned import thinned_steps
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -182,7 +182,7 @@ def left_by_smoothing(smoothed: Array, noise: float, width: int) -> float:
     if width < 3 or count < 30:
         return white
     means = smoothed[width // 2 :: width][:count]
-    bends = thinned(means[2:]) - 2.0 * thinned(means[1:-1]) + thinned(means[:-2])
+    bends = thinned_steps(means[1:]) - thinned_steps(means[:-1])
     seen = sqrt(float(np.quantile(bends**2, QUIET)) / QUIET_OF_WHITE / 6.0)
     return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
 

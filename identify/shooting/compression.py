@@ -128,12 +128,13 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Mom
         number[cells] += held.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
         pulled = weight * r
         square[cells] += np.add.reduceat(np.multiply(pulled, r, out=r), first)
+        weighed = weight.copy()
         for i in range(2 * order - 1):
-            weight = np.multiply(weight, u, out=weight if i > 1 else None) if i else weight
-            powers[cells, i] += np.add.reduceat(weight, first)
+            powers[cells, i] += np.add.reduceat(weighed, first)
+            weighed *= u
             if i < order:
-                pulled = np.multiply(pulled, u, out=pulled) if i else pulled
                 pull[cells, i] += np.add.reduceat(pulled, first)
+                pulled *= u
     hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
     shape = (count, n_cells)
     about_line = Moments(
