@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from data_io import Record
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import Unknowns, from_scene
+from identify.base.outcome import Status
+from identify.estimation.attempt import Attempt
+from identify.estimation.search import search
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import Unknowns, from_scene
 from identify.scene import Scene
-from identify.search.attempt import Attempt
-from identify.search.search import search
 
 
 def answer(scene: Scene, records: Sequence[Record]) -> tuple[Attempt, Unknowns]:

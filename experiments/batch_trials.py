@@ -16,7 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from identify.batch.store import JOB, RESULT, complete
+from identify.studies.batch_store import JOB, RESULT, complete
 
 ROOT = Path(__file__).resolve().parent.parent
 STUB = "experiments.stub_fits"
@@ -29,7 +29,7 @@ damping = "147 N/m"
 """
 # The page of a batch takes longer to import than a batch of stand-ins takes to run; it is tested where it is made.
 NO_PAGE = "from identify.cli import batch; batch._write_page = lambda out, terminal: None; "
-WITH_STUB = f"from identify.batch import grip; grip.MODULE = {STUB!r}; "
+WITH_STUB = f"from identify.studies import grip; grip.MODULE = {STUB!r}; "
 COMMAND = "import sys; from identify.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
 TIMES = ("timing_s", "finished", "started", "seconds", "machine", "host")  # what may differ between two runs
 _SPENT = re.compile(rb"<dd>\s*([^<]*\d[^<\w]*(ms|s|min)|\d{4}-\d\d-\d\dT[\d:]+Z)\s*</dd>")

@@ -16,17 +16,17 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 
 
 import effects_case as case  # noqa: E402
 
-from identify.errors import FitError, IdentifyError  # noqa: E402
+from identify.base.errors import FitError, IdentifyError  # noqa: E402
+from identify.effects.quantities import Effect  # noqa: E402
+from identify.logs.log_data import Grid, Guess, LogData  # noqa: E402
+from identify.logs.unknowns import from_scene  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
-from identify.motion.drive import NormalForce  # noqa: E402
-from identify.motion.initial import initial_states  # noqa: E402
-from identify.motion.simulate import run  # noqa: E402
-from identify.motion.trajectory import Trajectory  # noqa: E402
-from identify.preparation.guess import Grid, Guess, LogData  # noqa: E402
-from identify.preparation.unknowns import from_scene  # noqa: E402
-from identify.quantities import Effect  # noqa: E402
 from identify.scene import Scene  # noqa: E402
 from identify.shooting.lay_out import lay_out  # noqa: E402
+from identify.simulation.drive import NormalForce  # noqa: E402
+from identify.simulation.initial import initial_states  # noqa: E402
+from identify.simulation.simulate import run  # noqa: E402
+from identify.simulation.trajectory import Trajectory  # noqa: E402
 
 CYCLES = 2
 SPEED, DURATION, RATE = 5e-4, 5.0, 1000.0  # m/s, s, Hz: slips that wear off all ageing, under every effect

@@ -12,10 +12,10 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 
 
 import effects_case as case  # noqa: E402
 
+from identify.base.errors import SceneError  # noqa: E402
 from identify.effects import ALL, MAIN  # noqa: E402
-from identify.errors import SceneError  # noqa: E402
+from identify.effects.quantities import Effect  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
-from identify.quantities import Effect  # noqa: E402
 
 
 @dataclass(frozen=True)

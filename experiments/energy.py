@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.motion.phases import Phase
-from identify.motion.samples import inside
-from identify.motion.trajectory import Trajectory
+from identify.simulation.phases import Phase
+from identify.simulation.samples import inside
+from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from experiments.answers import answer
 from experiments.study_problem import DEMO, RIG, scene_of, simulated_case
-from identify.first_guess.placing import place
-from identify.preparation.guess import Grid
+from identify.estimation.uncertainty import information
+from identify.logs.log_data import Grid
 from identify.scene import Scene
 from identify.shooting.passes import COARSE
+from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe
 from identify.shooting.solve import solve
-from identify.uncertainty.uncertainty import information
 
 Array = NDArray[np.float64]
 

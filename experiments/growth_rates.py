@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.motion.trajectory import Trajectory
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Programme = float | tuple[tuple[float, float], ...]

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from data_io import Record
+from identify.base.errors import SimulationError
 from identify.effects import MAIN
-from identify.errors import SimulationError
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.motion.trajectory import Trajectory
 from identify.scene import Scene
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

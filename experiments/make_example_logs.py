@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from data_io.atomic import atomic_write
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import paper_printed as printed
 from paper_test import STATED, Known, arguments
 
 from identify import amplitude, stability
-from identify.closed_forms.groups import groups
+from identify.prediction.groups import groups
 
 FAST = 5e-3  # m/s: the fastest drive of the stand-in's logs
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from paper_test import MASSES, STAND_IN, STATED, Known, arguments, box, region
 
 from identify import amplitude, stability
-from identify.closed_forms.groups import groups
 from identify.model.model import assemble
-from identify.orbits.cycle import CycleMap, loads
-from identify.orbits.orbit import settle
+from identify.prediction.cycle import CycleMap, loads
+from identify.prediction.groups import groups
+from identify.prediction.orbit import settle
 
 Array = NDArray[np.float64]
 

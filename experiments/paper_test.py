@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify import Scene, fit
-from identify.closed_forms.groups import groups
-from identify.closed_forms.steady import QUANTITIES
 from identify.examples import SCENE
+from identify.prediction.groups import groups
+from identify.prediction.steady import QUANTITIES
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG
 from identify import Scene
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 Programme = float | tuple[tuple[float, float], ...]

@@ -46,7 +46,7 @@ from experiments.machine import describe
 from experiments.study_problem import DEMO, RIG
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run as simulate
+from identify.simulation.simulate import run as simulate
 
 WORK = 0.05  # s that a stand-in works, and as long again that it writes
 VICTIMS = ("batch", "batch", "batch", "batch", "batch, terminated", "one fit")  # who is killed; chosen evenly

@@ -28,7 +28,7 @@ from experiments.machine import describe
 from experiments.study_problem import DEMO, NOISE, RIG
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run as simulate
+from identify.simulation.simulate import run as simulate
 
 SPEED_UP, OVERHEAD = 1.8, 0.05  # what is asked for
 # Drive speed [m/s], duration [s], rate [Hz] of the four logs of a group.

@@ -30,16 +30,16 @@ import machine  # noqa: E402
 from run_orbit_check import DEMO, EFFECTS, RIG  # noqa: E402
 from run_pair_study import OUTCOMES  # noqa: E402
 
-from identify.calculators.comparison import contact  # noqa: E402
-from identify.closed_forms.groups import settings  # noqa: E402
-from identify.closed_forms.jump import jump  # noqa: E402
-from identify.closed_forms.limits import sliding_margin, slip_margin  # noqa: E402
-from identify.maps.axes import Site, moved_values  # noqa: E402
-from identify.maps.chart import chart  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
-from identify.orbits.cycle import CycleMap  # noqa: E402
-from identify.orbits.orbit import Orbit, settle  # noqa: E402
-from identify.orbits.sensitivity import QUANTITIES, quantities  # noqa: E402
+from identify.prediction.chart import chart  # noqa: E402
+from identify.prediction.comparison import contact  # noqa: E402
+from identify.prediction.cycle import CycleMap  # noqa: E402
+from identify.prediction.groups import settings  # noqa: E402
+from identify.prediction.jump import jump  # noqa: E402
+from identify.prediction.limits import sliding_margin, slip_margin  # noqa: E402
+from identify.prediction.map_axes import Site, moved_values  # noqa: E402
+from identify.prediction.orbit import Orbit, settle  # noqa: E402
+from identify.prediction.sensitivity import QUANTITIES, quantities  # noqa: E402
 
 Array = NDArray[np.float64]
 

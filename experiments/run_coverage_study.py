@@ -25,24 +25,24 @@ from data_io import Record
 from experiments.answers import answer
 from experiments.machine import describe
 from experiments.study_problem import DEMO, NORMAL_FORCE, RIG
+from identify.base.equilibrated import Factors, optimality_matrix
 from identify.effects import MAIN
+from identify.estimation.bootstrap import bootstrap
+from identify.estimation.coloured import colour, coloured_covariance
+from identify.estimation.influence import Influence, influence, sample_moves
+from identify.estimation.objection import Remembering
+from identify.estimation.profile import profile
+from identify.estimation.profile_side import CRITICAL
+from identify.logs.log_data import Guess, LogData
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
-from identify.motion.drive import NormalForce
-from identify.motion.simulate import run
-from identify.numerics.equilibrated import Factors, optimality_matrix
-from identify.preparation.guess import Guess, LogData
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
 from identify.scene import Scene
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting import Problem
 from identify.shooting.warm import Settled, Warm
-from identify.uncertainty.bootstrap import bootstrap
-from identify.uncertainty.coloured import colour, coloured_covariance
-from identify.uncertainty.influence import Influence, influence, sample_moves
-from identify.uncertainty.objection import Remembering
-from identify.uncertainty.profile import profile
-from identify.uncertainty.profile_side import CRITICAL
+from identify.simulation.drive import NormalForce
+from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 

@@ -42,12 +42,12 @@ from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
 from experiments.true_profile import OBJECTS, Claims, Truth, true_profiles
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
+from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.motion.trajectory import Trajectory
 from identify.scene import Scene
-from identify.search.attempt import Clock
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
 
 Log = tuple[float, float, float]  # drive speed [m/s], duration [s], sampling rate [Hz]
 

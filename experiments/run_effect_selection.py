@@ -24,15 +24,15 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments import in_parts
 from experiments.machine import describe
-from identify.effect_choice.fitted import Fitted, fits
-from identify.effect_choice.nested import fit_model, fit_shaken, fit_smaller
-from identify.effect_choice.selection import choose_from_data
+from identify.base.errors import SimulationError
+from identify.diagnosis.fitted import Fitted, fits
+from identify.diagnosis.nested import fit_model, fit_shaken, fit_smaller
+from identify.diagnosis.selection import choose_from_data
 from identify.effects import ALL, NAMES
-from identify.errors import SimulationError
 from identify.model.model import assemble
-from identify.motion.simulate import run
 from identify.scene import Scene
 from identify.scene.variant import scene_with
+from identify.simulation.simulate import run
 
 RECORDS, SEED = 100, 20261121
 QUICK = 62  # a record that is soon done, for the fast form

@@ -21,7 +21,7 @@ from experiments import effect_cost, effect_pairs
 from experiments.effect_pairs import case
 from experiments.machine import describe
 from identify.effects import ALL
-from identify.quantities import Effect, Parameter
+from identify.effects.quantities import Effect, Parameter
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "effects.md"
 MARK = "<!-- {}: written by experiments/run_effect_table.py --docs -->"

@@ -42,12 +42,12 @@ from experiments.machine import describe  # noqa: E402
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS  # noqa: E402
 from experiments.workprec import one_core  # noqa: E402
 from identify import Scene, fit  # noqa: E402
+from identify.base import native  # noqa: E402
 from identify.effects import MAIN as NAMES  # noqa: E402
-from identify.first_guess.placing import place  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
-from identify.motion.simulate import run  # noqa: E402
-from identify.numerics import native  # noqa: E402
 from identify.shooting.passes import COARSE, solve_in_passes  # noqa: E402
+from identify.shooting.placing import place  # noqa: E402
+from identify.simulation.simulate import run  # noqa: E402
 
 LIMIT, TIMES_FASTER, RATE_LIMIT = 0.6, 15.0, 1.3  # what is asked for: s, ratio, ratio
 LONGER_LIMIT, LONGEST = 35.0, 10.0  # ratio, s

@@ -14,7 +14,7 @@ sys.path[:0] = [str(Path(__file__).parents[1])]
 from experiments.hard_cases import CASES  # noqa: E402
 from experiments.hard_scenes import HardCase  # noqa: E402
 from experiments.machine import describe  # noqa: E402
-from identify.errors import SceneError, SimulationError  # noqa: E402
+from identify.base.errors import SceneError, SimulationError  # noqa: E402
 
 SPOIL = 1e-4
 EVERY = 8  # case in the fast form

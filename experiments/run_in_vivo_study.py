@@ -34,9 +34,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.in_parts import started
 from experiments.in_vivo import FRICTION, RATES, STATED, Twin, twin
 from experiments.machine import describe
+from identify.base.outcome import Status
+from identify.estimation.attempt import Clock
 from identify.identification import find
-from identify.outcome import Status
-from identify.search.attempt import Clock
 
 TWINS = 100
 FAR, OFF = 40.0, 0.10

@@ -20,9 +20,9 @@ import machine  # noqa: E402
 from run_orbit_check import DEMO, EFFECTS  # noqa: E402
 from run_pair_study import OUTCOMES  # noqa: E402
 
-from identify.maps.axes import Site  # noqa: E402
-from identify.maps.chart import Chart, chart  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
+from identify.prediction.chart import Chart, chart  # noqa: E402
+from identify.prediction.map_axes import Site  # noqa: E402
 
 PLANES = (
     ("drive_speed", "stiffness"),

@@ -15,9 +15,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identify.effects import MAIN as NAMES
+from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.scene import Scene
-from identify.search.attempt import Clock
 
 RECORDS = Path(__file__).resolve().parents[2] / "shared" / "data" / "paper_on_paper"
 MASS = 0.019  # [kg], from the ringing

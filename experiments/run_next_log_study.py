@@ -28,15 +28,15 @@ from experiments.in_parts import append, started
 from experiments.machine import describe
 from experiments.run_recovery_study import CASES, FRICTION, RANGES, Outcome, Study, compared, sources_named
 from experiments.study_problem import NOISE, Case, scene_of
+from identify.base.speeds import speed_text
 from identify.diagnosis.findings import Findings
+from identify.diagnosis.next_log import NextLog, next_logs
 from identify.effects import MAIN
+from identify.estimation.attempt import Clock
+from identify.estimation.starts import Sources
 from identify.identification import find
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.next_log.choosing import NextLog, next_logs
-from identify.search.attempt import Clock
-from identify.search.starts import Sources
-from identify.speeds import speed_text
+from identify.simulation.simulate import run
 
 ROUNDS = 2
 SEED = 11

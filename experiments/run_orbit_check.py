@@ -19,9 +19,9 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 
 import oracle  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
-from identify.orbits.cycle import CycleMap, loads  # noqa: E402
-from identify.orbits.orbit import settle  # noqa: E402
-from identify.orbits.prospect import prospect  # noqa: E402
+from identify.prediction.cycle import CycleMap, loads  # noqa: E402
+from identify.prediction.orbit import settle  # noqa: E402
+from identify.prediction.prospect import prospect  # noqa: E402
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}

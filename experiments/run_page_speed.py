@@ -24,10 +24,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.machine import describe
 from experiments.pooling_draws import Plan, draw
 from identify import examples
-from identify.comparing.page import write_batch_report
 from identify.identification import fit
 from identify.report import write_report
 from identify.scene import Scene
+from identify.studies.comparison_page import write_batch_report
 
 NAMES = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 LOGARITHMIC = (False, False, False, True, True, True)

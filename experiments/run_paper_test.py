@@ -23,7 +23,7 @@ from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG
 from identify import Scene, fit
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 SPEED = 1e-4 / 60.0  # 0.1 mm/min
 # Name, (drive speed [m/s], duration [s], sampling rate [Hz]) of each log.

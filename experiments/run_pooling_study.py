@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
 from experiments.pooling_draws import CROSSED, QUANTITIES, Plan, Study, draw
-from identify.pooling.joint import Together
-from identify.pooling.pooled import DIFFERENT, Pooled, pool
+from identify.studies.joint import Together
+from identify.studies.pooled import DIFFERENT, Pooled, pool
 
 NULL = (
     Plan("paired, 8 volunteers, 3 runs"),

@@ -38,11 +38,11 @@ from experiments.study_problem import (
     with_fifth,
     wrong_start,
 )
+from identify.base.outcome import Status
 from identify.diagnosis.findings import Findings
+from identify.estimation.attempt import Clock
+from identify.estimation.starts import Sources
 from identify.identification import find
-from identify.outcome import Status
-from identify.search.attempt import Clock
-from identify.search.starts import Sources
 
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 CLOSE, FAR = 22.5, 40.0

@@ -35,12 +35,12 @@ from experiments.machine import describe  # noqa: E402
 from experiments.rivals import Law, onsets_by_events  # noqa: E402
 from experiments.study_problem import DEMO, RIG  # noqa: E402
 from experiments.workprec import one_core  # noqa: E402
+from identify.base import native  # noqa: E402
 from identify.effects import MAIN  # noqa: E402
-from identify.methods import HIGH  # noqa: E402
 from identify.model.model import Model, assemble  # noqa: E402
-from identify.motion import stepper  # noqa: E402
-from identify.motion.simulate import run  # noqa: E402
-from identify.numerics import native  # noqa: E402
+from identify.simulation import stepper  # noqa: E402
+from identify.simulation.methods import HIGH  # noqa: E402
+from identify.simulation.simulate import run  # noqa: E402
 
 Array = NDArray[np.float64]
 

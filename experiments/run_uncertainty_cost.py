@@ -19,13 +19,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
 from experiments.study_problem import DEMO, scene_of, simulated_case
-from identify.examination.allowed import noise_of
-from identify.examination.examined import CURVE_STEPS
+from identify.estimation.allowed import noise_of
+from identify.estimation.attempt import Clock
+from identify.estimation.bootstrap import bootstrap
+from identify.estimation.examined import CURVE_STEPS
+from identify.estimation.influence import influence
+from identify.estimation.profile import profile
 from identify.identification import find
-from identify.search.attempt import Clock
-from identify.uncertainty.bootstrap import bootstrap
-from identify.uncertainty.influence import influence
-from identify.uncertainty.profile import profile
 
 REPLICATES, FIT_REPEATS = 200, 3
 ALLOWED = {"bootstrap": 30.0, "profile": 40.0, "profile, drawn": 40.0}

@@ -29,10 +29,10 @@ from experiments.machine import describe
 from experiments.run_recovery_study import FRICTION
 from experiments.study_problem import WIDE, random_case
 from identify import Scene, fit
+from identify.base.errors import IdentifyError
 from identify.effects import MAIN
-from identify.errors import IdentifyError
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 CASES, SEED, FAST = 100, 90_000, 3
 WRONG = 0.1

@@ -27,10 +27,10 @@ from experiments.run_recovery_study import FRICTION, Study
 from experiments.study_problem import NORMAL_FORCE, SPEEDS, Case, scene_of
 from experiments.true_profile import Truth, true_profiles
 from identify.effects import MAIN
+from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.search.attempt import Clock
+from identify.simulation.simulate import run
 
 MOST = 700  # cycles of a log that takes part
 

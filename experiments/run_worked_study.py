@@ -20,15 +20,15 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
 from experiments.study_drawn import CROSSED, MATERIALS, NAMES, PEOPLE, RIG, SITES, SPEEDS, Visit, visits, write_logs
-from identify.comparing.compare import compare
-from identify.comparing.fits import read_fits
-from identify.comparing.labels import Question
-from identify.comparing.page import write_batch_report
+from identify.base.errors import IdentifyError
 from identify.effects import MAIN
-from identify.errors import IdentifyError
 from identify.identification import fit
 from identify.report import write_report
 from identify.scene import Scene
+from identify.studies.compare import compare
+from identify.studies.comparison_page import write_batch_report
+from identify.studies.fits import read_fits
+from identify.studies.labels import Question
 
 
 def fit_visit(visit: Visit, logs: Path, out: Path) -> list[object]:

@@ -30,13 +30,13 @@ from experiments.in_parts import append, started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, SPEEDS, USUAL, Case, random_case, scene_of
 from identify import Scene
+from identify.base.outcome import Status
 from identify.effects import MAIN
+from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
 from identify.scene.parameters import ParameterSpec
-from identify.search.attempt import Clock
+from identify.simulation.simulate import run
 
 CASES, SEED = 100, 7
 KINDS = {"mass": 1.5, "stiffness": 1.2, "lag": 5e-3}

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_write
+from identify.base.errors import IdentifyError
 from identify.effects import MAIN
-from identify.errors import IdentifyError
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import numpy as np
 from data_io import Record
 from identify.effects import MAIN as NAMES
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.motion.trajectory import Trajectory
 from identify.scene import Scene
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 DEMO = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}

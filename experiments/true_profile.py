@@ -16,16 +16,16 @@ from scipy.stats import chi2
 
 from data_io import Record
 from experiments.study_problem import NOISE
-from identify.first_guess.placing import place
-from identify.motion.drive import NormalForce
-from identify.motion.trajectory import Trajectory
-from identify.preparation.guess import Guess, LogData
-from identify.preparation.prepare import LAST_STICK, REPEATABLE
-from identify.preparation.unknowns import Unknowns, from_scene
+from identify.logs.log_data import Guess, LogData
+from identify.logs.prepare import LAST_STICK, REPEATABLE
+from identify.logs.unknowns import Unknowns, from_scene
 from identify.scene import Scene
 from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe
 from identify.shooting.solve import solve
+from identify.simulation.drive import NormalForce
+from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Claims = Mapping[str, tuple[Sequence[Array], Sequence[Array]]]

@@ -18,17 +18,17 @@ import oracle
 
 from experiments.draws import Draw
 from experiments.energy import balance
+from identify.base.errors import SceneError, SimulationError
 from identify.effects import MAIN
-from identify.errors import SceneError, SimulationError
-from identify.methods import STIFF
-from identify.motion.admission import admit
-from identify.motion.drive import Drive, NormalForce
-from identify.motion.machine import Machine
-from identify.motion.plan import plan
-from identify.motion.samples import inside
-from identify.motion.scales import scales
-from identify.motion.simulate import phases
-from identify.motion.trajectory import Trajectory
+from identify.simulation.admission import admit
+from identify.simulation.drive import Drive, NormalForce
+from identify.simulation.machine import Machine
+from identify.simulation.methods import STIFF
+from identify.simulation.plan import plan
+from identify.simulation.samples import inside
+from identify.simulation.scales import scales
+from identify.simulation.simulate import phases
+from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

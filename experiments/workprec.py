@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.errors import SimulationError
-from identify.methods import Method
+from identify.base.errors import SimulationError
 from identify.model.model import Model, assemble
-from identify.motion.drive import Drive, NormalForce
-from identify.motion.machine import Machine
-from identify.motion.phases import Phase
-from identify.motion.plan import only
-from identify.motion.scales import scales
-from identify.motion.simulate import phases, run
-from identify.motion.trajectory import Trajectory
+from identify.simulation.drive import Drive, NormalForce
+from identify.simulation.machine import Machine
+from identify.simulation.methods import Method
+from identify.simulation.phases import Phase
+from identify.simulation.plan import only
+from identify.simulation.scales import scales
+from identify.simulation.simulate import phases, run
+from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Scene:
         return assemble(self.effects)
 
     def run(self, **how: Any) -> Trajectory:
-        """Simulate it; arguments as `identify.motion.simulate.run`."""
+        """Simulate it; arguments as `identify.simulation.simulate.run`."""
         return run(self.model, self.values, self.drive_speed, 1.0, self.duration, **how)
 
 

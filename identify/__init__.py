@@ -6,22 +6,22 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identify.asked import Asked
-    from identify.closed_forms import ageing, amplitude, stability
     from identify.identification import fit
-    from identify.maps.mapping import continue_over, stability_map
-    from identify.motion.simulate import simulate
+    from identify.prediction import ageing, amplitude, stability
+    from identify.prediction.mapping import continue_over, stability_map
     from identify.scene import Scene
+    from identify.shooting.fit_options import Asked
+    from identify.simulation.simulate import simulate
 
 __all__ = ["Asked", "Scene", "ageing", "amplitude", "continue_over", "fit", "simulate", "stability", "stability_map"]
 
 _HOMES = {
-    "Asked": "identify.asked",
+    "Asked": "identify.shooting.fit_options",
     "Scene": "identify.scene",
-    "continue_over": "identify.maps.mapping",
+    "continue_over": "identify.prediction.mapping",
     "fit": "identify.identification",
-    "simulate": "identify.motion.simulate",
-    "stability_map": "identify.maps.mapping",
+    "simulate": "identify.simulation.simulate",
+    "stability_map": "identify.prediction.mapping",
 }
 
 
@@ -30,5 +30,5 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
     if name in ("ageing", "amplitude", "stability"):
-        return importlib.import_module(f"identify.closed_forms.{name}")
+        return importlib.import_module(f"identify.prediction.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -9,26 +9,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_io import Record
-from identify.asked import Asked
+from identify.base.outcome import Status
+from identify.base.progress import Progress
 from identify.diagnosis.findings import Findings
+from identify.diagnosis.fitted import as_it_ended, described
 from identify.diagnosis.held import Held, against_data
 from identify.diagnosis.second_look import looked_into
-from identify.effect_choice.fitted import as_it_ended, described
-from identify.examination.allowed import slowness
-from identify.examination.certainty import Certainty, certainty
-from identify.outcome import Status
-from identify.preparation.loads import calmed
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns, stated_rig
+from identify.estimation.allowed import slowness
+from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.certainty import Certainty, certainty
+from identify.estimation.grouped import search_grouped
+from identify.estimation.hints import what_is_held
+from identify.estimation.search import disowned, plenty
+from identify.estimation.shaken import shaken
+from identify.estimation.starts import Sources
+from identify.estimation.status_words import at_bounds, ended, underivable, untried
+from identify.logs.loads import calmed
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns, stated_rig
 from identify.scene import Scene
-from identify.search.attempt import Attempt, Clock, solve_from
-from identify.search.grouped import search_grouped
-from identify.search.search import disowned, plenty
-from identify.search.shaken import shaken
-from identify.search.starts import Sources
-from identify.search.status_words import at_bounds, ended, underivable, untried
-from identify.telling import Progress
-from identify.uncertainty.hints import what_is_held
+from identify.shooting.fit_options import Asked
 
 _Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
 Answer = tuple[list[Prepared], Findings]  # the logs as they are followed, and what was found

@@ -10,30 +10,30 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.answering import Task, answered
-from identify.asked import NOTHING_MORE, Asked
+from identify.base.errors import FitError
+from identify.base.heap import keep_freed_memory
+from identify.base.outcome import Fit, LogCurves, Status
+from identify.base.progress import Progress, to_nobody
+from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
-from identify.effect_choice.choice import Choice
-from identify.effect_choice.selection import choose_from_data
-from identify.effect_choice.worth import worth, worth_document
+from identify.diagnosis.next_log import next_logs
+from identify.diagnosis.next_log_words import advised
+from identify.diagnosis.next_log_words import document as next_log_document
+from identify.diagnosis.selection import choose_from_data
+from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
-from identify.errors import FitError
-from identify.first_guess.vibration import tuned
-from identify.next_log.choosing import next_logs
-from identify.next_log.words import advised
-from identify.next_log.words import document as next_log_document
-from identify.numerics.heap import keep_freed_memory
-from identify.outcome import Fit, LogCurves, Status
-from identify.preparation.drives import with_drives
-from identify.preparation.parting import parted
-from identify.preparation.prepare import Prepared, prepare
-from identify.preparation.scene_records import with_records
-from identify.preparation.unknowns import Unknowns, from_scene, user_start
-from identify.result.reconstruct import detected_curves, fitted_curves, refused_curves
-from identify.result.result import document
+from identify.estimation.attempt import Attempt, Clock
+from identify.estimation.starts import Sources
+from identify.logs.drives import with_drives
+from identify.logs.parting import parted
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.scene_records import with_records
+from identify.logs.unknowns import Unknowns, from_scene, user_start
+from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
+from identify.report.result import document
 from identify.scene import Scene
-from identify.search.attempt import Attempt, Clock
-from identify.search.starts import Sources
-from identify.telling import Progress, to_nobody
+from identify.shooting.fit_options import NOTHING_MORE, Asked
+from identify.shooting.vibration import tuned
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from identify.numerics import native
-from identify.search import search, starts
+from identify.base import native
+from identify.estimation import search, starts
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -12,9 +12,9 @@ import pint
 from numpy.typing import NDArray
 
 from identify.effects import ALL, MAIN
+from identify.effects.quantities import Effect, Parameter
 from identify.model.model import Model, assemble
-from identify.motion.simulate import run
-from identify.quantities import Effect, Parameter
+from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.outcome import Fit, LogCurves, SlipDetail
+from identify.base.outcome import Fit, LogCurves, SlipDetail
 
 MASS, STIFFNESS, DAMPING, LOAD, NOISE = 0.2, 1470.0, 147.0, 1.0, 0.005
 MU_S, MU_K0, DELTA, A, LENGTH, CREEP = 0.62, 0.43, -0.13, 300.0, 37.4e-6, 0.5

@@ -12,7 +12,7 @@ import numpy as np
 from data_io import Finding, Record, read_log
 from data_io.correct import Corrections, correct
 from data_io.motion import check_drive
-from identify.detection.judgement import judge
+from identify.logs.judgement import judge
 from tests.verdict_cases import RATE, N, clipped_run, made, noise, saw
 
 Found = Sequence[Finding]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from identify.maps.axes import Site
 from identify.model.model import assemble
+from identify.prediction.map_axes import Site
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {

@@ -10,11 +10,11 @@ import oracle
 from numpy.typing import NDArray
 
 from identify.effects import MAIN
-from identify.first_guess.placing import place
+from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS, Model, assemble
-from identify.motion.drive import NormalForce
-from identify.preparation.guess import Grid, Guess, LogData
-from identify.preparation.unknowns import Unknowns
+from identify.shooting.placing import place
+from identify.simulation.drive import NormalForce
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import numpy as np
 from data_io import Record
 from identify import Scene
 from identify.effects import MAIN
-from identify.preparation.prepare import Prepared, prepare
-from identify.preparation.unknowns import Unknowns, from_scene
-from identify.search.attempt import Attempt
+from identify.estimation.attempt import Attempt
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.unknowns import Unknowns, from_scene
 
 
 def taken(

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from experiments.hard_scenes import Scene
-from identify.errors import SimulationError
+from identify.base.errors import SimulationError
 
 NAN = math.nan
 

@@ -9,20 +9,20 @@ import oracle
 import pytest
 
 from identify import Scene
-from identify.calculators import tested
-from identify.calculators.advice import advise
-from identify.calculators.chance import alike, certainty, document
-from identify.calculators.drawn import draw, unknown
-from identify.calculators.outlook import outlook
-from identify.calculators.remedy import Search
-from identify.calculators.spread import Interval
-from identify.calculators.stated import stated
-from identify.errors import SimulationError
+from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.orbits.cycle import CycleMap
-from identify.orbits.prospect import prospect
+from identify.prediction import tested
+from identify.prediction.advice import advise
+from identify.prediction.chance import alike, certainty, document
+from identify.prediction.cycle import CycleMap
+from identify.prediction.drawn import draw, unknown
+from identify.prediction.outlook import outlook
+from identify.prediction.prospect import prospect
+from identify.prediction.remedy import Search
+from identify.prediction.spread import Interval
+from identify.prediction.stated import stated
 from identify.report.advice_table import advice_table
-from identify.report.tables import Cell
+from identify.report.report_tables import Cell
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}

@@ -12,16 +12,16 @@ from scipy.stats import chi2
 
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
+from identify.base.outcome import Status
 from identify.diagnosis import held
+from identify.estimation import agreement
+from identify.estimation.agreement import Pull, contradiction, pulls
+from identify.estimation.attempt import Clock
 from identify.identification import find
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.attempt import Clock
-from identify.uncertainty import agreement
-from identify.uncertainty.agreement import Pull, contradiction, pulls
+from identify.simulation.simulate import run
 
 NORMAL_FORCE, NOISE = 1.0, 5e-3
 LOGS = ((1e-4, 20.0, 200.0), (1e-3, 4.0, 500.0), (5e-3, 1.5, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]

@@ -12,16 +12,16 @@ from data_io import Record
 from experiments.record_kinds import FAST, SLOW, Kind
 from experiments.study_problem import DEMO, RIG
 from identify import answering
+from identify.base.outcome import Status
+from identify.base.progress import Progress, to_nobody
 from identify.diagnosis.findings import Findings
+from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.grouped import search_grouped
+from identify.estimation.status_words import ended, untried
 from identify.identification import find
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
-from identify.search.attempt import Attempt, Clock, solve_from
-from identify.search.grouped import search_grouped
-from identify.search.status_words import ended, untried
-from identify.telling import Progress, to_nobody
 
 UNUSED = "since the start values led to no answer of all logs"
 Search = Callable[..., tuple[Attempt | None, dict[int, str]]]

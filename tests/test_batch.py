@@ -14,14 +14,14 @@ from batch_case import STUB, Silent, alive, children, kill, put, started, wait_f
 from data_io.errors import LogError
 from experiments.run_batch_faults import Tally
 from experiments.stub_fits import numbers
-from identify.batch.job import CRASHED, DEFECT, FAILED, OUTDATED, TIMED_OUT, TRY_AGAIN, Job
-from identify.batch.lock import locked
-from identify.batch.making import guarded, make
-from identify.batch.planning import plan
-from identify.batch.refusal import BatchError
-from identify.batch.running import run_batch
-from identify.batch.store import complete
-from identify.batch.workers import LocalWorkers
+from identify.studies.batch_store import complete
+from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, TIMED_OUT, TRY_AGAIN, Job
+from identify.studies.lock import locked
+from identify.studies.making import guarded, make
+from identify.studies.planning import plan
+from identify.studies.refusal import BatchError
+from identify.studies.running import run_batch
+from identify.studies.workers import LocalWorkers
 
 GROUPS = ["G1", "G2", "G3"]
 
@@ -116,7 +116,7 @@ def test_another_scene_or_other_numerics_are_another_result(tmp_path, monkeypatc
     assert run(case, out, resume=True)[0].kept == 3
     assert run(case, out, resume=True, overrides=['rig.mass="0.3 kg"'])[0].kept == 0
     assert run(case, out, resume=True, overrides=['rig.mass="300 g"'])[0].kept == 3, "the same number"
-    import identify.batch.planning as planning
+    import identify.studies.planning as planning
 
     monkeypatch.setattr(planning, "numerics", lambda: "other")
     assert run(case, out, resume=True, overrides=['rig.mass="300 g"'])[0].kept == 0

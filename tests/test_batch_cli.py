@@ -14,7 +14,7 @@ from data_io import Record, write_csv
 from experiments.study_problem import DEMO, RIG
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 LOGS = (("fast.csv", 1e-3, 2.0), ("slow.csv", 5e-4, 3.0))  # name, drive speed [m/s], duration [s]
 

@@ -11,17 +11,17 @@ from contextlib import contextmanager
 import pytest
 from batch_case import ROOT, STUB, Silent, environment, wait_for, write_case
 
-from identify.batch.planning import plan
-from identify.batch.refusal import BatchError
-from identify.batch.running import run_batch
-from identify.batch.store import complete
-from identify.batch.workers import LocalWorkers
+from identify.studies.batch_store import complete
+from identify.studies.planning import plan
+from identify.studies.refusal import BatchError
+from identify.studies.running import run_batch
+from identify.studies.workers import LocalWorkers
 
 pytest.importorskip(
     "distributed", reason="dask.distributed is not installed: pip install 'stick-slip-workbench[cluster]'"
 )
 
-from identify.batch.cluster import WAIT, ClusterWorkers
+from identify.studies.cluster import WAIT, ClusterWorkers
 
 SCHEDULER = [
     sys.executable,
@@ -113,7 +113,7 @@ def test_a_batch_that_loses_its_scheduler_stops_and_can_go_on(tmp_path):
 
 
 def test_a_cluster_that_is_not_there_or_sees_other_folders_is_refused(tmp_path, monkeypatch):
-    import identify.batch.cluster as room
+    import identify.studies.cluster as room
 
     monkeypatch.setattr(room, "WAIT", 1.0)
     with pytest.raises(BatchError, match="no Dask scheduler answers"):

@@ -9,12 +9,12 @@ import pytest
 from experiments.record_kinds import Kind, Log
 from experiments.study_problem import DEMO
 from experiments.study_problem import RIG as TRUE_RIG
+from identify.base.outcome import Status
 from identify.effects import MAIN
+from identify.estimation.status_words import at_bounds, underivable
 from identify.identification import fit
-from identify.outcome import Status
-from identify.preparation.unknowns import from_scene
+from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.status_words import at_bounds, underivable
 
 RIG = {"mass": {"value": 0.2, "tolerance": 0.02}, "stiffness": 1470.0, "damping": 147.0}
 

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from identify.calculators.comparison import beyond, contact
-from identify.calculators.outlook import OperatingPoint, outlook, outlooks
+from identify.base.errors import SimulationError
 from identify.effects import ALL, MAIN
-from identify.errors import SimulationError
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.orbits.cycle import CycleMap
-from identify.orbits.orbit import close
-from identify.orbits.prospect import prospect
-from identify.orbits.sensitivity import orbit_slopes, quantities
+from identify.prediction.comparison import beyond, contact
+from identify.prediction.cycle import CycleMap
+from identify.prediction.orbit import close
+from identify.prediction.outlook import OperatingPoint, outlook, outlooks
+from identify.prediction.prospect import prospect
+from identify.prediction.sensitivity import orbit_slopes, quantities
+from identify.simulation.simulate import run
 
 PAIR = {
     "mu_s": 0.62,

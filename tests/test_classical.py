@@ -9,9 +9,9 @@ from test_segment import HALF_PERIOD, NOISE, PAIR
 
 from data_io import Record
 from data_io.record import Step
-from identify.detection.classical import DEFINITIONS, classical_table
-from identify.detection.segment import segment
-from identify.detection.strokes import strokes
+from identify.logs.classical import DEFINITIONS, classical_table
+from identify.logs.segment import segment
+from identify.logs.strokes import strokes
 
 
 def saw_tooth(cycles=12, per_stick=400, low=0.4, high=0.6, noise=0.002, load=2.0, seed=0):

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from identify import amplitude, stability
-from identify.closed_forms import critical
-from identify.closed_forms.groups import NAMES, groups
-from identify.closed_forms.jump import UNITS, jump
-from identify.closed_forms.limits import limits
-from identify.closed_forms.steady import QUANTITIES
-from identify.numerics.dual import Dual, exp, expm1, log, sqrt, variables, where
+from identify.base.dual import Dual, exp, expm1, log, sqrt, variables, where
+from identify.prediction import critical
+from identify.prediction.groups import NAMES, groups
+from identify.prediction.jump import UNITS, jump
+from identify.prediction.limits import limits
+from identify.prediction.steady import QUANTITIES
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)
 PAIR = {

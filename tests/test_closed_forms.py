@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identify import ageing, amplitude, stability
-from identify.closed_forms import critical
-from identify.closed_forms.groups import groups
+from identify.prediction import critical
+from identify.prediction.groups import groups
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "reference.json").read_text())
 FEW = settings(max_examples=25, deadline=None, derandomize=True)

@@ -17,15 +17,15 @@ import pytest
 from experiments.pooling_draws import Plan, draw
 from identify.cli.folder import COMPARISON, check_replaceable
 from identify.cli.main import main
-from identify.comparing.clean import cell, latex, visible
-from identify.comparing.compare import compare
-from identify.comparing.fits import read_fits
-from identify.comparing.labels import CompareError, Question, usual
-from identify.comparing.operating import NOTHING, GroupAnswer, group_answers, probability
-from identify.comparing.page import Answers, write_batch_report
-from identify.comparing.points import common
-from identify.comparing.reporting import items
-from identify.comparing.write import write_comparison
+from identify.studies.clean import cell, latex, visible
+from identify.studies.compare import compare
+from identify.studies.comparison_page import Answers, write_batch_report
+from identify.studies.fits import read_fits
+from identify.studies.labels import CompareError, Question, usual
+from identify.studies.operating_points import NOTHING, GroupAnswer, group_answers, probability
+from identify.studies.points import common
+from identify.studies.reporting import items
+from identify.studies.write_comparison import write_comparison
 from tests.comparing_case import document, write_fit, write_study
 
 SMALL = Plan("small", volunteers=4, runs=2, gap=4.0)
@@ -173,8 +173,8 @@ def test_the_nonlinear_model_answers_at_common_points(study):
     ground = common(found, speeds=(1e-3, 1e-2), normal_force=1.0)
     answers = group_answers(found, ground)
     assert [a.group for a in answers] == ["M1", "M2", "M3"] and not any(a.reason for a in answers)
-    from identify.calculators.outlook import outlook
     from identify.model.model import assemble
+    from identify.prediction.outlook import outlook
 
     values = dict(ground.values) | {
         q.name: q.shown(found.answered[q.name].means[0].value) for q in found.values.quantities

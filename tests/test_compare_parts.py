@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from identify.cli.main import main
-from identify.comparing.compare import compare
-from identify.comparing.fits import count, read_fits
-from identify.comparing.labels import CompareError, Question
-from identify.comparing.operating import NOTHING, group_answers
-from identify.comparing.page import answered, render
-from identify.comparing.parts import parts
-from identify.comparing.points import common
-from identify.comparing.write import all_sheets
-from identify.pooling.pooled import DIFFERENT, NOT_TOLD_APART
+from identify.studies.compare import compare
+from identify.studies.comparison_page import answered, render
+from identify.studies.comparison_parts import parts
+from identify.studies.fits import count, read_fits
+from identify.studies.labels import CompareError, Question
+from identify.studies.operating_points import NOTHING, group_answers
+from identify.studies.points import common
+from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
+from identify.studies.write_comparison import all_sheets
 from tests.comparing_case import NAMES, document, write_fit
 
 OWN = ("mu_s", "D")

@@ -7,9 +7,9 @@ import re
 import pytest
 
 from experiments.pooling_draws import Plan
-from identify.comparing.figures import FAR, _without_far
-from identify.comparing.page import write_batch_report
-from identify.comparing.views import together
+from identify.studies.comparison_figures import FAR, _without_far
+from identify.studies.comparison_page import write_batch_report
+from identify.studies.comparison_views import together
 from tests.browser import CHROMIUM, Browser
 from tests.comparing_case import write_study
 

@@ -14,14 +14,14 @@ import identify.scene.scene
 import identify.scene.toml
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
+from identify.base.outcome import Status
 from identify.effects import MAIN
+from identify.effects.quantities import Effect, Parameter, Situation, Terms
+from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.quantities import Effect, Parameter, Situation, Terms
 from identify.scene import Scene
-from identify.search.attempt import Clock
+from identify.simulation.simulate import run
 
 SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
 NOISE = 5e-3

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import shooting_case as case
 
+from identify.estimation.consistency import inconsistency
+from identify.logs.log_data import Guess
 from identify.model.model import SPEED
-from identify.preparation.guess import Guess
-from identify.search.consistency import inconsistency
 
 UNKNOWNS = case.search_space(case.PAIR, case.FRICTION)
 LOG = case.simulated(case.PAIR, *case.MIDDLE)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from data_io import Record, read_log, write_csv, write_hdf5
-from identify.errors import FitError
-from identify.preparation.scene_records import with_records
+from identify.base.errors import FitError
+from identify.logs.scene_records import with_records
 from identify.scene import Scene
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 1e-3}

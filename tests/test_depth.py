@@ -12,21 +12,21 @@ from document_check import check_document
 from data_io import Record
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import examples
-from identify.asked import Asked
+from identify.base.errors import FitError
+from identify.base.outcome import Status
 from identify.cli import main as cli
 from identify.effects import MAIN
-from identify.errors import FitError
-from identify.examination import fine_enough
+from identify.estimation import fine_enough
+from identify.estimation.combinations import combinations, directions
+from identify.estimation.preview import preview
+from identify.estimation.search import search
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.preview import preview
-from identify.search.search import search
 from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
-from identify.uncertainty.combinations import combinations, directions
+from identify.shooting.fit_options import Asked
+from identify.simulation.simulate import run
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 

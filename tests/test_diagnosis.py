@@ -12,21 +12,21 @@ from data_io import Record
 from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
 from identify import Scene, answering, fit
+from identify.base.outcome import Status
 from identify.diagnosis import diagnosis
 from identify.diagnosis.diagnosis import REMAINS, _explanations, _is_nearer, diagnose
+from identify.diagnosis.fitted import Fitted, as_it_ended
+from identify.diagnosis.nested import fit_beside, fit_model
 from identify.diagnosis.suspects import GROSS, SLIGHT, found_and_stated
-from identify.effect_choice.fitted import Fitted, as_it_ended
-from identify.effect_choice.nested import fit_beside, fit_model
 from identify.effects import MAIN
-from identify.first_guess.start import candidates, fit_features
+from identify.estimation.attempt import Clock, judged, solve_from
+from identify.estimation.search import HOPELESS, search
+from identify.estimation.starts import features_of, starts_of
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Clock, judged, solve_from
-from identify.search.search import HOPELESS, search
-from identify.search.starts import features_of, starts_of
+from identify.shooting.start import candidates, fit_features
+from identify.simulation.simulate import run
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 ALONE = (3,)  # where one log is enough

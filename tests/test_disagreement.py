@@ -10,17 +10,17 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, NOISE, NORMAL_FORCE, RIG
 from identify import Scene
+from identify.base.outcome import Status
 from identify.diagnosis import diagnosis
 from identify.diagnosis import disagreement as disagreeing
 from identify.diagnosis.diagnosis import diagnose
 from identify.diagnosis.disagreement import disagreement
-from identify.effect_choice.fitted import as_it_ended
+from identify.diagnosis.fitted import as_it_ended
+from identify.estimation.search import search
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.search import search
+from identify.simulation.simulate import run
 
 LOGS = ((1e-4, 20.0, 200.0), (1e-3, 4.0, 500.0), (5e-3, 1.5, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
 STRANGER = {"mu_s": 0.52, "mu_k0": 0.37, "a": 450.0, "t_cr": 0.9}

@@ -11,12 +11,12 @@ from taken_logs import taken
 
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
-from identify.search import search as room
-from identify.search.attempt import Attempt, Clock
-from identify.search.starts import drawn_starts, starts_of
+from identify.base.outcome import Status
+from identify.estimation import search as room
+from identify.estimation.attempt import Attempt, Clock
+from identify.estimation.starts import drawn_starts, starts_of
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 
 FACTOR = 3.0  # on t_cr: from closer than that the truth is found
 

@@ -10,14 +10,14 @@ from batch_case import SCENE
 
 from data_io import Record
 from identify import Scene, identification
-from identify.batch.planning import plan
-from identify.batch.refusal import BatchError
+from identify.base.errors import FitError
+from identify.base.outcome import Fit, Status
 from identify.cli.common import Terminal
 from identify.cli.fit import fit_and_report
-from identify.errors import FitError
-from identify.outcome import Fit, Status
-from identify.preparation.drives import with_drives
-from identify.preparation.scene_records import with_records
+from identify.logs.drives import with_drives
+from identify.logs.scene_records import with_records
+from identify.studies.planning import plan
+from identify.studies.refusal import BatchError
 
 TIME = np.arange(6000) / 500.0
 STEPS = ((0.0, 1e-3), (4.0, 2e-3), (8.0, 1e-3))

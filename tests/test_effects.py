@@ -16,10 +16,10 @@ import identify.model.model
 from data_io import read_log
 from identify.cli.main import main
 from identify.effects import ALL
+from identify.effects.quantities import Effect, Parameter, Situation, Terms
 from identify.model.model import BASE_PARAMETERS, SPEED, TIME, Model, assemble
-from identify.motion.simulate import simulate
-from identify.quantities import Effect, Parameter, Situation, Terms
 from identify.scene import Scene
+from identify.simulation.simulate import simulate
 
 EVERY = pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.name)
 MASS, LENGTH, TIMES = 3.7, 0.21, 1.9  # how much smaller the units of kg, m and s become

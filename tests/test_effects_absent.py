@@ -8,9 +8,9 @@ import pytest
 
 from identify.effects import ALL
 from identify.model.model import assemble
-from identify.motion.initial import initial_states
-from identify.motion.simulate import run, simulate
 from identify.scene import Scene
+from identify.simulation.initial import initial_states
+from identify.simulation.simulate import run, simulate
 
 VARYING = (*case.MAIN, "varying_normal_force")
 TIMES, FORCES = case.TIMES, case.FORCES

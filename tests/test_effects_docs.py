@@ -42,7 +42,7 @@ def test_an_outdated_page_is_seen():
 def test_every_port_is_on_the_page():
     from dataclasses import fields
 
-    from identify.quantities import Terms
+    from identify.effects.quantities import Terms
 
     table = PAGE[PAGE.index("## Ports") : PAGE.index("## Adding")]
     assert [f.name for f in fields(Terms) if f"`{f.name}`" not in table] == []

@@ -9,8 +9,8 @@ from experiments.energy import balance
 from experiments.hard_scenes import PAIR
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.motion.trajectory import Trajectory
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
 
 SKIN = {"skin_stiffness": 4400.0, "skin_retardation": 2e-3}
 SHAKEN = {"excitation_amplitude": 2e-6, "excitation_frequency": 40.0, "excitation_phase": 0.3}

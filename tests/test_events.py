@@ -9,15 +9,15 @@ import pytest
 
 from data_io import Record
 from identify import Scene
+from identify.base.outcome import Status
 from identify.effects import MAIN
+from identify.estimation.attempt import Clock
+from identify.estimation.events import TOO_BAD, misfit_of_start, with_events_mended
+from identify.estimation.joining import from_some
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Clock
-from identify.search.events import TOO_BAD, misfit_of_start, with_events_mended
-from identify.search.joining import from_some
+from identify.simulation.simulate import run
 
 # Near the end of stick-slip: jumps of four standard deviations of the noise, after a start with larger ones.
 TRUTH = {"mu_s": 0.5348, "mu_k0": 0.3311, "delta_mu_k": -0.02818, "a": 197.7, "D": 21.24e-6, "t_cr": 3.3}

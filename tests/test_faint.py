@@ -13,17 +13,17 @@ from taken_logs import error, taken
 from data_io import Record
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify.detection.segment import segment
+from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.examination.hanging import hanging
+from identify.estimation import attempt
+from identify.estimation.attempt import Attempt, Clock, place_on, solve_from
+from identify.estimation.hanging import hanging
+from identify.estimation.joining import join
+from identify.logs.prepare import Prepared
+from identify.logs.segment import segment
+from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
-from identify.search import attempt
-from identify.search.attempt import Attempt, Clock, place_on, solve_from
-from identify.search.joining import join
+from identify.simulation.simulate import run
 
 NOISE = 5e-3
 # Slow, middle, fast: drive speed [m/s], duration [s], rate [Hz].

@@ -11,9 +11,9 @@ from taken_logs import error, taken
 from data_io import Record
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify.outcome import Status
-from identify.search import search
-from identify.search.attempt import Clock, solve_from
+from identify.base.outcome import Status
+from identify.estimation import search
+from identify.estimation.attempt import Clock, solve_from
 
 
 @pytest.mark.slow

@@ -17,12 +17,12 @@ from experiments.run_paper_test import DESIGNS, identify
 from experiments.run_recovery_study import FIVE, Study, fit_case
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
+from identify.base.errors import FitError
+from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.errors import FitError
+from identify.estimation import search
 from identify.examples import FOLDER
 from identify.identification import find
-from identify.outcome import Status
-from identify.search import search
 
 MIDDLE = (1, 2, 3)  # the logs at 0.1, 1 and 5 mm/s of the study's problem: the slow one takes longest to read
 

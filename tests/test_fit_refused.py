@@ -3,7 +3,7 @@
 import pytest
 
 from data_io.errors import LogError
-from identify.errors import FitError
+from identify.base.errors import FitError
 from identify.identification import fit
 from identify.scene import Scene
 

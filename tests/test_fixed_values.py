@@ -8,11 +8,11 @@ import pytest
 
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.effects import ALL, MAIN
-from identify.first_guess.vibration import tuned
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
+from identify.estimation.starts import own_starts
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.starts import own_starts
+from identify.shooting.vibration import tuned
 
 BY_NAME = {effect.name: effect for effect in ALL}
 FITTED = [effect for effect in ALL if effect.name not in ("inertia", "friction_heterogeneity")]  # no fit has the last

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from identify.effects import MAIN
-from identify.first_guess import along, first_state, following, onset_places
-from identify.first_guess.along import Along
-from identify.first_guess.following import follow
+from identify.logs.log_data import LogData
 from identify.model.model import assemble
-from identify.motion.drive import NormalForce
-from identify.motion.simulate import run
-from identify.motion.trajectory import Trajectory
-from identify.preparation.guess import LogData
+from identify.shooting import along, first_state, following, onset_places
+from identify.shooting.along import Along
+from identify.shooting.following import follow
+from identify.simulation.drive import NormalForce
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
 
 MODEL = assemble(MAIN)
 PAIR = {"mu_s": 0.9904, "mu_k0": 0.8659, "delta_mu_k": -0.06065, "a": 1566.0, "D": 1.278e-5, "t_cr": 3.305}

@@ -9,10 +9,10 @@ import pytest
 from experiments.draws import draw
 from experiments.energy import balance
 from experiments.verdicts import difference, judge, motion
-from identify.methods import STIFF
 from identify.model.model import assemble
-from identify.motion.machine import CREEP
-from identify.motion.simulate import run
+from identify.simulation.machine import CREEP
+from identify.simulation.methods import STIFF
+from identify.simulation.simulate import run
 
 # Seed of the scene: what was wrong there.
 FOUND = {

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-import identify.search.gate as room
-from identify.outcome import Status
-from identify.search.gate import pass_gate
-from identify.search.remembered import Remembered
+import identify.estimation.gate as room
+from identify.base.outcome import Status
+from identify.estimation.gate import pass_gate
+from identify.estimation.remembered import Remembered
 from identify.shooting.passes import COARSE, solve_in_passes
 
 NAMES = ("calm.csv", "brisk.csv")

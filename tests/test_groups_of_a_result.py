@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from identify import Scene, examples
-from identify.calculators.outlook import outlook
-from identify.calculators.pairs import pair_of
 from identify.cli.main import main
+from identify.prediction.outlook import outlook
+from identify.prediction.pairs import pair_of
 
 OFFSET = -0.19  # of mu_k0 from mu_s
 SHARED = {"delta_mu_k": -0.13, "a": 300.0, "t_cr": 0.5}

@@ -12,8 +12,8 @@ from experiments.growth_rates import pairs
 from experiments.hard_cases import CASES
 from experiments.hard_scenes import HardCase
 from experiments.verdicts import judge
+from identify.base.errors import SceneError, SimulationError
 from identify.effects import MAIN
-from identify.errors import SceneError, SimulationError
 
 GREEN = [case for case in CASES if case.truth is not None]
 REFUSED = [case for case in CASES if case.truth is None]

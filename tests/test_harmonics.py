@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.fft import dct, idct
 
-from identify.preparation.harmonics import harmonics
-from identify.preparation.loads import _standing_out, _white, smooth
+from identify.logs.harmonics import harmonics
+from identify.logs.loads import _standing_out, _white, smooth
 
 NOISE = 5e-3
 

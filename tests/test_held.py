@@ -11,20 +11,20 @@ import pytest
 
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
+from identify.base.outcome import Status
 from identify.diagnosis import held, second_look
 from identify.diagnosis.diagnosis import Doubt, diagnose
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.held import against_data
+from identify.estimation.attempt import Clock
+from identify.estimation.remembered import MORE
+from identify.estimation.search import search
 from identify.identification import find
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.attempt import Clock
-from identify.search.remembered import MORE
-from identify.search.search import search
+from identify.simulation.simulate import run
 
 NORMAL_FORCE, NOISE = 1.0, 5e-3
 LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]

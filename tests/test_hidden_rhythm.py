@@ -10,17 +10,17 @@ import pytest
 
 from data_io import Record
 from identify import Scene
+from identify.base.outcome import Status
 from identify.effects import MAIN
+from identify.estimation import gate
+from identify.estimation.attempt import Clock, solve_from
+from identify.estimation.search import search
+from identify.logs import manner
+from identify.logs.hidden_rhythm import hidden_rhythm
+from identify.logs.prepare import prepare, settled_part
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation import manner
-from identify.preparation.hidden_rhythm import hidden_rhythm
-from identify.preparation.prepare import prepare, settled_part
-from identify.preparation.unknowns import from_scene
-from identify.search import gate
-from identify.search.attempt import Clock, solve_from
-from identify.search.search import search
+from identify.simulation.simulate import run
 
 PAIR = {"mu_s": 0.5642, "mu_k0": 0.4130, "delta_mu_k": -0.0562, "a": 120.1, "D": 10.14e-6, "t_cr": 2.079}
 RIG = {"mass": 0.3171, "stiffness": 1691.0, "damping": 84.35}

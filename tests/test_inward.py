@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind, Log
-from identify.examination.allowed import noise_of
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Attempt, resolve
-from identify.search.inward import at_own_bounds, taken_inside
-from identify.search.search import search
+from identify.base.outcome import Status
+from identify.estimation.allowed import noise_of
+from identify.estimation.attempt import Attempt, resolve
+from identify.estimation.inward import at_own_bounds, taken_inside
+from identify.estimation.search import search
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 
 SLOWER = Log(1e-4, 20.0, 500.0)
 SOON = float(np.log(1e-2))  # of t_cr [s]

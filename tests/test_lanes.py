@@ -7,8 +7,8 @@ import pytest
 import shooting_case as case
 from scipy.interpolate import CubicHermiteSpline
 
-from identify.first_guess import lanes, sliding_lanes
-from identify.first_guess.waveform import Waves
+from identify.shooting import lanes, sliding_lanes
+from identify.shooting.waveform import Waves
 
 PER_HALF_PERIOD = 60
 MODEL = case.MODEL

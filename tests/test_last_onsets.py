@@ -8,14 +8,14 @@ import pytest
 import identify.shooting.passes as room
 from data_io import Record
 from identify import Scene
-from identify.first_guess.last_onsets import turned_back, with_last_onsets
+from identify.base.outcome import Status
+from identify.estimation.attempt import Clock, resolve, solve_from
+from identify.logs.log_data import Guess
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import SPEED, assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.guess import Guess
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Clock, resolve, solve_from
+from identify.shooting.last_onsets import turned_back, with_last_onsets
+from identify.simulation.simulate import run
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
 PAIR = {"mu_s": 0.8, "mu_k0": 0.7, "delta_mu_k": -0.03, "a": 340.0, "D": 37e-6, "t_cr": 0.67}

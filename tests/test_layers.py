@@ -10,19 +10,16 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Lowest first: values, the model, forward in time, logs without a model, closed forms, what follows from the nonlinear
-# model, the fit, its result, many fits, the command line.
+# Lowest first: common ground, the model, what is done with it forward in time and with logs, what follows from it, the
+# fit, its result, many fits, the command line.
 # A room is a folder, or one of the few modules beside the folders. A new one gets a place here and in docs/rooms.md.
 ROOMS = """
-errors quantities speeds number_words typical outcome log_numbers telling examples numerics
+base examples
 effects model scene
-methods motion
-detection
-closed_forms
-orbits calculators maps
-preparation first_guess shooting asked uncertainty search examination effect_choice diagnosis next_log answering
-result identification report
-pooling comparing batch
+simulation logs prediction
+shooting estimation diagnosis answering
+report identification
+studies
 cli
 """.split()
 
@@ -129,14 +126,14 @@ def test_nobody_imports_the_command_line():
 
 
 def test_an_import_that_points_down_is_seen(tmp_path):
-    (tmp_path / "errors.py").write_text("def f():\n    from identify.scene import Scene\n")
-    (tmp_path / "scene.py").write_text("from identify.errors import SceneError\n")
+    (tmp_path / "effects.py").write_text("def f():\n    from identify.scene import Scene\n")
+    (tmp_path / "scene.py").write_text("from identify.base.errors import SceneError\n")
     (tmp_path / "attic").mkdir()
     (tmp_path / "attic" / "trunk.py").write_text("")
     complaints = wrong_imports(tmp_path, ROOMS)
     assert complaints == [
         "attic has no place in the list of rooms",
-        "errors imports identify.scene.Scene, which stands below it",
+        "effects imports identify.scene.Scene, which stands below it",
     ]
 
 

@@ -10,11 +10,11 @@ from taken_logs import taken
 
 from experiments.run_recovery_study import FIVE, Study
 from experiments.study_problem import FIFTH, SPEEDS
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
-from identify.search import search as room
-from identify.search.attempt import Attempt, Clock, solve_from
+from identify.base.outcome import Status
+from identify.estimation import search as room
+from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 
 LAST = 2  # of the logs: at 20 mm/s, the way to sliding after four slips
 

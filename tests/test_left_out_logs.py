@@ -11,13 +11,13 @@ from data_io import Record
 from experiments.record_kinds import FAST, SLOW, Kind
 from experiments.study_problem import DEMO, RIG
 from identify import answering, identification
+from identify.base.outcome import Status
+from identify.base.progress import Progress, to_nobody
 from identify.diagnosis.findings import Findings
-from identify.examination import examined
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared
+from identify.estimation import examined
+from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.logs.prepare import Prepared
 from identify.scene import Scene
-from identify.search.attempt import Attempt, Clock, solve_from
-from identify.telling import Progress, to_nobody
 
 
 def test_a_better_answer_of_fewer_logs_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

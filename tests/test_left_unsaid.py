@@ -9,13 +9,13 @@ import pytest
 
 from experiments.study_problem import RIG
 from identify import Scene
+from identify.base.outcome import Status
 from identify.diagnosis import second_look
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.left_unsaid import left_unsaid
 from identify.effects import MAIN
-from identify.outcome import Status
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Attempt
+from identify.estimation.attempt import Attempt
+from identify.logs.unknowns import from_scene
 
 EVERY = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 

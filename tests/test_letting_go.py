@@ -9,14 +9,14 @@ from taken_logs import error, taken
 
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify.asked import NOTHING_MORE
-from identify.examination import certainty, letting_go
-from identify.examination.hanging import hanging
-from identify.examination.letting_go import let_go
-from identify.first_guess import first_state
-from identify.outcome import Status
-from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Attempt, Clock, resolve, solve_from
+from identify.base.outcome import Status
+from identify.estimation import certainty, letting_go
+from identify.estimation.attempt import Attempt, Clock, resolve, solve_from
+from identify.estimation.hanging import hanging
+from identify.estimation.letting_go import let_go
+from identify.logs.unknowns import Unknowns
+from identify.shooting import first_state
+from identify.shooting.fit_options import NOTHING_MORE
 
 NAMES = ["slowest", "slow", "fast", "fastest"]
 

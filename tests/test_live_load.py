@@ -14,24 +14,24 @@ from scipy.signal import lfilter
 from data_io import Record
 from experiments import in_vivo
 from identify import answering
-from identify.detection.local_fits import noise_on_lines
-from identify.detection.segment import segment
+from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.first_guess.placing import place
+from identify.estimation.attempt import Clock, solve_from
 from identify.identification import find, fit
+from identify.logs import loads
+from identify.logs.loads import as_far_as_told, calmed, smooth
+from identify.logs.local_fits import noise_on_lines
+from identify.logs.log_data import Guess, LogData, Pull
+from identify.logs.prepare import UNEQUAL, prepare
+from identify.logs.segment import segment
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.drive import NormalForce
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation import loads
-from identify.preparation.guess import Guess, LogData, Pull
-from identify.preparation.loads import as_far_as_told, calmed, smooth
-from identify.preparation.prepare import UNEQUAL, prepare
-from identify.preparation.unknowns import from_scene
-from identify.result.log_document import _quality, load_trembles
+from identify.report.log_document import _quality, load_trembles
 from identify.scene import Scene
-from identify.search.attempt import Clock, solve_from
 from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.placing import place
+from identify.simulation.drive import NormalForce
+from identify.simulation.simulate import run
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.1, "a": 480.0, "D": 40e-6, "t_cr": 5.0}
 RIG = {"mass": 0.206, "stiffness": 1433.0, "damping": 140.0}

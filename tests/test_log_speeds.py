@@ -9,18 +9,18 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene
+from identify.base.outcome import Status
 from identify.diagnosis import diagnosis
 from identify.diagnosis.diagnosis import diagnose
+from identify.diagnosis.fitted import Fitted
 from identify.diagnosis.log_speeds import log_speeds
 from identify.diagnosis.refined import FARTHEST, STEP, refined
 from identify.diagnosis.suspects import GROSS
-from identify.effect_choice.fitted import Fitted
 from identify.effects import MAIN
-from identify.outcome import Status
-from identify.preparation.parting import PART, name_of_recording, recordings
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.search import search
+from identify.estimation.search import search
+from identify.logs.parting import PART, name_of_recording, recordings
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 MISFITS = (1.0, 1.0)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.detection.segment import SLIDING, segment
-from identify.motion.drive import Drive
-from identify.preparation.manner import Manner, manner_of, since_settled
+from identify.logs.manner import Manner, manner_of, since_settled
+from identify.logs.segment import SLIDING, segment
+from identify.simulation.drive import Drive
 
 NOISE, RATE, LOADING = 0.0045, 20.0, 0.00125  # N, Hz, N/s: a slow drive on a soft rig
 HALF_PERIOD = 0.05

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from maps_case import SITE, SPANS
 
-from identify.calculators import tested
+from identify.base.errors import SimulationError
 from identify.cli.main import main
-from identify.errors import SimulationError
-from identify.maps.chart import chart
-from identify.maps.chart_data import values_of, write_chart, write_continuation
-from identify.maps.chart_spread import Known
-from identify.maps.continuation import continuation
+from identify.prediction import tested
+from identify.prediction.chart import chart
+from identify.prediction.chart_data import values_of, write_chart, write_continuation
+from identify.prediction.chart_spread import Known
+from identify.prediction.continuation import continuation
 from identify.report.draw_map import Marks, draw_map
 
 

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from maps_case import ALL, DEMO, SITE, SPANS
 
-from identify.errors import SimulationError
-from identify.maps.axes import Site, admissible, axis, check_axes, course, known_axes, moved, slopes
-from identify.maps.chart import chart
-from identify.maps.chart_closed import closed_plane
-from identify.maps.chart_spread import Known, bands, region
-from identify.maps.continuation import continuation
-from identify.maps.crossings import growth_at, losses_of_stability
-from identify.maps.outline import outline
-from identify.maps.plane import plane
+from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.orbits.cycle import CycleMap
-from identify.orbits.orbit import settle
-from identify.orbits.prospect import prospect
-from identify.orbits.sensitivity import quantities
+from identify.prediction.chart import chart
+from identify.prediction.chart_closed import closed_plane
+from identify.prediction.chart_spread import Known, bands, region
+from identify.prediction.continuation import continuation
+from identify.prediction.crossings import growth_at, losses_of_stability
+from identify.prediction.cycle import CycleMap
+from identify.prediction.map_axes import Site, admissible, axis, check_axes, course, known_axes, moved, slopes
+from identify.prediction.orbit import settle
+from identify.prediction.outline import outline
+from identify.prediction.plane import plane
+from identify.prediction.prospect import prospect
+from identify.prediction.sensitivity import quantities
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 import brute_force

@@ -4,8 +4,8 @@ import pytest
 
 from experiments.run_measured_records import RECORDS, main
 from experiments.study_problem import DEMO, scene_of, simulated_case
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 
 
 @pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not beside this checkout")

@@ -11,17 +11,17 @@ from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients
 from test_simulate import MODEL, PAIR, RELAXING, STEPS
 
-from identify.errors import SimulationError
-from identify.methods import ALL, HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF
-from identify.methods.interface import Method
+from identify.base import tableaus
+from identify.base.errors import SimulationError
 from identify.model.model import SPEED, assemble
-from identify.motion.plan import ACCURACY, accuracy_for, plan
-from identify.motion.scales import scales
-from identify.motion.simulate import run
-from identify.motion.situated import Situated
-from identify.motion.stepping import trial
-from identify.motion.trajectory import distance
-from identify.numerics import tableaus
+from identify.simulation.interface import Method
+from identify.simulation.methods import ALL, HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF
+from identify.simulation.plan import ACCURACY, accuracy_for, plan
+from identify.simulation.scales import scales
+from identify.simulation.simulate import run
+from identify.simulation.situated import Situated
+from identify.simulation.stepping import trial
+from identify.simulation.trajectory import distance
 
 P = np.array([PAIR[name] for name in MODEL.parameter_names])
 START = np.array([4.2e-4, 0.02, 0.6])  # in the middle of a slip

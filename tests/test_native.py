@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from identify.base import mapped, native
+from identify.base.mapped import Mapped
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.numerics import mapped, native
-from identify.numerics.mapped import Mapped
 from identify.shooting.blocks import block
 
 

@@ -10,15 +10,15 @@ from taken_logs import taken
 
 from experiments.run_recovery_study import FIVE, Study
 from experiments.study_problem import FIFTH, SPEEDS
-from identify.asked import NOTHING_MORE
-from identify.examination import examined
-from identify.examination.examined import Examined, Question, examine
-from identify.examination.fine_enough import information_at
-from identify.examination.nearly_rests import neighbours
-from identify.outcome import Status
-from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Attempt, Clock, solve_from
-from identify.search.sequence import modes_of
+from identify.base.outcome import Status
+from identify.estimation import examined
+from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.examined import Examined, Question, examine
+from identify.estimation.fine_enough import information_at
+from identify.estimation.nearly_rests import neighbours
+from identify.estimation.sequence import modes_of
+from identify.logs.unknowns import Unknowns
+from identify.shooting.fit_options import NOTHING_MORE
 
 FAST = 2  # the first of the logs that are fitted: at 1, 5 and 20 mm/s
 CLOSE, FAR = 22.5, 40.0

@@ -9,17 +9,18 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, scene_of, simulated_case
 from identify import Scene, fit
+from identify.diagnosis import next_log as choosing
+from identify.diagnosis import next_log_words as words
+from identify.diagnosis.next_log import Advice, NextLog, next_logs
+from identify.diagnosis.rehearsal import rehearse
 from identify.effects import MAIN
+from identify.estimation.attempt import Clock
 from identify.identification import find
+from identify.logs.log_data import LogData
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.drive import Drive, NormalForce
-from identify.motion.simulate import run
-from identify.next_log import choosing, words
-from identify.next_log.choosing import Advice, NextLog, next_logs
-from identify.next_log.rehearsal import rehearse
-from identify.preparation.guess import LogData
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Clock
+from identify.simulation.drive import Drive, NormalForce
+from identify.simulation.simulate import run
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.uncertainty.coloured import Colour
-from identify.uncertainty.objection import Change, Remembering
+from identify.estimation.coloured import Colour
+from identify.estimation.objection import Change, Remembering
 
 SD, CORRELATION, SAMPLES = 0.02, 0.8, 4000
 WHITE = Colour(np.empty(0), 1.0)

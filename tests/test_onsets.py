@@ -10,13 +10,13 @@ import pytest
 
 from experiments.draws import draw
 from experiments.hard_scenes import PAIR
+from identify.base.errors import SimulationError
 from identify.effects import MAIN
-from identify.errors import SimulationError
-from identify.methods import LOW
 from identify.model.model import assemble
-from identify.motion import stepper
-from identify.motion.resting import bounds
-from identify.motion.simulate import run
+from identify.simulation import stepper
+from identify.simulation.methods import LOW
+from identify.simulation.resting import bounds
+from identify.simulation.simulate import run
 
 
 @pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])

@@ -13,17 +13,17 @@ import oracle
 import pytest
 
 from identify import stability
-from identify.calculators.comparison import closed_forms, contact
-from identify.calculators.outlook import OperatingPoint, outlook, outlooks
-from identify.calculators.spread import Spread
-from identify.errors import SimulationError
+from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.orbits.branch import follow
-from identify.orbits.cycle import CycleMap
-from identify.orbits.orbit import settle
-from identify.orbits.prospect import Outcome, prospect
-from identify.orbits.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities
-from identify.orbits.sliding import sliding, unstable_speeds
+from identify.prediction.branch import follow
+from identify.prediction.comparison import closed_forms, contact
+from identify.prediction.cycle import CycleMap
+from identify.prediction.orbit import settle
+from identify.prediction.outlook import OperatingPoint, outlook, outlooks
+from identify.prediction.prospect import Outcome, prospect
+from identify.prediction.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities
+from identify.prediction.sliding import sliding, unstable_speeds
+from identify.prediction.spread import Spread
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {

@@ -11,15 +11,15 @@ from test_cli import folder, refused, stickslip  # noqa: F401
 from data_io import Record, write_csv
 from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
-from identify.batch.making import make
-from identify.batch.planning import plan
-from identify.batch.store import RESULT, write_document
-from identify.calculators import tested
+from identify.base.log_numbers import numbers_of, places_of
+from identify.base.outcome import Fit
 from identify.cli import counsel
-from identify.log_numbers import numbers_of, places_of
-from identify.outcome import Fit
-from identify.preparation.parting import parted, parts_of
-from identify.preparation.scene_records import with_records
+from identify.logs.parting import parted, parts_of
+from identify.logs.scene_records import with_records
+from identify.prediction import tested
+from identify.studies.batch_store import RESULT, write_document
+from identify.studies.making import make
+from identify.studies.planning import plan
 
 LOGS = """
 [[logs]]

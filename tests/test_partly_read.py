@@ -8,8 +8,8 @@ import pytest
 
 from data_io import LogError, LogTooLargeError, memory, read_log
 from identify import Scene, fit
+from identify.base.outcome import Status
 from identify.examples import FOLDER
-from identify.outcome import Status
 from identify.scene.values import LogEntry
 
 BEGINS = 250.0  # of the clock in the file [s]
@@ -63,7 +63,7 @@ def test_without_a_window_the_sentence_names_it(scene, monkeypatch):
 
 
 def test_times_of_the_entry_are_moved(scene, monkeypatch):
-    from identify.preparation.scene_records import with_records
+    from identify.logs.scene_records import with_records
 
     drive = ((0.0, 1e-3), (0.4, 2e-3), (2.0, 1e-3))
     entry = replace(scene.logs[0], drive_speed=drive, tare=(0.85, 0.95))

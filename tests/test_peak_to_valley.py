@@ -7,11 +7,11 @@ import oracle
 import pytest
 from test_orbit import ALL, DEMO, map_of
 
-from identify.calculators.outlook import outlook
 from identify.model.model import assemble
-from identify.orbits.extremes import extremes, peak_to_valley
-from identify.orbits.orbit import settle
-from identify.orbits.sensitivity import QUANTITIES, orbit_slopes, quantities
+from identify.prediction.extremes import extremes, peak_to_valley
+from identify.prediction.orbit import settle
+from identify.prediction.outlook import outlook
+from identify.prediction.sensitivity import QUANTITIES, orbit_slopes, quantities
 
 PLACE = list(QUANTITIES).index("peak_to_valley")
 

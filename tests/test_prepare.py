@@ -11,17 +11,17 @@ import pytest
 from data_io import Record
 from data_io.thresholds import Thresholds
 from experiments.study_problem import DEMO, RIG
+from identify.base.errors import FitError, SceneError
 from identify.diagnosis.diagnosis import wrong_unit
 from identify.effects import MAIN
-from identify.errors import FitError, SceneError
 from identify.identification import fit
+from identify.logs.loads import level, smooth
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.preparation.loads import level, smooth
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.result.log_document import _looked_at
+from identify.report.log_document import _looked_at
 from identify.scene import Scene
+from identify.simulation.simulate import run
 
 NOISE = 5e-3
 QUIET = 0.4  # [s] before the drive starts

@@ -8,13 +8,13 @@ import pytest
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene
 from identify.effects import MAIN
-from identify.examination.allowed import noise_of
-from identify.examination.fine_enough import information_at
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.search import search
-from identify.uncertainty import profile_ground
-from identify.uncertainty.profile_line import ProfileLine
+from identify.estimation import profile_ground
+from identify.estimation.allowed import noise_of
+from identify.estimation.fine_enough import information_at
+from identify.estimation.profile_line import ProfileLine
+from identify.estimation.search import search
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 OFF = 2.0  # standard errors

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identify.uncertainty import profile_side
-from identify.uncertainty.profile import _walks
-from identify.uncertainty.profile_ground import FREE
-from identify.uncertainty.profile_side import CRITICAL
+from identify.estimation import profile_side
+from identify.estimation.profile import _walks
+from identify.estimation.profile_ground import FREE
+from identify.estimation.profile_side import CRITICAL
 
 NEAR, FAR = 0.19, 0.75  # of a logarithm: the data begin to object, and no longer do
 SIDE = 0.1  # standard error near the answer

@@ -6,7 +6,7 @@ from subprocess import run
 import mpmath as mp
 import pytest
 
-from identify.numerics import quantiles
+from identify.base import quantiles
 
 
 def below_normal(z: float) -> mp.mpf:

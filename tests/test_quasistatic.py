@@ -10,14 +10,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from identify.calculators.outlook import outlook
+from identify.base.errors import FitError, SceneError, SimulationError
 from identify.cli.main import main
-from identify.errors import FitError, SceneError, SimulationError
 from identify.identification import fit
 from identify.model.model import assemble
-from identify.motion.simulate import run, simulate
-from identify.motion.trajectory import Trajectory
+from identify.prediction.outlook import outlook
 from identify.scene import Scene
+from identify.simulation.simulate import run, simulate
+from identify.simulation.trajectory import Trajectory
 
 VALUES = {
     "mass": 0.2,

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identify.base.errors import SimulationError
 from identify.effects import ALL
-from identify.errors import SimulationError
 from identify.model.model import Model, assemble
-from identify.motion.drive import Drive
-from identify.motion.simulate import run
+from identify.simulation.drive import Drive
+from identify.simulation.simulate import run
 
 GIVEN = {"mu_s": 0.6, "mu_k0": 0.45, "stiffness": 1470.0, "D": 500e-6, "damping_frequency": 13.0, "field_sd": 1e-4}
 GIVEN |= {"slope": 0.5, "speed_exponent": -0.1, "delta_mu_k": 0.05, "excitation_amplitude": 1e-7, "strength_sd": 0.0}

@@ -7,11 +7,11 @@ import pytest
 from experiments.run_recovery_study import FIVE, Study, fit_case
 from experiments.study_problem import FIFTH, NORMAL_FORCE, scene_of
 from identify.effects import MAIN
+from identify.logs import window
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.preparation import window
-from identify.preparation.prepare import Prepared, prepare
-from identify.preparation.unknowns import from_scene
+from identify.simulation.simulate import run
 
 
 def begun(number: int) -> tuple[Prepared, float]:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.outcome import SlipDetail
-from identify.result.reconstruct import AS_FITTED, as_fitted
+from identify.base.outcome import SlipDetail
+from identify.report.reconstruct import AS_FITTED, as_fitted
 
 TIME = np.arange(0.0, 0.2, 0.01)
 

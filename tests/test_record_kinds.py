@@ -25,26 +25,26 @@ from experiments.record_kinds import (
     Log,
 )
 from identify import Scene, fit
+from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.examination.certainty import certainty
-from identify.examination.examined import _another_start
-from identify.examination.fine_enough import information_at
-from identify.first_guess.following import follow, glide
+from identify.estimation import search, starts
+from identify.estimation.certainty import certainty
+from identify.estimation.examined import _another_start
+from identify.estimation.fine_enough import information_at
+from identify.estimation.gate import Gate
+from identify.estimation.uncertainty import information
+from identify.logs.gaps import _unrecorded, gaps_apart
+from identify.logs.one_way import strokes_apart
+from identify.logs.parting import name_of, parts_of
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.drive import Drive
-from identify.motion.simulate import run
-from identify.motion.steadiness import decay, steadiness
-from identify.outcome import Status
-from identify.preparation.gaps import _unrecorded, gaps_apart
-from identify.preparation.one_way import strokes_apart
-from identify.preparation.parting import name_of, parts_of
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search import search, starts
-from identify.search.gate import Gate
+from identify.shooting.following import follow, glide
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
-from identify.uncertainty.uncertainty import information
+from identify.simulation.drive import Drive
+from identify.simulation.simulate import run
+from identify.simulation.steadiness import decay, steadiness
 
 MODEL = assemble(MAIN)
 NAMES = MODEL.parameter_names
@@ -274,11 +274,11 @@ def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
 def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain, clear, status):
     # Within the joint region of six parameters (12.6) it is another point of the same ridge; noise with a memory may
     # take chi^2 farther down.
-    import identify.examination.examined as room
-    from identify.asked import Asked
-    from identify.uncertainty.objection import Change
-    from identify.uncertainty.profile import Profiles
-    from identify.uncertainty.profile_ground import FREE, ProfilePoint
+    import identify.estimation.examined as room
+    from identify.estimation.objection import Change
+    from identify.estimation.profile import Profiles
+    from identify.estimation.profile_ground import FREE, ProfilePoint
+    from identify.shooting.fit_options import Asked
 
     kind = _kind(SLOW, FAST)
     prepared, unknowns = _prepared(kind)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-from identify.preparation.guess import Grid
-from identify.preparation.unknowns import FORGOTTEN
+from identify.logs.log_data import Grid
+from identify.logs.unknowns import FORGOTTEN
 from identify.shooting.lay_out import lay_out
 from identify.shooting.relaid import with_finer_steps
 from identify.shooting.shooting import Problem, transcribe

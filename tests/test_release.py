@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from experiments.run_design_study import design, scene_of
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import FIRST, SLOWLY, Clock, released, solve_from, solve_held, usable
-from identify.search.starts import own_starts
+from identify.base.outcome import Status
+from identify.estimation.attempt import FIRST, SLOWLY, Clock, released, solve_from, solve_held, usable
+from identify.estimation.starts import own_starts
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.shooting.trust import Trust, held_back
 
 DESIGN = 144  # one log of short sticks, whose own starts are off in all six

@@ -12,15 +12,15 @@ from scipy.stats import chi2
 
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
+from identify.base.outcome import Status
+from identify.estimation import gate
+from identify.estimation.attempt import Clock
+from identify.estimation.gate import pass_gate
+from identify.estimation.remembered import CHANCE, in_common, remembered
 from identify.identification import find
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
 from identify.scene import Scene
-from identify.search import gate
-from identify.search.attempt import Clock
-from identify.search.gate import pass_gate
-from identify.search.remembered import CHANCE, in_common, remembered
+from identify.simulation.simulate import run
 
 LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
 WHITE, SLOW, TIME = 5e-3, 2e-3, 0.02  # standard deviations [N] and memory [s]

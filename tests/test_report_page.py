@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from identify.report.draw_force import draw_force
 from identify.report.draw_profile import draw_profile
-from identify.report.page import render_page
+from identify.report.report_page import render_page
 from tests.browser import CHROMIUM, Browser
 from tests.fake_fit import fake_fit
 

@@ -10,17 +10,17 @@ import pytest
 
 from experiments.study_problem import DEMO, RIG, SPEEDS, Case, simulated_case
 from identify import Scene, fit
+from identify.base.outcome import Status
 from identify.diagnosis import diagnosis, second_look
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.restraints import restraints, ties
 from identify.diagnosis.suspects import Suspect
 from identify.effects import MAIN
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search.attempt import Attempt
-from identify.search.search import search
+from identify.estimation.attempt import Attempt
+from identify.estimation.search import search
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 

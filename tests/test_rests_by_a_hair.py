@@ -7,17 +7,16 @@ import pytest
 
 from data_io import Record
 from identify import Scene
+from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.examination import examined
-from identify.first_guess.slide_parts import SlideParts
+from identify.estimation import attempt, examined
+from identify.estimation.attempt import Clock
+from identify.estimation.sequence import hardly, is_clear
 from identify.identification import find
+from identify.logs.log_data import Guess, Stretch
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.guess import Guess, Stretch
-from identify.search import attempt
-from identify.search.attempt import Clock
-from identify.search.sequence import hardly, is_clear
+from identify.shooting.slide_parts import SlideParts
+from identify.simulation.simulate import run
 
 MODEL = assemble(MAIN)
 # Just above the speed at which stick-slip ends: four slips, the last of which hardly comes to rest, then sliding.

@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from identify.effect_choice.nested import fit_model
-from identify.effect_choice.selection import _with_one_noise
+from identify.base.outcome import Status
+from identify.diagnosis.nested import fit_model
+from identify.diagnosis.selection import _with_one_noise
 from identify.effects import MAIN
-from identify.first_guess.vibration import quieted, tuned
+from identify.estimation.attempt import Clock
+from identify.estimation.preview import preview
 from identify.identification import find
+from identify.logs.prepare import prepare
+from identify.logs.rhythms import rhythms
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.rhythms import rhythms
-from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.attempt import Clock
-from identify.search.preview import preview
 from identify.shooting.discretisation import discretisation_error
 from identify.shooting.passes import solve_in_passes
+from identify.shooting.vibration import quieted, tuned
+from identify.simulation.simulate import run
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}

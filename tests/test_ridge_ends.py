@@ -13,16 +13,16 @@ from data_io import Record
 from experiments import run_design_study
 from experiments.run_recovery_study import Study
 from experiments.study_problem import NAMES, RIG, scene_of
-from identify.examination.allowed import noise_of
-from identify.examination.ridge_ends import _stronger, better_course, other_sign, strengthened
+from identify.base.outcome import Status
+from identify.estimation.allowed import noise_of
+from identify.estimation.attempt import Clock, solve_from, usable
+from identify.estimation.ridge_ends import _stronger, better_course, other_sign, strengthened
+from identify.logs.parting import parted
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.outcome import Status
-from identify.preparation.parting import parted
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.search.attempt import Clock, solve_from, usable
+from identify.simulation.simulate import run
 
 WRONG = {"mu_s": 0.353698, "mu_k0": 0.29213, "D": 9.9315e-06, "t_cr": 0.058197, "delta_mu_k": -0.235745, "a": 10.086}
 
@@ -56,7 +56,7 @@ def test_a_better_course_is_found_from_the_ends_of_the_ridge(pair, monkeypatch):
     unknowns, truth, answer = pair
     neighbour, right = answer(WRONG), answer({})
     assert abs(2 * (neighbour.solved.solution.cost - right.solved.solution.cost)) < 1  # a hair away, it is met at once
-    monkeypatch.setattr("identify.search.attempt.by_a_hair", lambda *_: [])
+    monkeypatch.setattr("identify.estimation.attempt.by_a_hair", lambda *_: [])
     stuck = answer(WRONG)
     assert stuck.gate.status is Status.CONVERGED  # nothing else tells
     assert 2 * (stuck.solved.solution.cost - right.solved.solution.cost) > 40

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identify.result.depth import ridge_note
+from identify.report.depth_document import ridge_note
 
 UNKNOWNS: Any = SimpleNamespace(names=("mu_s", "mass", "D"), free=np.array([True, False, True]))
 WHITE = np.diag([1e-8, 4e-6])

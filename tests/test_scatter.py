@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identify import examples
-from identify.calculators.scatter import pooled
 from identify.cli.main import main
+from identify.prediction.scatter import pooled
 
 
 def records(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from identify import examples
-from identify.errors import SceneError
+from identify.base.errors import SceneError
 from identify.scene import LogEntry, Scene
 
 GOOD = """

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
-from identify.errors import SceneError
 from identify.model.model import assemble
 from identify.scene import Scene
 

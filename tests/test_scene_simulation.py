@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from identify import simulate
+from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
-from identify.errors import SceneError
-from identify.motion.drive import NormalForce
 from identify.scene import Scene
+from identify.simulation.drive import NormalForce
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.002, "normal_force": 1.0}
 LAWS = ("velocity_weakening", "linear_weakening", "power_law")

@@ -10,15 +10,15 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene
-from identify.detection.segment import segment
-from identify.detection.suspicions import suspicions
+from identify.base.outcome import Status
+from identify.base.progress import to_nobody
 from identify.diagnosis import second_look
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.telling import to_nobody
+from identify.logs.prepare import prepare
+from identify.logs.segment import segment
+from identify.logs.suspicions import suspicions
+from identify.logs.unknowns import from_scene
 
 PLACE = 2  # the log at 1 mm/s
 

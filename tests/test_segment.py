@@ -7,9 +7,9 @@ import numpy as np
 import oracle
 import pytest
 
-from identify.detection.noise import quantum, spikes, white_noise
-from identify.detection.segment import SLIDING, SLIP, STICK, segment
-from identify.detection.zigzag import _corners, left_by_smoothing, running_means, smooth, zigzag
+from identify.logs.noise import quantum, spikes, white_noise
+from identify.logs.segment import SLIDING, SLIP, STICK, segment
+from identify.logs.zigzag import _corners, left_by_smoothing, running_means, smooth, zigzag
 
 PAIR = {
     "mu_s": 0.62,

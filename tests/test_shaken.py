@@ -10,11 +10,11 @@ import pytest
 
 from experiments.run_effect_selection import NOISE, RIG, draw
 from experiments.study_problem import DEMO, scene_of, simulated_case
-from identify.effect_choice.fitted import Fitted
-from identify.effect_choice.nested import fit_model, fit_shaken
-from identify.outcome import Status
+from identify.base.outcome import Status
+from identify.diagnosis.fitted import Fitted
+from identify.diagnosis.nested import fit_model, fit_shaken
+from identify.estimation import shaken as room
 from identify.scene import Scene
-from identify.search import shaken as room
 
 VIBRATING = 59  # record of that study whose first answer, from the data alone, is wrong
 

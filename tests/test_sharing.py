@@ -12,14 +12,14 @@ import pytest
 import shooting_case as case
 
 from data_io import Record
+from identify.base.errors import SceneError
+from identify.base.outcome import Status
 from identify.cli.main import main
 from identify.effects import MAIN
-from identify.errors import SceneError
+from identify.estimation.attempt import Clock
 from identify.identification import find, fit
-from identify.outcome import Status
-from identify.result.log_outlook import outlooks_of
+from identify.report.log_outlook import outlooks_of
 from identify.scene import Scene
-from identify.search.attempt import Clock
 from identify.shooting.layout import kept_parameters
 
 OTHER = case.PAIR | {"D": 60e-6, "mu_s": 0.66}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shooting_case as case
 
+from identify.logs.log_data import Grid
 from identify.model.model import assemble
-from identify.preparation.guess import Grid
 from identify.shooting.lay_out import lay_out
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.shooting import Problem, transcribe

@@ -6,11 +6,11 @@ import numpy as np
 import oracle
 import pytest
 
+from identify.base.errors import SimulationError
 from identify.effects import MAIN
-from identify.errors import SimulationError
 from identify.model.model import assemble
-from identify.motion.simulate import run
-from identify.motion.trajectory import Trajectory
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
 
 PAIR = {
     "mu_s": 0.62,

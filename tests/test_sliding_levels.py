@@ -9,11 +9,11 @@ import shooting_case as case
 
 from experiments.record_kinds import MILD, STIFF, Kind, Log
 from identify import fit
-from identify.motion.drive import Drive, NormalForce
-from identify.preparation.guess import Guess, LogData, Stretch
-from identify.uncertainty.coloured import colour
-from identify.uncertainty.hints import hints, what_is_held
-from identify.uncertainty.sliding_levels import WHITE, levels, steady
+from identify.estimation.coloured import colour
+from identify.estimation.hints import hints, what_is_held
+from identify.estimation.sliding_levels import WHITE, levels, steady
+from identify.logs.log_data import Guess, LogData, Stretch
+from identify.simulation.drive import Drive, NormalForce
 
 NONE = np.empty(0)
 RATE, LOAD, NOISE = 500.0, 2.0, 5e-3

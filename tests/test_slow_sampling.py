@@ -11,15 +11,14 @@ from experiments.run_fit_speed import TRUTH, simulated
 from experiments.run_recovery_study import Study, fit_case
 from experiments.study_problem import RIG, SPEEDS, scene_of
 from identify import Scene
+from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.first_guess import features
-from identify.first_guess.start import GOOD, fit_features
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search import attempt
-from identify.search.starts import features_of, own_starts
-from identify.shooting import passes
+from identify.estimation import attempt
+from identify.estimation.starts import features_of, own_starts
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
+from identify.shooting import features, passes
+from identify.shooting.start import GOOD, fit_features
 
 
 def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypatch):

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from experiments.in_vivo import twin
-from identify.first_guess.vibration import tuned
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared, prepare
-from identify.preparation.unknowns import Unknowns, from_scene
-from identify.search import search as room
-from identify.search.attempt import Attempt, Clock, solve_from
-from identify.search.ranking import ranked
-from identify.search.starts import own_starts, suggested_starts
+from identify.base.outcome import Status
+from identify.estimation import search as room
+from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.ranking import ranked
+from identify.estimation.starts import own_starts, suggested_starts
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.unknowns import Unknowns, from_scene
+from identify.shooting.vibration import tuned
 
 NUMBER, RATE = 26, 1000.0  # the same finger at 500 Hz was answered, at 1000 Hz no start led anywhere
 Finger = tuple[list[Prepared], Unknowns, Unknowns]

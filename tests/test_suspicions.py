@@ -9,13 +9,13 @@ import pytest
 from data_io import Record, write_csv
 from identify import examples
 from identify.cli import main as cli
-from identify.detection.judgement import judge
-from identify.detection.segment import segment
-from identify.detection.slip_quality import Part
-from identify.detection.told_drive import told_drive
 from identify.effects import MAIN
+from identify.logs.judgement import judge
+from identify.logs.segment import segment
+from identify.logs.slip_quality import Part
+from identify.logs.told_drive import told_drive
 from identify.model.model import assemble
-from identify.motion.simulate import run
+from identify.simulation.simulate import run
 
 PAIR = {
     "mu_s": 0.62,

@@ -8,11 +8,11 @@ import pytest
 import scipy.sparse.linalg as sla
 import shooting_case as case
 
-from identify.preparation.guess import Grid
+from identify.estimation.influence import sample_moves
+from identify.logs.log_data import Grid
 from identify.shooting import blocks, reageing
 from identify.shooting.layout import KNOWN
 from identify.shooting.shooting import transcribe
-from identify.uncertainty.influence import sample_moves
 
 # Fine enough that the steps of the shooting err by far less than what is claimed.
 GRID = Grid(slip=64, saturated=64, steps=8)

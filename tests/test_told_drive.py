@@ -8,7 +8,7 @@ import pytest
 
 from data_io import Record
 from identify.cli import main as cli
-from identify.detection.told_drive import told_drive
+from identify.logs.told_drive import told_drive
 
 STIFFNESS, DROP, RATE = 1800.0, 0.2, 500.0
 PROGRAMME = ((0.0, 2e-4), (6.0, 1e-3), (9.0, 4e-3), (11.0, 1e-3), (14.0, 2e-4))

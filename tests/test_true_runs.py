@@ -3,7 +3,7 @@
 import numpy as np
 
 from data_io.true_runs import longest_run, true_runs
-from identify.motion.drive import Drive
+from identify.simulation.drive import Drive
 
 
 def test_runs_begin_and_stop_where_the_flags_change():

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-from identify.preparation.guess import Grid
+from identify.estimation.hints import _shape
+from identify.estimation.uncertainty import Interval, estimates, information, inverse
+from identify.logs.log_data import Grid
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.shooting import transcribe
-from identify.uncertainty.hints import _shape
-from identify.uncertainty.uncertainty import Interval, estimates, information, inverse
 
 SMALL = Grid(slip=4, saturated=4, steps=3)
 QUIET = 0.1  # noise so small that the fit is linear in it

@@ -7,12 +7,12 @@ from taken_logs import taken
 
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
-from identify.first_guess import following
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Clock, place_on, solve_from
-from identify.search.joining import join
+from identify.base.outcome import Status
+from identify.estimation.attempt import Clock, place_on, solve_from
+from identify.estimation.joining import join
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.shooting import following
 
 SLOWEST, CYCLING = 0, [2, 3]  # of the four logs: 5,250 slips of 0.2 mN in noise of 5 mN; 23 and 14 that show
 

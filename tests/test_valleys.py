@@ -8,24 +8,24 @@ from scipy.stats import chi2
 
 from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
-from identify.asked import NOTHING_MORE
-from identify.examination import certainty as sureness
-from identify.examination import valleys as room
-from identify.examination.allowed import noise_of
-from identify.examination.valleys import other_valleys, within
-from identify.first_guess.vibration import tuned
-from identify.outcome import Status
-from identify.preparation.parting import parted
-from identify.preparation.prepare import prepare
-from identify.preparation.scene_records import with_records
-from identify.preparation.unknowns import from_scene
-from identify.search import search
-from identify.search.attempt import Clock, resolve, solve_from
-from identify.search.ranking import ranked
-from identify.uncertainty.coloured import Colour
-from identify.uncertainty.objection import Remembering
-from identify.uncertainty.profile import profile
-from identify.uncertainty.uncertainty import information
+from identify.base.outcome import Status
+from identify.estimation import certainty as sureness
+from identify.estimation import search
+from identify.estimation import valleys as room
+from identify.estimation.allowed import noise_of
+from identify.estimation.attempt import Clock, resolve, solve_from
+from identify.estimation.coloured import Colour
+from identify.estimation.objection import Remembering
+from identify.estimation.profile import profile
+from identify.estimation.ranking import ranked
+from identify.estimation.uncertainty import information
+from identify.estimation.valleys import other_valleys, within
+from identify.logs.parting import parted
+from identify.logs.prepare import prepare
+from identify.logs.scene_records import with_records
+from identify.logs.unknowns import from_scene
+from identify.shooting.fit_options import NOTHING_MORE
+from identify.shooting.vibration import tuned
 
 
 def _prepared(scene, records):

@@ -12,18 +12,17 @@ import numpy as np
 import pytest
 
 from identify.effects import MAIN
-from identify.first_guess import lanes
-from identify.first_guess.first_onsets import with_first_onsets
-from identify.first_guess.placing import place
+from identify.logs.log_data import LogData
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.motion.drive import NormalForce
-from identify.motion.simulate import run
-from identify.preparation.guess import LogData
-from identify.preparation.unknowns import from_scene
 from identify.scene import Scene
-from identify.shooting import passes
+from identify.shooting import lanes, passes
+from identify.shooting.first_onsets import with_first_onsets
 from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe
+from identify.simulation.drive import NormalForce
+from identify.simulation.simulate import run
 
 PAIR = {"mu_s": 0.45, "mu_k0": 0.28, "delta_mu_k": -0.087, "a": 212.0, "D": 38e-6, "t_cr": 0.16}
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}

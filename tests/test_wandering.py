@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from experiments.study_problem import DEMO, scene_of, simulated_case
-from identify.outcome import Status
-from identify.preparation.prepare import prepare
-from identify.preparation.unknowns import from_scene
-from identify.search import search as room
+from identify.base.outcome import Status
+from identify.estimation import search as room
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -6,9 +6,9 @@ import pytest
 from experiments.run_recovery_study import CLOSE, FAR, Study, fit_case
 from experiments.study_problem import scene_of
 from identify import fit
-from identify.examination import worth_a_walk
-from identify.numerics.level import NORMAL
-from identify.uncertainty.widened import ENOUGH, widened, widened_on_both_scales
+from identify.base.level import NORMAL
+from identify.estimation import worth_a_walk
+from identify.estimation.widened import ENOUGH, widened, widened_on_both_scales
 
 LIMIT = 3.84
 

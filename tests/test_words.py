@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import pytest
 
-from identify.calculators.outlook_words import amplitude_text, said, stability_text
+from identify.base.number_words import three_figures, told_apart
+from identify.base.outcome import Fit
 from identify.cli import main as cli
 from identify.cli.common import Terminal
 from identify.cli.summary import say_fit
-from identify.number_words import three_figures, told_apart
-from identify.outcome import Fit
+from identify.prediction.outlook_words import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
-from identify.report.page import render_page
 from identify.report.quantity_text import quantity
-from identify.report.tables import Cell, classical_tables
-from identify.report.words import plain_symbol
+from identify.report.report_page import render_page
+from identify.report.report_tables import Cell, classical_tables
+from identify.report.report_wording import plain_symbol
 from tests.fake_fit import failed, fake_fit
 
 

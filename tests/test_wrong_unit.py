@@ -11,8 +11,8 @@ from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
 from identify.diagnosis.diagnosis import wrong_unit
 from identify.effects import MAIN
-from identify.preparation.prepare import Prepared, prepare
-from identify.preparation.unknowns import from_scene
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.unknowns import from_scene
 
 KILOGRAM = 9.80665  # N
 

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from data_io import Record
-from identify.detection.segment import segment
-from identify.detection.slip_quality import Part
+from identify.logs.segment import segment
+from identify.logs.slip_quality import Part
 
 N = 4000
 RATE = 500.0

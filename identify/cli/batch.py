@@ -18,9 +18,9 @@ from identify.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from identify.batch.planning import Plan
-    from identify.batch.running import Summary
-    from identify.batch.workers import Workers
+    from identify.studies.planning import Plan
+    from identify.studies.running import Summary
+    from identify.studies.workers import Workers
 
 NAME = "batch"
 HELP = "one fit per group of a manifest (CSV) or per file of a folder, with a page of all"
@@ -45,7 +45,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, OSError: one sentence each. What is wrong with the batch is an answer with all complaints.
     """
-    from identify.batch.refusal import BatchError
+    from identify.studies.refusal import BatchError
 
     try:
         return _run(arguments, terminal)
@@ -69,10 +69,10 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
     if arguments.jobs is not None and arguments.scheduler:
         raise CommandLineError("--jobs counts the fits on this machine; drop it, or drop --scheduler")
 
-    from identify.batch.planning import plan
-    from identify.batch.running import check_place, run_batch
     from identify.cli.batch_progress import BatchProgress
     from identify.cli.progress import Progress
+    from identify.studies.planning import plan
+    from identify.studies.running import check_place, run_batch
 
     out = Path(arguments.out)
     check_place(out, arguments.resume)
@@ -104,10 +104,10 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
 def _workers(arguments: Namespace, out: Path) -> Workers:
     """The processes of this machine, or those of a cluster."""
     if not arguments.scheduler:
-        from identify.batch.workers import LocalWorkers, cores
+        from identify.studies.workers import LocalWorkers, cores
 
         return LocalWorkers(arguments.jobs or cores())
-    from identify.batch.cluster import ClusterWorkers
+    from identify.studies.cluster import ClusterWorkers
 
     cluster = ClusterWorkers(arguments.scheduler)
     out.mkdir(parents=True, exist_ok=True)
@@ -117,8 +117,8 @@ def _workers(arguments: Namespace, out: Path) -> Workers:
 
 def _say(summary: Summary, terminal: Terminal) -> None:
     """The groups that did not converge with their reasons, then how many there were."""
-    from identify.batch.pace import in_words
     from identify.cli.summary import wrapped
+    from identify.studies.pace import in_words
 
     for group, end in summary.ended.items():
         if end.status != "converged":
@@ -128,7 +128,7 @@ def _say(summary: Summary, terminal: Terminal) -> None:
 
 
 def _write_page(out: Path, terminal: Terminal) -> None:
-    from identify.comparing.page import write_batch_report
+    from identify.studies.comparison_page import write_batch_report
 
     terminal.say(f"report: {write_batch_report(out)}")
 

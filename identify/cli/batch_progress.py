@@ -6,14 +6,14 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
-from identify.batch.pace import in_words
 from identify.cli.interrupt import check_interrupted
+from identify.studies.pace import in_words
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from identify.batch.tables import Ended
+    from identify.studies.batch_tables import Ended
 
 
 class BatchProgress:

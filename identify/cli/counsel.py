@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from identify.calculators.advice import advise
-from identify.calculators.pairs import groups_of
-from identify.calculators.sureness import sureness
-from identify.calculators.tested import Tested
+from identify.base.errors import SimulationError
+from identify.base.log_numbers import numbers_of
+from identify.base.outcome import Fit
 from identify.cli.point import Point
 from identify.cli.points import points_of
-from identify.errors import SimulationError
-from identify.log_numbers import numbers_of
-from identify.outcome import Fit
+from identify.prediction.advice import advise
+from identify.prediction.pairs import groups_of
+from identify.prediction.sureness import sureness
+from identify.prediction.tested import Tested
 from identify.scene import Scene
 
 DRAWS = 100  # some milliseconds each

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, Terminal
 
 if TYPE_CHECKING:
-    from identify.outcome import Fit
+    from identify.base.outcome import Fit
 
 NAME = "demo"
 HELP = "the main job on example logs: fit, summary, report"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_io.whereabouts import log_is_at
+from identify.base.errors import SceneError
 from identify.cli.common import (
     DONE,
     NOT_SUCCEEDED,
@@ -19,12 +20,11 @@ from identify.cli.common import (
     log_options,
     quantity,
 )
-from identify.errors import SceneError
 
 if TYPE_CHECKING:
-    from identify.asked import Asked
-    from identify.outcome import Fit
+    from identify.base.outcome import Fit
     from identify.scene import Scene
+    from identify.shooting.fit_options import Asked
 
 NAME = "fit"
 HELP = "identify the friction parameters from all the logs together, and write a report"
@@ -80,9 +80,9 @@ def asked_of(arguments: Namespace) -> Asked:
     Raises:
         CommandLineError, FitError: an accuracy or a number of replicates that cannot be.
     """
-    from identify.asked import Asked
+    from identify.estimation.bootstrap import FEWEST
     from identify.shooting.accuracy import DEFAULT, accuracy_of
-    from identify.uncertainty.bootstrap import FEWEST
+    from identify.shooting.fit_options import Asked
 
     replicates = arguments.bootstrap or 0
     if arguments.bootstrap is not None and replicates < FEWEST:
@@ -168,15 +168,15 @@ def check_there(path: Path) -> None:
 
 def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
-    from identify.asked import NOTHING_MORE
+    from identify.base.mapped import keep
     from identify.cli.counsel import with_counsel
     from identify.cli.folder import result_folder
     from identify.cli.progress import Progress
     from identify.cli.results import scene_of
     from identify.cli.summary import say_files, say_fit
     from identify.identification import fit
-    from identify.numerics.mapped import keep
     from identify.report import write_report
+    from identify.shooting.fit_options import NOTHING_MORE
 
     with Progress(terminal.notes) as progress:
         outcome = fit(scene, progress=progress, asked=asked or NOTHING_MORE)

@@ -6,9 +6,9 @@ from argparse import Namespace
 from collections.abc import Callable
 from typing import Any
 
-from identify.calculators.tested import Tested
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.point import Point
+from identify.prediction.tested import Tested
 
 Further = Callable[[Point, Tested | None], dict[str, Any]]
 MOST_DRAWS = 100_000
@@ -28,8 +28,8 @@ def asked_further(arguments: Namespace) -> Further:
         raise CommandLineError(f"--draws is {draws}; expected 1 to {MOST_DRAWS}: write --draws 400")
 
     def further(point: Point, tested: Tested | None) -> dict[str, Any]:
-        from identify.calculators.advice import advise
-        from identify.calculators.sureness import sureness
+        from identify.prediction.advice import advise
+        from identify.prediction.sureness import sureness
 
         found: dict[str, Any] = {}
         at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)

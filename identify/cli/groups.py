@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from identify.calculators.pairs import named
 from identify.cli.common import CommandLineError
+from identify.prediction.pairs import named
 from identify.scene.values import EACH_LOG
 
 if TYPE_CHECKING:

@@ -10,16 +10,16 @@ import numpy as np
 
 from data_io import Record, Step
 from data_io.thresholds import DEFAULTS, Thresholds
+from identify.base.speeds import programme_text
 from identify.cli.common import Terminal
 from identify.cli.scene import only
 from identify.cli.summary import columns, wrapped
-from identify.detection.classical import classical_table
-from identify.detection.judgement import Judgement, judge
-from identify.detection.segment import SLIDING, SLIP, STICK, Segmentation, segment
-from identify.detection.slip_quality import Part
-from identify.detection.told_drive import UNTOLD, ToldDrive, told_drive
+from identify.logs.classical import classical_table
+from identify.logs.judgement import Judgement, judge
+from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation, segment
+from identify.logs.slip_quality import Part
+from identify.logs.told_drive import UNTOLD, ToldDrive, told_drive
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
-from identify.speeds import programme_text
 
 HEADINGS = ("run", "step", "stroke")
 MOST_STROKES = 2  # fit beside each other in 80 columns

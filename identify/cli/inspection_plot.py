@@ -14,7 +14,7 @@ from data_io.atomic import atomic_path
 from data_io.quality_load import UNLOADED
 from data_io.rest import Rest
 from data_io.true_runs import true_runs
-from identify.detection.segment import SLIDING, SLIP
+from identify.logs.segment import SLIDING, SLIP
 from identify.report.envelope import envelope
 
 if TYPE_CHECKING:

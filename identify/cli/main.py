@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, NoReturn
 
+from identify.base.errors import IdentifyError
 from identify.cli.common import (
     DEFECT,
     INTERRUPTED,
@@ -23,7 +24,6 @@ from identify.cli.common import (
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
 from identify.cli.shortened import shortened
-from identify.errors import IdentifyError
 
 STOPPED = "interrupted; no half-written result is left behind"
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."

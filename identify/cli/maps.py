@@ -9,23 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.calculators.outlook_words import said
-from identify.calculators.spread import Interval, Spread
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, picture, quantity
 from identify.cli.summary import wrapped
-from identify.maps.axes import Site, axis, known_axes
-from identify.maps.chart import chart
-from identify.maps.chart_data import check_data_path, values_of, write_chart, write_continuation
-from identify.maps.chart_spread import Known
-from identify.maps.continuation import Change, Continuation, continuation
-from identify.maps.plane import around
-from identify.report.words import OUTCOMES
+from identify.prediction.chart import chart
+from identify.prediction.chart_data import check_data_path, values_of, write_chart, write_continuation
+from identify.prediction.chart_spread import Known
+from identify.prediction.continuation import Change, Continuation, continuation
+from identify.prediction.map_axes import Site, axis, known_axes
+from identify.prediction.outlook_words import said
+from identify.prediction.plane import around
+from identify.prediction.spread import Interval, Spread
+from identify.report.report_wording import OUTCOMES
 from identify.scene.tables import nearest
 
 if TYPE_CHECKING:
-    from identify.calculators.tested import Tested
     from identify.cli.point import Point
-    from identify.maps.chart import Chart
+    from identify.prediction.chart import Chart
+    from identify.prediction.tested import Tested
 
 GRID, LINE = 60, 120  # nodes along each of two quantities, and along one
 Range = tuple[float, float] | None

@@ -6,14 +6,14 @@ from argparse import Namespace
 from collections.abc import Sequence
 from typing import Any
 
-from identify.calculators.outlook import OperatingPoint, outlook, outlooks
-from identify.calculators.tested import Tested
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
 from identify.cli.further import asked_further
 from identify.cli.groups import one_pair
 from identify.cli.point import Point
 from identify.cli.points import operating_points, tested_range
 from identify.cli.summary import wrapped
+from identify.prediction.outlook import OperatingPoint, outlook, outlooks
+from identify.prediction.tested import Tested
 
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.calculators.pairs import Groups, named
-from identify.maps.axes import Site
+from identify.prediction.map_axes import Site
+from identify.prediction.pairs import Groups, named
 
 if TYPE_CHECKING:
     from identify.model.model import Model

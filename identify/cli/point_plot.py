@@ -12,11 +12,11 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from data_io.atomic import atomic_path
 from identify.cli.common import CommandLineError
-from identify.orbits.cycle import CycleMap
-from identify.orbits.orbit import settle
-from identify.orbits.prospect import Prospect, prospect
-from identify.orbits.sensitivity import QUANTITIES, quantities
-from identify.orbits.sliding import sliding
+from identify.prediction.cycle import CycleMap
+from identify.prediction.orbit import settle
+from identify.prediction.prospect import Prospect, prospect
+from identify.prediction.sensitivity import QUANTITIES, quantities
+from identify.prediction.sliding import sliding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.calculators.calculable import check_calculable
-from identify.calculators.pairs import Pair, groups_of, pair_of, ties_of, with_tied
-from identify.calculators.scatter import pooled_result
-from identify.calculators.stated import stated
-from identify.calculators.tested import Tested
+from identify.base.log_numbers import places_of
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
 from identify.cli.point import Point
 from identify.cli.results import read_result, scene_of
-from identify.effect_choice.selection_numbers import choose_from_numbers
-from identify.log_numbers import places_of
+from identify.diagnosis.selection_numbers import choose_from_numbers
+from identify.prediction.calculable import check_calculable
+from identify.prediction.pairs import Pair, groups_of, pair_of, ties_of, with_tied
+from identify.prediction.scatter import pooled_result
+from identify.prediction.stated import stated
+from identify.prediction.tested import Tested
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest

@@ -29,14 +29,14 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from data_io.atomic import atomic_path
     from identify.cli.progress import Progress
     from identify.cli.summary import columns, wrapped
-    from identify.effect_choice.selection import LOOKED_AT
-    from identify.preparation.drives import with_drives
-    from identify.preparation.scene_records import with_records
+    from identify.diagnosis.selection import LOOKED_AT
+    from identify.estimation.preview import preview
+    from identify.logs.drives import with_drives
+    from identify.logs.scene_records import with_records
     from identify.report.draw_preview import draw_preview
     from identify.report.quantity_text import quantity
     from identify.report.style import drawing_style
     from identify.scene.variant import scene_with
-    from identify.search.preview import preview
 
     file = preview_file(out)
     with Progress(terminal.notes) as progress:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from identify.base.errors import SceneError
+from identify.base.log_numbers import numbers_of
 from identify.cli.common import CommandLineError
-from identify.errors import SceneError
-from identify.log_numbers import numbers_of
 
 if TYPE_CHECKING:
     from identify.scene import Scene

@@ -11,7 +11,7 @@ from identify.cli.common import Answer, Terminal, add_log_options, log_options, 
 
 if TYPE_CHECKING:
     from data_io import Record, Step
-    from identify.detection.draft import Piece
+    from identify.logs.draft import Piece
 
 NAME = "scene"
 HELP = "write a first, commented scene file from your logs"
@@ -33,7 +33,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     out = new_file(arguments.out, "--out", "your edits")
 
     from data_io.atomic import atomic_write
-    from identify.detection.draft import draft
+    from identify.logs.draft import draft
 
     said = {key: value for key, value in log_options(arguments).items() if value is not None}
     made = draft([piece for log in arguments.logs for piece in pieces(log, said)], out.parent, said)
@@ -56,7 +56,7 @@ def pieces(log: str, said: Mapping[str, Any]) -> list[Piece]:
         LogError: one sentence.
     """
     from data_io import read_log
-    from identify.detection.draft import Piece
+    from identify.logs.draft import Piece
 
     record = read_log(log, **said)
     if len(record.steps) < 2:

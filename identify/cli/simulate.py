@@ -53,10 +53,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     import numpy as np
 
     from data_io import Record, write_csv, write_hdf5
-    from identify.effect_choice.choice import document_of
-    from identify.effect_choice.selection_numbers import choose_from_numbers
-    from identify.motion.simulate import simulate
+    from identify.diagnosis.choice import document_of
+    from identify.diagnosis.selection_numbers import choose_from_numbers
     from identify.scene import Scene
+    from identify.simulation.simulate import simulate
 
     scene = Scene.from_toml(arguments.scene, arguments.set)
     choice = choose_from_numbers(scene) if scene.effects == "auto" else None

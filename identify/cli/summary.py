@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from identify.cli.common import Terminal
 
 if TYPE_CHECKING:
-    from identify.outcome import Fit
+    from identify.base.outcome import Fit
 
 WIDTH = 79
 
@@ -58,7 +58,7 @@ def say_choice(effects: Mapping[str, Any], terminal: Terminal) -> None:
 
 def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
     """Value, standard error, 95 % interval and verdict of each parameter, in lab units."""
-    from identify.report.views import parameter_views
+    from identify.report.report_views import parameter_views
 
     rows = [["", "value", "95 % interval", "unit", "verdict"]]
     for view in parameter_views(parameters):
@@ -69,7 +69,7 @@ def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
 
 def say_reasons(parameters: Mapping[str, Mapping[str, Any]], terminal: Terminal) -> None:
     """One sentence per parameter that is not identified."""
-    from identify.report.views import parameter_views
+    from identify.report.report_views import parameter_views
 
     for view in parameter_views(parameters):
         if view.verdict not in ("identified", "fixed") and view.reason:

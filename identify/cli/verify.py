@@ -11,9 +11,9 @@ from typing import Any, get_args
 
 from data_io.digest import file_sha256
 from data_io.whereabouts import digest_of, log_is_at
+from identify.base.log_numbers import places_of
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
 from identify.cli.results import read_result, scene_of
-from identify.log_numbers import places_of
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
@@ -38,10 +38,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     path = Path(arguments.result)
     stored = read_result(path)
 
-    from identify.asked import Asked
     from identify.cli.progress import Progress
+    from identify.estimation.starts import Sources
     from identify.identification import fit
-    from identify.search.starts import Sources
+    from identify.shooting.fit_options import Asked
 
     scene = scene_of(stored, path)
     check_unedited(path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identify.effect_choice.fitted import Fitted
+from identify.diagnosis.fitted import Fitted
 
 
 def misfits_of_logs(fitted: Fitted) -> list[float]:

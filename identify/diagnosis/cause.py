@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identify.search.attempt import Attempt
+from identify.estimation.attempt import Attempt
 
 ANOTHER_ANSWER = "another answer of the same model"
 

@@ -15,24 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.base.errors import FitError, SceneError
 from identify.diagnosis.by_log import misfits_of_logs
 from identify.diagnosis.cause import ANOTHER_ANSWER, Cause
 from identify.diagnosis.disagreement import disagreement
+from identify.diagnosis.fitted import Fitted, as_it_ended, described, fits
 from identify.diagnosis.held import Held
 from identify.diagnosis.log_speeds import log_speeds
+from identify.diagnosis.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
 from identify.diagnosis.nothing_amiss import nothing_amiss
 from identify.diagnosis.refined import refined
 from identify.diagnosis.restraints import restraints, sitting, ties
 from identify.diagnosis.suspects import GROSS, SLIGHT, Suspect, found_and_stated
-from identify.effect_choice.fitted import Fitted, as_it_ended, described, fits
-from identify.effect_choice.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
-from identify.errors import FitError, SceneError
+from identify.estimation.attempt import Attempt, judged
+from identify.estimation.uncertainty import sizes
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
 from identify.scene import Scene
-from identify.search.attempt import Attempt, judged
-from identify.uncertainty.uncertainty import sizes
 
 Array = NDArray[np.float64]
 

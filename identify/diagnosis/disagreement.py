@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 
 from data_io import Record
+from identify.base.errors import FitError, SceneError
 from identify.diagnosis.by_log import misfits_of_logs
 from identify.diagnosis.cause import ANOTHER_ANSWER, Cause
-from identify.effect_choice.fitted import Fitted, described
-from identify.effect_choice.nested import fit_from_values, fit_model
-from identify.errors import FitError, SceneError
-from identify.preparation.parting import name_of_recording, recordings
+from identify.diagnosis.fitted import Fitted, described
+from identify.diagnosis.nested import fit_from_values, fit_model
+from identify.estimation.attempt import usable
+from identify.estimation.events import misfit_of_start
+from identify.estimation.gate import PER_CYCLE
+from identify.logs.parting import name_of_recording, recordings
 from identify.scene import Scene
-from identify.search.attempt import usable
-from identify.search.events import misfit_of_start
-from identify.search.gate import PER_CYCLE
 
 OTHERS = 2  # logs that have to be left: one is described by many answers
 TELLING = 5  # cycles of a log that mean something if they fit alone

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.outcome import Status
 from identify.diagnosis.held import Held
-from identify.examination.certainty import Certainty
-from identify.outcome import Status
-from identify.preparation.unknowns import Unknowns
-from identify.search.attempt import Attempt
-from identify.uncertainty.uncertainty import Estimate, Information
+from identify.estimation.attempt import Attempt
+from identify.estimation.certainty import Certainty
+from identify.estimation.uncertainty import Estimate, Information
+from identify.logs.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 

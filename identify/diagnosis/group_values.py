@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from identify.effect_choice.fitted import Fitted
-from identify.examination.shares import shares
-from identify.preparation.unknowns import stated_rig
+from identify.diagnosis.fitted import Fitted
+from identify.estimation.shares import shares
+from identify.logs.unknowns import stated_rig
 
 
 def group_values(fitted: Fitted, name: str) -> dict[str, float]:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.estimation.uncertainty import Information
 from identify.model.model import RIG_PARAMETERS
-from identify.uncertainty.uncertainty import Information
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identify.detection.spectrum import Spectrum
-from identify.search.attempt import Attempt
+from identify.estimation.attempt import Attempt
+from identify.logs.spectrum import Spectrum
 
 MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Hz, with what a rectifier makes of it
 NEAR = 0.01  # relative distance from them, or one step of the spectrum

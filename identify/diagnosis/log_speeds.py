@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identify.base.speeds import speed_scale
+from identify.diagnosis.fitted import Fitted
 from identify.diagnosis.suspects import REACH, SHIFTED, Freed, Suspect, Words, constant_speed, with_speeds
-from identify.effect_choice.fitted import Fitted
-from identify.preparation.parting import name_of_recording, recordings
-from identify.preparation.prepare import Prepared
+from identify.logs.parting import name_of_recording, recordings
+from identify.logs.prepare import Prepared
 from identify.scene import Scene
-from identify.speeds import speed_scale
 
 TRIED = 2  # logs at most
 

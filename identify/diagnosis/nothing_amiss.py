@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from identify.effect_choice.fitted import Fitted
-from identify.examination.allowed import influence_at
-from identify.outcome import Status
-from identify.preparation.unknowns import stated_rig
+from identify.base.outcome import Status
+from identify.diagnosis.fitted import Fitted
+from identify.estimation.agreement import contradiction, pulls_of_logs
+from identify.estimation.allowed import influence_at
+from identify.estimation.attempt import judged
+from identify.logs.unknowns import stated_rig
 from identify.scene import Scene
-from identify.search.attempt import judged
-from identify.uncertainty.agreement import contradiction, pulls_of_logs
 
 
 def nothing_amiss(fitted: Fitted, scene: Scene, memory: float) -> bool:

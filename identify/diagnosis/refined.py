@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from identify.diagnosis.fitted import Fitted
 from identify.diagnosis.suspects import Suspect
-from identify.effect_choice.fitted import Fitted
 from identify.scene import Scene
 
 STEP = 0.01  # of the value: about how well sticks tell it

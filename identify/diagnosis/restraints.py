@@ -12,19 +12,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.calculators.outlook_words import listed, said
+from identify.diagnosis.fitted import Fitted
 from identify.diagnosis.group_values import group_values
 from identify.diagnosis.suspects import Suspect, Words
-from identify.effect_choice.fitted import Fitted
+from identify.effects.quantities import Parameter
+from identify.estimation.attempt import Attempt
+from identify.estimation.status_words import at_bounds
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
-from identify.quantities import Parameter
+from identify.prediction.outlook_words import listed, said
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
 from identify.scene.values import ParameterSpec, Tie
-from identify.search.attempt import Attempt
-from identify.search.status_words import at_bounds
 
 FAR = 3.0  # standard deviations of a prior beyond which a group's value contradicts it
 

@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from data_io import Record
+from identify.base.outcome import Status
+from identify.base.progress import Progress
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.hum import hum
 from identify.diagnosis.left_unsaid import left_unsaid
 from identify.diagnosis.restraints import restraints, sitting
 from identify.diagnosis.seen_before import look_swapped, seen_before
-from identify.examination.allowed import slowness
-from identify.outcome import Status
-from identify.preparation.prepare import Prepared
+from identify.estimation.allowed import slowness
+from identify.estimation.attempt import Attempt
+from identify.estimation.status_words import EXCHANGE
+from identify.logs.prepare import Prepared
 from identify.scene import Scene
-from identify.search.attempt import Attempt
-from identify.search.status_words import EXCHANGE
-from identify.telling import Progress
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)  # of which the cause is looked for
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from identify.preparation.prepare import Prepared
+from identify.logs.prepare import Prepared
 
 # What spoils samples, or is no part of the model, by what it explains best first; codes of the quality gate.
 SPOILS = (

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.effect_choice.fitted import Fitted
-from identify.number_words import three_figures, told_apart
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import stated_rig
+from identify.base.number_words import three_figures, told_apart
+from identify.diagnosis.fitted import Fitted
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import stated_rig
 from identify.scene import Scene
 from identify.scene.parameters import ParameterSpec
 

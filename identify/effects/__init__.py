@@ -14,12 +14,12 @@ from identify.effects.load_dependence import LoadDependence
 from identify.effects.occlusion import Occlusion
 from identify.effects.power_law import PowerLaw
 from identify.effects.pressure_dependence import PressureDependence
+from identify.effects.quantities import Effect
 from identify.effects.sensor_lag import SensorLag
 from identify.effects.sensor_second_lag import SensorSecondLag
 from identify.effects.skin_compliance import SkinCompliance
 from identify.effects.varying_normal_force import VaryingNormalForce
 from identify.effects.velocity_weakening import VelocityWeakening
-from identify.quantities import Effect
 
 ALL: tuple[Effect, ...] = (
     Inertia(),

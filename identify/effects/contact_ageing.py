@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.number_words import three_figures
-from identify.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
-from identify.typical import fall, stick_time
+from identify.base.number_words import three_figures
+from identify.effects.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
+from identify.effects.typical import fall, stick_time
 
 
 class ContactAgeing(Effect):

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from identify.quantities import Effect, Importance, Parameter, Situation, Terms
-from identify.typical import lost_per_period, slip_time
+from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.effects.typical import lost_per_period, slip_time
 
 
 class DrivenDamping(Effect):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from identify.quantities import Effect, Importance, Parameter, Situation, Terms, Wave
+from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms, Wave
 
 # amplitude default [m], frequency default, lowest and highest [Hz]
 RHYTHMS = {

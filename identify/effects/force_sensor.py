@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from identify.quantities import Effect, Importance, Parameter, Situation, Terms
-from identify.typical import fall, slip_time
+from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.effects.typical import fall, slip_time
 
 
 class ForceSensor(Effect):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
-from identify.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
+from identify.effects.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
 
 MODES = 48
 SHORTEST = 0.02  # wave lengths shorter than that (of the correlation length) are left out of the field

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.quantities import Effect, Importance, Parameter, Situation, Terms
-from identify.typical import lost_per_period
+from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.effects.typical import lost_per_period
 
 
 class HysteresisDamping(Effect):

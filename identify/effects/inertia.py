@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from identify.number_words import three_figures
-from identify.quantities import Effect, Importance, Parameter, Situation, Terms
-from identify.typical import slip_time, stick_time
+from identify.base.number_words import three_figures
+from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.effects.typical import slip_time, stick_time
 
 
 class Inertia(Effect):

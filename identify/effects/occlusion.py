@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.quantities import Effect, Importance, Parameter, Situation, Terms
+from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
 
 
 class Occlusion(Effect):

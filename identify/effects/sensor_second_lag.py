@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from identify.quantities import Effect, Importance, Lag, Parameter, Situation, State, Terms
-from identify.typical import slip_time
+from identify.effects.quantities import Effect, Importance, Lag, Parameter, Situation, State, Terms
+from identify.effects.typical import slip_time
 
 
 class SensorSecondLag(Effect):

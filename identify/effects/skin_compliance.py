@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from identify.quantities import Effect, Importance, Parameter, Series, Situation, State, Terms
+from identify.effects.quantities import Effect, Importance, Parameter, Series, Situation, State, Terms
 
 
 class SkinCompliance(Effect):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identify.quantities import Effect
+from identify.effects.quantities import Effect
 
 
 class VaryingNormalForce(Effect):

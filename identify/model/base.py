@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identify.quantities import Parameter, State
+from identify.effects.quantities import Parameter, State
 
 # What every model has: the spring of the rig and Coulomb friction.
 BASE_PARAMETERS = (

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from identify.effects.quantities import Expression
 from identify.model.base import ELONGATION
 from identify.model.composition import Composition, absent
 from identify.model.signal import Signal
-from identify.quantities import Expression
 
 
 @dataclass(frozen=True)

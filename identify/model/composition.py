@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import casadi as ca
 
-from identify.errors import SceneError
+from identify.base.errors import SceneError
+from identify.effects.quantities import Effect, Expression, Lag, Parameter, Series, Situation, State, Terms, Wave
 from identify.model.base import BASE_PARAMETERS, BASE_STATES, ELONGATION, INPUTS, SPEED
-from identify.quantities import Effect, Expression, Lag, Parameter, Series, Situation, State, Terms, Wave
 
 
 def inertial(effects: Sequence[Effect]) -> bool:

@@ -13,8 +13,9 @@ from functools import cached_property, lru_cache
 
 import casadi as ca
 
+from identify.base.errors import SceneError
 from identify.effects import ALL, NAMES
-from identify.errors import SceneError
+from identify.effects.quantities import Effect, Expression, Parameter, State
 from identify.model import chain
 from identify.model.base import (
     BASE_PARAMETERS,
@@ -27,7 +28,6 @@ from identify.model.base import (
     TIME,
 )
 from identify.model.composition import Composition
-from identify.quantities import Effect, Expression, Parameter, State
 
 __all__ = [
     "BASE_PARAMETERS",

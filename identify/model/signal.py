@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from identify.quantities import Expression
+from identify.effects.quantities import Expression
 
 CLOSE = 0.1  # spread of rates times time below which a decay is a series: its differences would cancel
 ORDER = 10  # of that series: CLOSE**ORDER / ORDER! is below rounding

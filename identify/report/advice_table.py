@@ -7,7 +7,7 @@ from typing import Any
 
 from identify.report.answers import interval_text
 from identify.report.quantity_text import DASH, finite, quantity
-from identify.report.tables import Cell, Row, Table
+from identify.report.report_tables import Cell, Row, Table
 
 HEADS = (Cell("now"), Cell("limit"), Cell("should be"))
 

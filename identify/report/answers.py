@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from identify.report.quantity_text import DASH, ends_text, finite, number, places_for, quantity, scale_for, split_key
-from identify.report.tables import Cell, Row, Table, plain_text
-from identify.report.words import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
+from identify.report.report_tables import Cell, Row, Table, plain_text
+from identify.report.report_wording import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 
 Path = tuple[str, ...]
 Entry = Mapping[str, Any]

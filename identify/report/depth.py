@@ -7,8 +7,8 @@ from typing import Any
 
 from identify.report.answers import interval_text
 from identify.report.quantity_text import DASH, finite, number, quantity
-from identify.report.tables import Cell, Row, Table
-from identify.report.words import plain_symbol, with_group
+from identify.report.report_tables import Cell, Row, Table
+from identify.report.report_wording import plain_symbol, with_group
 
 Entries = Mapping[str, Any]
 

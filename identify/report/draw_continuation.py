@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
-from identify.maps.continuation import Continuation
+from identify.prediction.continuation import Continuation
 from identify.report.draw_map import DPI, SLIDES, STICKS
 from identify.report.map_regions import LEGENDS, REGIONS
 from identify.report.map_view import FONT, ticks_in_powers

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from identify.outcome import LogCurves
+from identify.base.outcome import LogCurves
 from identify.report.envelope import extremes
 from identify.report.quantity_text import number, scale_for
 from identify.report.style import ARREST, FITTED, ONSET, QUIET, SHADE, SLIDING, WIDE, Drawing, frame, headroom

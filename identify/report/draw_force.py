@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from identify.outcome import LogCurves
+from identify.base.outcome import LogCurves
 from identify.report.envelope import Envelope, envelope, extremes
 from identify.report.style import (
     ARREST,

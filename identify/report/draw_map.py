@@ -15,10 +15,10 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
-from identify.calculators.tested import Tested
-from identify.maps.chart import Boundary, Chart
-from identify.maps.chart_closed import closed_plane
-from identify.maps.chart_spread import Known, bands, region
+from identify.prediction.chart import Boundary, Chart
+from identify.prediction.chart_closed import closed_plane
+from identify.prediction.chart_spread import Known, bands, region
+from identify.prediction.tested import Tested
 from identify.report.map_contours import amplitudes, falls
 from identify.report.map_regions import regions
 from identify.report.map_view import FONT, View, ticks_in_powers

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from identify.estimation.preview import Preview, PreviewLog
 from identify.report.envelope import envelope
 from identify.report.quantity_text import speed
 from identify.report.style import ARREST, FITTED, MEASURED, ONSET, WIDE, frame, padded, printable
-from identify.search.preview import Preview, PreviewLog
 
 STRETCHES = 1600
 CLOSE = 3  # cycles in the close-up

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from identify.report.quantity_text import finite, scale_for
+from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import FITTED, MEASURED, QUIET, SHADE, WIDE, Drawing
 from identify.report.table_csv import Columns
-from identify.report.words import plain_symbol, with_group
 
 PANELS = 3  # in a row
 TICKS = 4

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from identify.outcome import LogCurves, SlipDetail
+from identify.base.outcome import LogCurves, SlipDetail
 from identify.report.envelope import extremes
 from identify.report.quantity_text import scale_for
 from identify.report.style import (

@@ -9,7 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from identify.outcome import Fit, LogCurves, SlipDetail
+from identify.base.outcome import Fit, LogCurves, SlipDetail
 from identify.report.document import as_json, plain
 
 FORMAT_VERSION = 1

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from identify.maps.chart import Chart
+from identify.prediction.chart import Chart
 from identify.report.map_view import FONT, View, region_path
 from identify.report.quantity_text import Scale, number, scale_for
 

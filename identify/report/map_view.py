@@ -9,8 +9,8 @@ from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from identify.maps.axes import Axis
-from identify.maps.chart import Boundary
+from identify.prediction.chart import Boundary
+from identify.prediction.map_axes import Axis
 from identify.report.quantity_text import Scale, number, scale_for
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from identify.base.errors import SceneError
 from identify.effects import ALL
-from identify.errors import SceneError
 from identify.model.model import RIG_PARAMETERS
 from identify.scene.values import EACH_LOG, DriveSpeed
 

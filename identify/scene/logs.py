@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
 
-from identify.errors import SceneError
+from identify.base.errors import SceneError
 from identify.scene.rig import speed_or_quantity
 from identify.scene.tables import Table, share, span
 from identify.scene.values import LogEntry

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+from identify.base.errors import SceneError
 from identify.effects import ALL
-from identify.errors import SceneError
+from identify.effects.quantities import Parameter
 from identify.model.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
-from identify.quantities import Parameter
 from identify.scene.tables import Table, share
 from identify.scene.values import ParameterSpec, Tie
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from identify.errors import SceneError
+from identify.base.errors import SceneError
 from identify.scene.tables import Table, share, stated
 from identify.scene.values import DriveSpeed, Rig
 

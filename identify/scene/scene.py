@@ -10,10 +10,10 @@ from typing import Any, Literal
 
 from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.whereabouts import log_is_at
+from identify.base.errors import SceneError
 from identify.effects import ALL
-from identify.errors import SceneError
+from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
-from identify.quantities import Parameter
 from identify.scene.checks import (
     check_coefficients,
     check_groups,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from data_io.units import UnitError, parse_quantity
-from identify.errors import SceneError
+from identify.base.errors import SceneError
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 from data_io.errors import LogError
 from data_io.thresholds import Thresholds
+from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
-from identify.errors import SceneError
 from identify.scene.logs import read_log_entry
 from identify.scene.parameters import declared_by, read_parameters
 from identify.scene.rig import RIG, read_rig

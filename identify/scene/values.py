@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
-from identify.errors import SceneError
+from identify.base.errors import SceneError
 
 DriveSpeed = float | tuple[tuple[float, float], ...]
 RIG_TOLERANCES = ("mass", "stiffness", "damping", "drive_speed")

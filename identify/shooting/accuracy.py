@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.errors import FitError
-from identify.first_guess.placing import place
-from identify.preparation.guess import Guess
-from identify.preparation.prepare import Prepared
-from identify.preparation.unknowns import Unknowns
+from identify.base.errors import FitError
+from identify.logs.log_data import Guess
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 from identify.shooting.discretisation import discretisation_error
 from identify.shooting.passes import COARSE as FIRST_GRID
 from identify.shooting.passes import Solved, solve_in_passes
+from identify.shooting.placing import place
 
 Array = NDArray[np.float64]
 

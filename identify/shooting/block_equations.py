@@ -16,8 +16,8 @@ from typing import Literal
 
 import casadi as ca
 
+from identify.base.tableaus import RK4, step
 from identify.model.model import ELONGATION, INPUTS, SPEED, Model
-from identify.numerics.tableaus import RK4, step
 from identify.shooting.reageing import reaged_at_rest
 
 BlockKind = Literal[

@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.mapped import Mapped
 from identify.model.model import Model
-from identify.numerics.mapped import Mapped
 from identify.shooting.block_equations import REST_CELLS, SLIDES, BlockKind, equations
 
 Array = NDArray[np.float64]

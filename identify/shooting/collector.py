@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.logs.unknowns import Unknowns
 from identify.model.model import Model
-from identify.preparation.unknowns import Unknowns
 from identify.shooting.block_equations import BlockKind
 from identify.shooting.blocks import Block, block
 from identify.shooting.layout import KNOWN, Family, Indices

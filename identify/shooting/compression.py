@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.preparation.guess import LogData
+from identify.logs.log_data import LogData
 from identify.shooting.layout import Family, Indices
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.numerics.equilibrated import optimality_matrix, solve_equilibrated
+from identify.base.equilibrated import optimality_matrix, solve_equilibrated
 from identify.shooting.passes import Solved
 
 Array = NDArray[np.float64]

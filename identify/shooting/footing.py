@@ -7,13 +7,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.logs.log_data import Grid, Guess, LogData
 from identify.model.model import SPEED
-from identify.motion.steadiness import rate_slopes
-from identify.preparation.guess import Grid, Guess, LogData
 from identify.shooting.block_equations import BlockKind
 from identify.shooting.collector import Collector
 from identify.shooting.layout import KNOWN, Indices
 from identify.shooting.rest_parts import after_reageing, cut, parts_of_rest
+from identify.simulation.steadiness import rate_slopes
 
 Array = NDArray[np.float64]
 NO_OFFSET = np.array([KNOWN])

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.logs.log_data import Grid, Guess, LogData, Stretch
+from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED
-from identify.preparation.guess import Grid, Guess, LogData, Stretch
-from identify.preparation.unknowns import Unknowns
 from identify.shooting.block_equations import BlockKind
 from identify.shooting.collector import Collector
 from identify.shooting.footing import NO_OFFSET, ZERO, Footing

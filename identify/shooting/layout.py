@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.preparation.guess import Guess, Stretch
-from identify.preparation.unknowns import Unknowns
+from identify.logs.log_data import Guess, Stretch
+from identify.logs.unknowns import Unknowns
 from identify.shooting.blocks import Block
 
 Array = NDArray[np.float64]

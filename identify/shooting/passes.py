@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.first_guess.first_onsets import with_first_onsets
-from identify.first_guess.last_onsets import turned_back, with_last_onsets
-from identify.preparation.guess import Grid, Guess, LogData
-from identify.preparation.loads import calmed
-from identify.preparation.unknowns import Unknowns
+from identify.logs.loads import calmed
+from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.unknowns import Unknowns
+from identify.shooting.first_onsets import with_first_onsets
+from identify.shooting.last_onsets import turned_back, with_last_onsets
 from identify.shooting.shooting import Problem, transcribe
 from identify.shooting.solve import Solution, solve
 from identify.shooting.trust import EASY, Trust, held_back

@@ -7,8 +7,8 @@ from typing import Final
 
 import casadi as ca
 
+from identify.base.tableaus import RK4, step
 from identify.model.model import SPEED, Model
-from identify.numerics.tableaus import RK4, step
 
 Inputs = Callable[[ca.SX], ca.SX]
 

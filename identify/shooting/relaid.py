@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.preparation.unknowns import Unknowns
+from identify.logs.unknowns import Unknowns
 from identify.shooting.block_equations import SLIDES
 from identify.shooting.blocks import block
 from identify.shooting.layout import KNOWN, Family, Indices, Layout, Places

@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from identify.preparation.guess import Grid, Guess, LogData
-from identify.preparation.unknowns import Unknowns
+from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.unknowns import Unknowns
 from identify.shooting.compression import Moments, compressed, samples_of
 from identify.shooting.lay_out import lay_out
 from identify.shooting.layout import Family, Layout

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.preparation.guess import Guess
+from identify.logs.log_data import Guess
 from identify.shooting.layout import kept_parameters
 from identify.shooting.shooting import Problem
 

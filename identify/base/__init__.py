@@ -1,0 +1,1 @@
+"""Common ground: errors, outcome, how numbers and progress are said, numerics that know nothing of friction."""

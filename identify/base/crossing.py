@@ -1,0 +1,174 @@
+"""The first time at which a positive function falls to zero: scanned as finely as its time scales ask, then refined.
+
+Knows nothing of friction. What is smooth (ramps, decays that begin at time zero) is seen on a geometric grid; where
+something oscillates, only the stretches in which it can reach zero are scanned, at a fraction of its shortest period.
+What can reach zero is told by bounds from below, each with fewer oscillations than the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from identify.base.errors import SimulationError
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]  # times (n,) [s] -> values (n,)
+
+DECADES = 16  # the grid begins at this many decades below its end
+PER_DECADE = 12
+PER_PERIOD = 16
+FIRST_CHUNK, CHUNK = 64, 1024  # times per call while scanning an oscillation
+MAX_SCAN = 500_000  # times of one search: a bound, so that no scene runs for ever
+CLEAR = 10.0  # times what a parabola sinks between the lowest places: a minimum that is higher is positive
+ZOOM, ZOOMS = 17, 8  # a dip is looked at with so many times, each round in the neighbourhood of the lowest
+DEEP = 0.5  # a dip is looked at where a parabola comes within this share of its rise to zero
+
+_GRID = np.concatenate([[0.0], np.geomspace(10.0**-DECADES, 1.0, DECADES * PER_DECADE + 1)])
+
+
+@dataclass(frozen=True)
+class Course:
+    """A function of time and the shortest period [s] of what oscillates in it (infinite without)."""
+
+    at: Function
+    period: float = np.inf
+
+
+def first_zero(function: Course, limit: float, below: Sequence[Course] = ()) -> float | None:
+    """The first time in (0, limit] at which the function is zero; None if it stays positive.
+
+    Args:
+        function: positive at 0; a smooth part whose time scales begin at time zero, plus an oscillation.
+        limit: [s], positive and finite.
+        below: functions that nowhere exceed it, the first one smooth, each oscillating faster than the one before:
+            where one of them is positive, nothing finer is looked at.
+
+    Raises:
+        SimulationError: more than MAX_SCAN times would have to be looked at.
+    """
+    return _Search(limit).first((*below, function), 0.0, limit)
+
+
+class _Search:
+    """One search; counts the times it has looked at."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit, self.looked = limit, 0
+
+    def first(self, courses: Sequence[Course], start: float, end: float) -> float | None:
+        """The first zero of the last course within [start, end], where all before it have fallen to zero."""
+        course, finer = courses[0], courses[1:]
+        for t, v in self._pieces(course, start, end):
+            if not finer:
+                found = _first_in(course.at, t, v)
+                if found is not None:
+                    return found
+                continue
+            for low, high in _fallen(course.at, t, v):
+                found = self.first(finer, low, high)
+                if found is not None:
+                    return found
+        return None
+
+    def _pieces(self, course: Course, start: float, end: float) -> Iterator[tuple[Array, Array]]:
+        """The times to look at and the values there, in order; neighbours overlap by two times."""
+        if course.period >= 1e3 * self.limit:
+            grid = _GRID * self.limit
+            inner = grid[(grid > start) & (grid < end)]
+            yield from self._looked_at(course, np.concatenate([[start], inner, [end]]))
+            return
+        # A dip needs a time at either side.
+        n = max(int(np.ceil((end - start) / (course.period / PER_PERIOD))), 2)
+        step, first, chunk = (end - start) / n, 0, FIRST_CHUNK
+        while first < n:
+            # One step more at both sides: a dip between two chunks is seen by one of them.
+            places = start + step * np.arange(first - 1, min(first + chunk - 3, n) + 2)
+            yield from self._looked_at(course, np.clip(places, 0.0, self.limit))
+            first, chunk = first + chunk - 3, min(2 * chunk, CHUNK)
+
+    def _looked_at(self, course: Course, t: Array) -> Iterator[tuple[Array, Array]]:
+        self.looked += t.size
+        if self.looked > MAX_SCAN:
+            raise SimulationError(
+                f"the drive vibrates more than {MAX_SCAN // PER_PERIOD} times near the onset of one slip "
+                f"(shortest period {course.period:.3g} s): too many to look at; leave out that vibration or shorten "
+                "the record"
+            )
+        yield t, course.at(t)
+
+
+def _fallen(function: Function, t: Array, v: Array) -> Iterator[tuple[float, float]]:
+    """The stretches of a grid in which a function is not positive, or may dip to zero between the times."""
+    down = v <= 0.0
+    cells = down[:-1] | down[1:]
+    for i in _dips(v).tolist():
+        if not down[i]:
+            cells[i - 1 : i + 1] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], cells, [False]]).astype(int)))
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        low, high = float(t[first]), float(t[last])
+        if v[first] > 0.0 and v[first + 1] <= 0.0 and not _is_dip(v, first):
+            low = _refined(function, low, float(t[first + 1]))
+        yield low, high
+
+
+def _dips(v: Array) -> NDArray[np.intp]:
+    """Places of minima that a parabola through their neighbours brings near zero."""
+    inner = v[1:-1]
+    rise = v[:-2] + v[2:] - 2.0 * inner
+    return np.flatnonzero((inner <= v[:-2]) & (inner <= v[2:]) & (rise > 0.0) & (inner <= DEEP * rise)) + 1
+
+
+def _is_dip(v: Array, i: int) -> bool:
+    return bool(np.any(_dips(v) == i))
+
+
+def _first_in(function: Function, t: Array, v: Array) -> float | None:
+    """The first zero on a grid, or in a dip between its times."""
+    fallen = np.flatnonzero(v[1:] <= 0.0)
+    last = int(fallen[0]) + 1 if fallen.size else t.size
+    dips = _dips(v)
+    for i in dips[dips < last].tolist():
+        found = _in_dip(function, t[i - 1], t[i + 1])
+        if found is not None:
+            return found
+    return _refined(function, t[last - 1], t[last]) if fallen.size else None
+
+
+def _in_dip(function: Function, low: float, high: float) -> float | None:
+    """The first zero around a minimum between low and high, None if the minimum is positive."""
+    start = low
+    for _ in range(ZOOMS):
+        t = np.linspace(low, high, ZOOM)
+        v = function(t)
+        i = int(np.argmin(v))
+        if v[i] <= 0.0:
+            below = int(np.flatnonzero(v <= 0.0)[0])
+            return _refined(function, t[below - 1] if below else start, t[below])
+        if 0 < i < ZOOM - 1 and v[i] > CLEAR * _sinks(v[i - 1 : i + 2]):
+            return None
+        low, high = t[max(i - 1, 0)], t[min(i + 1, ZOOM - 1)]
+    return None
+
+
+def _sinks(v: Array) -> float:
+    """By how much a parabola through three values at even distances, the middle one the lowest, sinks below it."""
+    before, here, after = v.tolist()
+    bend = before + after - 2.0 * here
+    return (after - before) ** 2 / (8.0 * bend) if bend > 0.0 else 0.0
+
+
+def _refined(function: Function, low: float, high: float) -> float:
+    """The zero between a time where the function is positive and one where it is not."""
+
+    def value(t: float) -> float:
+        return float(function(np.array([t]))[0])
+
+    if value(low) <= 0.0 or value(high) == 0.0:
+        return low if value(low) <= 0.0 else high
+    return float(brentq(value, low, high, xtol=1e-16 * max(high, 1e-300), rtol=1e-15))

@@ -1,1 +1,0 @@
-"""The paper's closed forms: ageing, one slip, one cycle, steady sliding, and where they change their answer."""

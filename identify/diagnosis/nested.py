@@ -1,0 +1,170 @@
+"""One model and smaller ones inside it, fitted to the same logs: what each effect gains on the data.
+
+A smaller model starts from the motion of the larger one, and where that fails from the data alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.diagnosis.fitted import Fitted, fits
+from identify.diagnosis.taken_over import taken_over, values_of
+from identify.estimation.attempt import Attempt, Clock, judged, solve_from, solve_slowly, usable
+from identify.estimation.joining import join
+from identify.estimation.search import alike, search
+from identify.estimation.shaken import shaken
+from identify.estimation.starts import Sources
+from identify.logs.parting import parted
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.unknowns import Unknowns, from_scene
+from identify.scene import Scene
+from identify.shooting.passes import solve_in_passes
+from identify.shooting.shooting import transcribe
+from identify.shooting.solve import solve
+from identify.shooting.vibration import tuned
+
+Array = NDArray[np.float64]
+
+FAR = 0.5  # sum of squares per sample (in noise variances) above that of the larger model: look for a better start
+DOUBT = 5.0  # sum of squares above that of the larger model: under a vibrating drive it may be another course of slips
+HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
+GLANCE = 8  # iterations that show whether an effect is worth a fit
+CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
+
+
+def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True, sources: Sources = "data") -> Fitted:
+    """Fit one scene to its records.
+
+    Args:
+        thorough: where the first start fails, try many.
+        sources: starts from the data, from the values of the scene, or both.
+    """
+    prepared, unknowns = _prepared(scene, records)
+    attempt, _ = search(prepared, unknowns, thorough=False, sources=sources)
+    failed = attempt is not None and not attempt.solved.solution.success
+    # Unlike cycles leave no other start to try.
+    more = attempt is None or (failed and alike([prepared[i] for i in usable(prepared)]))
+    if thorough and more:
+        attempt, _ = search(prepared, unknowns, sources=sources)
+    return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
+
+
+def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model with one effect more, or another one in its place, from the motion of the smaller one; where that
+    misfits, also from its parameters alone: the motion of a misfit can hold back what would describe the data."""
+    prepared, unknowns = _prepared(scene, records)
+    hopeless = np.inf if smaller.attempt is None else smaller.attempt.solved.solution.cost + HOPELESS
+    warm = _warm(smaller, prepared, unknowns, hopeless)
+    best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
+    if smaller.attempt is None or fits(smaller) or fits(best):
+        return best
+    return _better(best, _placed_anew(smaller, scene, prepared, unknowns), smaller)
+
+
+def fit_joined(fitted: Fitted) -> Fitted:
+    """The same model with the logs that took no part so far, where they can join at its answer."""
+    attempt, able = fitted.attempt, usable(list(fitted.prepared))
+    if attempt is None or fitted.complete:
+        return fitted
+    late = [i for i in able if i not in attempt.logs]
+    joined = join(attempt, list(fitted.prepared), late, fitted.unknowns, Clock())
+    return fitted if joined is attempt else replace(fitted, attempt=joined, excess=_excess(joined))
+
+
+def fit_shaken(fitted: Fitted, around: Fitted | None = None) -> Fitted:
+    """The same model at the best answer that other starts lead to; around: a model whose values are a start where
+    there is no answer yet."""
+    if fitted.attempt is None:
+        return fitted
+    theta = None if around is None or around.attempt is None else values_of(around, fitted.unknowns)
+    best = shaken(fitted.attempt, fitted.prepared, fitted.unknowns, around=theta)
+    return fitted if best is fitted.attempt else replace(fitted, attempt=best, excess=_excess(best))
+
+
+def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
+    scene, records = parted(scene, records)
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    return tuned(logs, unknowns)
+
+
+def _excess(attempt: Attempt | None) -> float:
+    return np.inf if attempt is None else attempt.excess
+
+
+def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model that lacks an effect of a larger one: from the larger one's motion, else from the data."""
+    prepared, unknowns = _prepared(scene, records)
+    hopeless = np.inf if larger.attempt is None else larger.attempt.solved.solution.cost + HOPELESS
+    warm = _warm(larger, prepared, unknowns, hopeless)
+    best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
+    if larger.attempt is not None and unknowns.model.vibrates and best.excess > larger.excess + DOUBT:
+        best = _better(best, _placed_anew(larger, scene, prepared, unknowns), larger)
+    samples = larger.attempt.solved.problem.samples if larger.attempt is not None else 1
+    if best.excess - larger.excess < FAR * samples:
+        return best
+    attempt, _ = search(prepared, unknowns, thorough=False)
+    return _better(best, Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt)), larger)
+
+
+def _better(best: Fitted, other: Fitted, beside: Fitted) -> Fitted:
+    """The other fit where its misfit is smaller and it has all the logs of the model it is compared with."""
+    complete = other.attempt is not None and (beside.attempt is None or other.attempt.logs == beside.attempt.logs)
+    return other if complete and other.excess < best.excess else best
+
+
+def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless: float = np.inf) -> Attempt | None:
+    """A model solved from the motion of another one; None where its states do not allow that."""
+    known, small, large = other.attempt, unknowns.model, other.model
+    if known is None or (small.clamped is None and large.clamped is not None):
+        return None
+    logs, guesses, unknowns = taken_over(other, prepared, unknowns)
+    try:
+        solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(), hopeless=hopeless)
+    except (ValueError, FloatingPointError):
+        return None
+    return replace(known, prepared=tuple(logs), solved=solved)
+
+
+def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model from the motion of another one, and from its parameters alone; the better one, judged by itself."""
+    prepared, unknowns = _prepared(scene, records)
+    best = _placed_anew(other, scene, prepared, unknowns)
+    warm = _warm(other, prepared, unknowns)
+    if warm is not None and (best.attempt is None or warm.excess < best.excess):
+        return Fitted(scene, unknowns, tuple(prepared), judged(warm), warm.excess)
+    return best
+
+
+def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record], *, slowly: bool = False) -> Fitted:
+    """Fit a model from the parameters of another one, its motion placed anew on the data.
+
+    Args:
+        slowly: with priors around these parameters that are let go of in small steps.
+    """
+    return _placed_anew(other, scene, *_prepared(scene, records), slowly=slowly)
+
+
+def _placed_anew(
+    other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns, *, slowly: bool = False
+) -> Fitted:
+    at_values = replace(unknowns, start=values_of(other, unknowns))
+    attempt = (solve_slowly if slowly else solve_from)(prepared, usable(prepared), at_values, Clock())
+    return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
+
+
+def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
+    """About the statistic that one more effect would gain on the data: a few iterations, on the solution's grid."""
+    if smaller.attempt is None:
+        return np.inf
+    prepared, unknowns = _prepared(scene, records)
+    solved = smaller.attempt.solved
+    logs, guesses, unknowns = taken_over(smaller, prepared, unknowns)
+    problem = transcribe([log.data for log in logs], guesses, unknowns.softened(), solved.grid)
+    tried = solve(problem, tolerance=1e-3, barrier=1e-6, iterations=GLANCE)
+    return 2.0 * (solved.solution.cost - tried.cost) if tried.infeasibility < CLOSED else np.inf

@@ -1,0 +1,71 @@
+"""effects = "auto" with logs: which effects the data call for, and what each one gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.base.progress import Progress, to_nobody
+from identify.diagnosis.choice import Choice
+from identify.diagnosis.compared_models import ALWAYS, ComparedModels
+from identify.diagnosis.screening import screen
+from identify.diagnosis.selection_words import reasons
+from identify.diagnosis.subsets import Selection
+from identify.effects import ALL
+from identify.logs.parting import parted
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.rhythms import Rhythm, rhythms
+from identify.logs.unknowns import from_scene
+from identify.scene import Scene
+from identify.scene.variant import scene_with
+
+Array = NDArray[np.float64]
+
+LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
+
+
+def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress | None = None) -> Choice:
+    """The effects that the logs of a scene call for, each with its reason.
+
+    Args:
+        scene: its effects are to be chosen ("auto"); records: its logs, in their order.
+
+    Raises:
+        FitError: a log of which nothing is left.
+        SceneError: what the scene says does not go together.
+    """
+    told = progress or to_nobody
+    told("looking at the logs", 0.0)
+    first, whole = scene_with(scene, LOOKED_AT, {}), records
+    first, records = parted(first, records)
+    unknowns = from_scene(first)
+    prepared = [prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)]
+    lines, left = rhythms(prepared)
+    looks = screen(prepared, lines)
+    scene = _with_one_noise(scene, prepared, lines, left)
+    asked = tuple(look.effect for look in looks if look.asked)
+    starts = {name: value for look in looks if look.asked for name, value in look.starts}
+    selection = Selection(ComparedModels(scene, tuple(whole), asked, starts), told)
+    selection.run([look.effect for look in looks if look.asked and look.sure])
+    effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *selection.kept))
+    return Choice(effects, tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes)))
+
+
+def _with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[Rhythm], left: Array) -> Scene:
+    """The scene with the noise of logs whose sticks swing said once for all models: what is estimated from the sticks
+    counts the swings in where a model lacks them, and no two sums could be compared.
+
+    Args:
+        lines, left: the rhythms of the sticks, and per log the share of that variance that they leave.
+    """
+    if not lines or len(prepared) != len(scene.logs):
+        return scene
+    logs = [
+        replace(entry, noise=float(log.data.noise * np.sqrt(share))) if log.noise_estimated and share < 1.0 else entry
+        for entry, log, share in zip(scene.logs, prepared, left, strict=True)
+    ]
+    return replace(scene, logs=tuple(logs))

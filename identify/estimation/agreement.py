@@ -1,0 +1,166 @@
+"""Do the logs agree? What each log says of the shared parameters, held against what all the others say.
+
+At a common answer the pulls of all logs cancel. How far one log may pull follows from its share of the information:
+with C the covariance of the answer and S that of what the noise of one log does to it, the pull has the covariance
+S - S C^-1 S (the score test; for linear models its squared distance is that between the answer of this log alone and
+that of the others). A log that pulls farther has an answer of its own, however well the common one fits: the misfit of
+thousands of samples does not see what a few parameters do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.quantiles import chi_square_exceeded
+from identify.estimation.influence import Influence
+from identify.estimation.uncertainty import sizes
+from identify.logs.unknowns import Unknowns
+from identify.prediction.outlook_words import said
+from identify.shooting.layout import KNOWN, Layout
+from identify.shooting.shooting import Problem
+from identify.shooting.vibration import rhythmic
+
+Array = NDArray[np.float64]
+
+UNTOLD = 1e-3  # share of the information on a direction: with less, or all but less, nothing can be compared along it
+CHANCE = 1e-9  # by which noise alone calls a log contradicting
+MATTERS = 0.10  # of its size by which a parameter must move for it: less is a short error bar, and no other answer
+
+
+@dataclass(frozen=True)
+class Pull:
+    """One log against the others: log, its index; squared distance, in units of its covariance, and its degrees of
+    freedom; by how much the parameters (f,) move where the log is left out."""
+
+    log: int
+    squared: float
+    freedom: int
+    shift: Array
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether noise cannot be why it pulls so far."""
+        return self.freedom > 0 and self.squared > chi_square_exceeded(CHANCE, self.freedom)
+
+
+def pulls(moves: Array, covariances: Array) -> list[Pull]:
+    """How far each source of data pulls the common answer away from that of the others.
+
+    Args:
+        moves: (n, f) by how much the noise of each source moved the answer; covariances (n, f, f) of these moves,
+            together that of the answer.
+    """
+    size, half, whitened = _whitened(moves, covariances)
+    out = []
+    for number, (move, own) in enumerate(zip(whitened, covariances / np.outer(size, size), strict=True)):
+        share, directions = np.linalg.eigh(np.linalg.solve(half, np.linalg.solve(half, own).T))
+        told = (share > UNTOLD) & (share < 1.0 - UNTOLD)
+        along = (directions.T @ move)[told]
+        squared = float(np.sum(along**2 / (share[told] * (1.0 - share[told]))))
+        shift = size * (half @ (directions[:, told] @ (along / (1.0 - share[told]))))
+        out.append(Pull(number, squared, int(np.count_nonzero(told)), -shift))
+    return out
+
+
+def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -> list[Pull]:
+    """As `pulls`, of the logs of a solution z (n,) scaled; memory: by how much that of the noise widens a variance.
+
+    Last, behind those of the logs, comes the pull of what the user knows beside them: priors of shared parameters.
+
+    Raises:
+        LinAlgError: a covariance that is none.
+    """
+    moves, covariances = _of_sources(problem, z, known)
+    return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
+
+
+def imbalance(problem: Problem, z: Array, known: Influence) -> tuple[float, Array]:
+    """Where all pulls together move the answer z (n,) scaled: the squared distance, in units of its covariance, and the
+    move (f,). Nothing, unless something holds it that is no information, an event that can go no farther say. Errors as
+    `pulls_of_logs`."""
+    moves, covariances = _of_sources(problem, z, known)
+    _, _, whitened = _whitened(moves, covariances)
+    return float(np.sum(whitened.sum(axis=0) ** 2)), moves.sum(axis=0)
+
+
+def _whitened(moves: Array, covariances: Array) -> tuple[Array, Array, Array]:
+    """Standard errors (f,), the Cholesky factor (f, f) of the correlation, and the moves (n, f) in units of both."""
+    covariance = covariances.sum(axis=0)
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    half = np.linalg.cholesky(covariance / np.outer(size, size))
+    return size, np.asarray(half), np.asarray(np.linalg.solve(half, (moves / size).T).T)
+
+
+def _of_sources(problem: Problem, z: Array, known: Influence) -> tuple[Array, Array]:
+    """Moves (l + 1, f) of the answer by the noise of each log and, last, by what the user knows beside them; and their
+    covariances (l + 1, f, f)."""
+    layout, logs = problem.layout, len(problem.logs)
+    f = known.kept.size
+    moves, covariances = np.zeros((logs + 1, f)), np.zeros((logs + 1, f, f))
+    np.add.at(moves, known.log, known.moves)
+    np.add.at(covariances, known.log, known.white)
+    owner = _owners(layout, logs)
+    x = z * layout.scale
+    for unknown in np.flatnonzero(np.isfinite(layout.prior_sd)).tolist():
+        column, sd = known.columns[unknown], layout.prior_sd[unknown]
+        moves[owner[unknown]] -= column * (x[unknown] - layout.prior_mean[unknown]) / sd**2
+        covariances[owner[unknown]] += np.outer(column, column) / sd**2
+    return moves, covariances
+
+
+def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:
+    """Of which log each unknown (n,) is; -1 (KNOWN) where several share it."""
+    owner = np.full((logs, layout.size), False)
+    for family in layout.families:
+        for log in range(logs):
+            slots = family.slots[family.log == log]
+            owner[log, slots[slots >= 0]] = True
+    return np.where(owner.sum(axis=0) == 1, np.argmax(owner, axis=0), KNOWN)
+
+
+def contradiction(
+    found: Sequence[Pull],
+    unknowns: Unknowns,
+    theta: Array,
+    base: Array,
+    names: Sequence[str],
+    without_it: Callable[[int], Array | None] = lambda _log: None,
+) -> str:
+    """A sentence where a log has an answer of its own that differs from the common one; "" where none does, or where
+    what the user knows beside the logs contradicts them: then it is not they that do not agree.
+
+    Args:
+        found: pulls of the logs, and last that of what is known beside them.
+        theta: (n_p,) of the answer; base (n_p,) of the rig the values are given for; names of the logs.
+        without_it: the answer (n_p,) of all logs but one, fitted: a log is blamed only where that differs as well; None
+            where it is not known, and the pull alone decides.
+    """
+    *of_logs, beside = found
+    if beside.contradicts:
+        return ""
+    free = np.flatnonzero(unknowns.free)
+    asked = ~rhythmic(unknowns)[free]
+    values = unknowns.values(theta, base)
+    size = np.maximum(sizes(unknowns, values), 1e-300)
+    for pull in sorted((pull for pull in of_logs if pull.contradicts), key=lambda pull: -pull.squared):
+        fitted = without_it(pull.log)
+        without = theta.copy()
+        without[free] += pull.shift[: free.size]
+        others = unknowns.values(without if fitted is None else fitted, base)
+        moved = np.where(asked, np.abs((others - values) / size)[free], 0.0)
+        worst = int(free[np.argmax(moved)])
+        if np.max(moved) > MATTERS:
+            unit = unknowns.model.parameters[worst].unit
+            instead = f"{said(others[worst], unit)} instead of {said(values[worst], unit)}"
+            known = "would be about" if fitted is None else "is"
+            return (
+                f"{names[pull.log]} contradicts the other logs (squared distance {pull.squared:.0f} with "
+                f"{pull.freedom} degrees of freedom): without it {unknowns.names[worst]} {known} {instead}; "
+                "check its normal force, its drive speed and what else differs in it, look at its slips in the report, "
+                "or fit it apart"
+            )
+    return ""

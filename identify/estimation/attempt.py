@@ -1,0 +1,323 @@
+"""One start, placed on the logs and solved, and an answer solved again; the gate says what came of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.outcome import Status
+from identify.estimation.gate import Gate, pass_gate
+from identify.estimation.sequence import TRIES, by_a_hair, followed, grazes, is_clear, refollowed, resequenced
+from identify.logs.log_data import Guess
+from identify.logs.prepare import Prepared, cut_in_last_stick
+from identify.logs.unknowns import Unknowns
+from identify.shooting.following import glide
+from identify.shooting.passes import COARSE, Solved, solve_in_passes
+from identify.shooting.placing import place
+from identify.shooting.trust import Trust
+
+Array = NDArray[np.float64]
+PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut, and the motion placed on it
+
+CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
+OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
+BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
+FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
+SLOWLY = (20.0, 13.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0)  # where the start is off besides: small steps find the way
+FIRST = 5  # of these: how firmly a start is held before another one is taken
+OFF = 2  # of these that are left out where the start is better known
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A solved start: which logs took part (indices), prepared and cut, the solution and its gate."""
+
+    logs: tuple[int, ...]
+    prepared: tuple[Prepared, ...]
+    solved: Solved
+    gate: Gate
+
+    @property
+    def excess(self) -> float:
+        """Sum of squares in noise variances less the number of samples; infinite where the motion is none of the
+        model."""
+        solution = self.solved.solution
+        obeys = solution.success or solution.infeasibility < OBEYS
+        return 2.0 * solution.cost - self.solved.problem.samples if obeys else np.inf
+
+
+@dataclass
+class Clock:
+    """Seconds spent per stage."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add(self, stage: str, since: float) -> float:
+        """Count the time since `since` to a stage; returns now."""
+        now = time.perf_counter()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - since
+        return now
+
+
+def usable(prepared: list[Prepared]) -> list[int]:
+    """Numbers of the logs that are not left out."""
+    return [i for i, log in enumerate(prepared) if log.left_out is None]
+
+
+def solve_from(
+    prepared: list[Prepared],
+    chosen: list[int],
+    unknowns: Unknowns,
+    clock: Clock,
+    firmness: float = 1.0,
+    hopeless: float = np.inf,
+    trust: Trust | None = None,
+) -> Attempt | None:
+    """Place the start on the chosen logs and solve; None where no log can be placed.
+
+    Args:
+        hopeless: a pass that ends with a larger cost is the last one. trust: how far the first pass may go.
+    """
+    since = time.perf_counter()
+    placed = place_on(prepared, chosen, unknowns) if chosen else []
+    clock.add("place", since)
+    return solve_placed(prepared, placed, unknowns, clock, firmness, hopeless, trust) if placed else None
+
+
+def solve_placed(
+    prepared: list[Prepared],
+    placed: list[PlacedLog],
+    unknowns: Unknowns,
+    clock: Clock,
+    firmness: float = 1.0,
+    hopeless: float = np.inf,
+    trust: Trust | None = None,
+) -> Attempt:
+    """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
+    motion that follows from the answer, or with the sequences that are nearly that of the answer, and the best of
+    all."""
+    attempt = _solved(prepared, placed, unknowns, clock, firmness, hopeless, trust)
+    if attempt.solved.solution.cost > hopeless or not np.all(np.isfinite(attempt.solved.theta)):
+        return attempt
+    # A rest that can get no shorter is also what the solver fails on.
+    at_answer = replace(unknowns, start=attempt.solved.theta)
+    whole = [prepared[number] for number in attempt.logs]
+    anew = refollowed(whole, attempt.prepared, attempt.solved.guesses, at_answer)
+    if anew is not None:
+        other = _solved(prepared, _placed(attempt, anew), at_answer, clock, firmness, hopeless, None)
+        return other if other.excess < attempt.excess - BETTER else attempt
+    if not np.isfinite(attempt.excess):
+        return attempt
+    for _ in range(TRIES):
+        at_answer = replace(unknowns, start=attempt.solved.theta)
+        ways = by_a_hair(whole, attempt.prepared, attempt.solved.guesses, at_answer)
+        others = [_solved(prepared, _placed(attempt, w), at_answer, clock, firmness, hopeless, None) for w in ways]
+        better = [other for other in others if _fits_better(other.solved, attempt.solved)]
+        if not better:
+            break
+        attempt = min(better, key=lambda other: other.excess)
+    return attempt
+
+
+def _placed(attempt: Attempt, way: tuple[list[Prepared], list[Guess]]) -> list[PlacedLog]:
+    """The logs of an attempt with other motions."""
+    return list(zip(attempt.logs, *way, strict=True))
+
+
+def _solved(
+    prepared: list[Prepared],
+    placed: list[PlacedLog],
+    unknowns: Unknowns,
+    clock: Clock,
+    firmness: float,
+    hopeless: float,
+    trust: Trust | None,
+) -> Attempt:
+    """Solve until every course is that of the answer."""
+    since = time.perf_counter()
+    numbers, logs, guesses = (list(column) for column in zip(*placed, strict=True))
+    # What every log has for itself, the first log has in the shared theta.
+    unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
+    guesses[0] = replace(guesses[0], own=np.empty(0))
+    data, soft = [log.data for log in logs], unknowns.softened(firmness)
+    solved = solve_in_passes(data, guesses, soft, hopeless=hopeless, trust=trust)
+    tried = list[tuple[list[Prepared], list[Guess], Solved]]()
+    for _ in range(TRIES):
+        if solved.solution.cost > hopeless:
+            break
+        at_answer = replace(unknowns, start=solved.theta)
+        again = resequenced([prepared[i] for i in numbers], logs, solved.guesses, at_answer)
+        if again is None:
+            break
+        tried.append((logs, guesses, solved))
+        logs, guesses = again
+        solved = solve_in_passes([log.data for log in logs], guesses, at_answer.softened(firmness))
+    # Where the mass rests by a hair, the data know better whether it does than the answer, which is off by its error.
+    for before in tried:
+        hair = not any(is_clear(log, one, other) for log, one, other in zip(logs, before[1], guesses, strict=True))
+        if hair and _fits_better(before[2], solved):
+            logs, guesses, solved = before
+    clock.add("solve", since + solved.forming)
+    clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
+    return Attempt(tuple(numbers), tuple(logs), solved, _gated(solved, logs))
+
+
+def _fits_better(one: Solved, other: Solved) -> bool:
+    """Whether a solution that was found fits clearly better than another, of no more samples."""
+    here, there = (2.0 * solved.solution.cost - solved.problem.samples for solved in (one, other))
+    return one.solution.success and one.problem.samples >= other.problem.samples and not there <= here + BETTER
+
+
+def solve_moved(attempt: Attempt, cut: Sequence[Prepared], motion: list[Guess], unknowns: Unknowns) -> Attempt:
+    """Solve the logs of an attempt with another motion from another theta (unknowns.start), the sequence of modes kept.
+
+    Args:
+        cut: the logs, to what could be followed.
+    """
+    solved = solve_in_passes([log.data for log in cut], motion, unknowns.softened())
+    return replace(attempt, prepared=tuple(cut), solved=solved, gate=_gated(solved, cut))
+
+
+def judged(attempt: Attempt) -> Attempt:
+    """The attempt with the gate of its own solution: one that was taken over from another model has that model's."""
+    return replace(attempt, gate=_gated(attempt.solved, attempt.prepared))
+
+
+def _gated(solved: Solved, logs: Sequence[Prepared]) -> Gate:
+    return pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
+
+
+def crept(attempt: Attempt) -> bool:
+    """Whether the curve fits, and the solver found no end to a ridge along which the data tell nothing."""
+    gate = attempt.gate
+    return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
+
+
+def solve_held(
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, ways: int = 1
+) -> Attempt | None:
+    """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
+    solver follows; None where it follows nowhere. The information matrix never sees these priors.
+
+    Args:
+        ways: how many are tried. How firm priors have to be at first differs from start to start: what wanders off from
+            the softer ones is held by the firmer ones, and released in steps so small that each is an easy solve.
+    """
+    best: Attempt | None = None
+    loosest = np.inf
+    for first in range(ways):
+        released_to = np.inf
+        for firmness, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[first:]):
+            if not tried.solved.solution.success:
+                break
+            released_to = firmness
+            if tried.gate.status is Status.CONVERGED and firmness < loosest:
+                best, loosest = tried, firmness
+        if released_to == SLOWLY[-1]:  # nothing wandered off: to hold it less firmly leads to the same place
+            break
+    return best
+
+
+def solve_or_hold(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Solve from a start; where its ridge has no end, with what the data do not tell held."""
+    found = solve_from(prepared, chosen, unknowns, clock)
+    return found if found is None or not crept(found) else solve_held(prepared, chosen, unknowns, clock) or found
+
+
+def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+    """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
+    None where it fails at once."""
+    best: Attempt | None = None
+    for _, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[OFF:]):
+        if not tried.solved.solution.success:
+            break
+        best = tried
+        if best.gate.status is Status.CONVERGED:
+            break
+    return best
+
+
+def _released(
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firm: Sequence[float]
+) -> Iterator[tuple[float, Attempt]]:
+    """Solves with softer and softer priors around the start, each from the answer of the one before; with the firmness
+    of each."""
+    tried = solve_from(prepared, chosen, unknowns, clock, firm[0])
+    if tried is not None:
+        yield firm[0], tried
+        yield from released(tried, unknowns, firm[1:])
+
+
+def released(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterator[tuple[float, Attempt]]:
+    """Solves of the same samples with softer and softer priors around unknowns.start, each from the answer of the one
+    before; with the firmness of each."""
+    for firmness in firm:
+        held = resolve(held, replace(unknowns.softened(firmness), start=held.solved.theta))
+        yield firmness, held
+
+
+def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
+    """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
+    and at most so many steps per interval."""
+    logs, soft = attempt.prepared, unknowns.softened()
+    solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, soft, steps=steps, most=most)
+    return replace(attempt, solved=solved, gate=_gated(solved, logs))
+
+
+def resolve_firmly(attempt: Attempt, unknowns: Unknowns, theta: Array, motion: list[Guess]) -> Attempt:
+    """Solve again from theta (n_p,) and the motion there; where the solver finds no end to a ridge, with priors around
+    theta that hold what the data do not tell, as loose as they can be."""
+    attempt = replace(attempt, solved=replace(attempt.solved, guesses=motion))
+    moved = resolve(attempt, replace(unknowns, start=theta))
+    for firmness in FIRM[::-1]:
+        if not crept(moved):
+            break
+        tried = resolve(attempt, replace(unknowns, start=theta).softened(firmness))
+        moved = tried if tried.gate.status is Status.CONVERGED else moved
+    return moved
+
+
+def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:
+    """Number, cut log and guess of every chosen log that the start can be placed on."""
+    out: list[PlacedLog] = []
+    for number in chosen:
+        if prepared[number].manner.name != "cycles":
+            out += [(number, *found) for found in _followed(prepared[number], unknowns)]
+    chosen = [i for i in chosen if prepared[i].manner.name == "cycles"]
+    logs = [prepared[i] for i in chosen]
+    p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
+    placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
+    for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
+        if guess is None or not _joins_up(guess, log):
+            if guess is not None and grazes(log, guess):  # rests are shorter than slips are placed exactly
+                out += [(number, *found) for found in _followed(log.as_course, unknowns)]
+            continue
+        out.append((number, as_far_as_placed(log, guess), guess))
+    return sorted(out, key=lambda entry: entry[0])
+
+
+def as_far_as_placed(log: Prepared, guess: Guess) -> Prepared:
+    """The log of cycles cut in the stick behind its last placed slip: what comes then is on no data yet."""
+    sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
+    typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
+    return cut_in_last_stick(log, float(guess.arrest[-1]), typical)
+
+
+def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Guess]]:
+    """The log of a course of its own, or of sliding, cut to what the start follows of it; empty where it does not."""
+    p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
+    if log.manner.name == "sliding":
+        gliding = glide(unknowns.model, log.data, p)
+        return [] if gliding is None else [(log, gliding)]
+    found = followed(log, unknowns)
+    return [] if found is None else [found]
+
+
+def _joins_up(guess: Guess, log: Prepared) -> bool:
+    """Whether every stick has a length, the last one too."""
+    ends = np.append(guess.onset[1:], log.data.end)
+    return bool(guess.onset[0] > log.data.begin and np.all(ends > guess.arrest))

@@ -1,0 +1,163 @@
+"""How sure an accepted answer is: its steps, covariance for the noise there is, profiles, bootstrap, intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.outcome import Status
+from identify.base.progress import Progress
+from identify.estimation.agreeing import agreeing
+from identify.estimation.allowed import noise_of
+from identify.estimation.attempt import Attempt
+from identify.estimation.bootstrap import Bootstrap, bootstrap
+from identify.estimation.coloured import Colour
+from identify.estimation.combinations import Combination, Direction, combinations, directions
+from identify.estimation.examined import AtBound, Question, examine
+from identify.estimation.fine_enough import fine_enough
+from identify.estimation.hanging import hanging
+from identify.estimation.influence import influence
+from identify.estimation.inward import at_own_bounds, taken_inside
+from identify.estimation.letting_go import let_go
+from identify.estimation.profile import Profiles
+from identify.estimation.ridge_ends import strengthened
+from identify.estimation.shares import Share, share_estimates, shares
+from identify.estimation.uncertainty import Estimate, Information
+from identify.estimation.valleys import weakens
+from identify.logs.unknowns import Unknowns
+from identify.shooting.accuracy import AccuracyRow, accuracy_table
+from identify.shooting.fit_options import Asked
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What is known of the free parameters (f,) at an answer.
+
+    attempt: the answer, in a better optimum where a profile met one; information of all parameters; covariance (f, f)
+    of theta with all that is allowed for, `white` (f, f) without the memory of the noise; colours: of the noise of
+    each log; estimates; profiles, bootstrap, accuracy_table: None where not run; discretisation by name, in standard
+    errors; memory (f,) by how much the memory of the noise (and the error of the drive speed) widens each variance;
+    joint (f + o, f + o) covariance with the parameters of single groups, shares: these groups, of_groups: the
+    estimates beyond the first group's; combinations and directions: of the covariance.
+    """
+
+    attempt: Attempt
+    information: Information
+    covariance: Array
+    white: Array
+    colours: list[Colour]
+    estimates: list[Estimate]
+    profiles: Profiles | None
+    bootstrap: Bootstrap | None = None
+    accuracy_table: list[AccuracyRow] | None = None
+    discretisation: Mapping[str, float] = field(default_factory=dict)
+    memory: Array = field(default_factory=lambda: np.empty(0))
+    joint: Array = field(default_factory=lambda: np.empty((0, 0)))
+    shares: list[Share] = field(default_factory=list)
+    of_groups: list[tuple[Share, Estimate]] = field(default_factory=list)
+    combinations: list[Combination] = field(default_factory=list)
+    directions: list[Direction] = field(default_factory=list)
+
+
+def certainty(
+    attempt: Attempt,
+    unknowns: Unknowns,
+    base: Array,
+    asked: Asked,
+    at_bound: AtBound,
+    *,
+    speed_tolerance: float,
+    seed: int,
+    progress: Progress,
+) -> Certainty | None:
+    """All that is said of how sure an answer is; None where the model has no derivatives there.
+
+    Args:
+        base: (n_p,) of the rig the values are given for; at_bound: sentence per parameter that sits at a bound, from
+            theta; speed_tolerance: relative error of all drive speeds together.
+    """
+    if attempt.gate.status is Status.CONVERGED:
+        if weakens(unknowns, attempt.solved.theta):
+            attempt = strengthened(attempt, unknowns, noise_of(attempt)) or attempt
+        if np.any(at_own_bounds(unknowns, attempt.solved.theta)):
+            attempt = taken_inside(attempt, unknowns, noise_of(attempt)) or attempt
+        attempt = let_go(attempt, unknowns) or attempt
+    attempt, known, discretised = _with_fine_steps(attempt, unknowns, asked)
+    if not np.all(np.isfinite(known.total)):
+        return None
+    seen = examine(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
+    attempt, view = seen.attempt, seen.view
+    if seen.accepted and not view.bounds:  # at a bound the pulls of the logs do not cancel
+        held = hanging(attempt.solved, [log.name for log in attempt.prepared])
+        if held is not None:
+            attempt = replace(attempt, gate=replace(attempt.gate, status=Status.WRONG_EVENT_COUNT, message=held))
+        elif len(attempt.logs) > 1:
+            attempt = agreeing(attempt, unknowns, base, view.allowed)
+    theta, groups = attempt.solved.theta, shares(attempt, unknowns)
+    bounds_of = {s.log: at_bound(attempt.solved.guesses[s.log].theta(theta)) for s in groups}
+    of_groups = share_estimates(groups, unknowns, theta, base, view.joint, at_bound=bounds_of, hints=view.hints)
+    out = Certainty(
+        attempt,
+        seen.known,
+        view.covariance,
+        view.allowed.white,
+        view.allowed.colours,
+        view.found,
+        seen.walked,
+        discretisation=discretised,
+        memory=view.allowed.memory,
+        joint=view.joint,
+        shares=groups,
+        of_groups=of_groups,
+    )
+    if attempt.gate.status is not Status.CONVERGED:
+        return out
+    out = _combined(out, unknowns, base)
+    out = _resampled(out, asked, seed, progress) if asked.bootstrap else out
+    return _tabled(out, unknowns, progress) if asked.accuracy_table else out
+
+
+def _with_fine_steps(
+    attempt: Attempt, unknowns: Unknowns, asked: Asked
+) -> tuple[Attempt, Information, dict[str, float]]:
+    """As `fine_enough`; let go once more where only finer steps show that an event holds the answer."""
+    finer = fine_enough(attempt, unknowns, asked)
+    if finer[0] is attempt or finer[0].gate.status is not Status.CONVERGED:
+        return finer
+    freed = let_go(finer[0], unknowns)
+    return finer if freed is None else fine_enough(freed, unknowns, asked)
+
+
+def _combined(out: Certainty, unknowns: Unknowns, base: Array) -> Certainty:
+    """With the combinations of parameters that the data tell better than their parts."""
+    free = np.flatnonzero(unknowns.free).tolist()
+    names, logs = [unknowns.names[i] for i in free], [bool(unknowns.logarithmic[i]) for i in free]
+    values = dict(zip(unknowns.names, unknowns.values(out.attempt.solved.theta, base).tolist(), strict=True))
+    return replace(
+        out,
+        combinations=combinations(names, logs, values, out.covariance),
+        directions=directions(names, logs, values, out.covariance),
+    )
+
+
+def _resampled(out: Certainty, asked: Asked, seed: int, progress: Progress) -> Certainty:
+    """With a bootstrap of cycle blocks."""
+    progress("bootstrap", None)
+    solved = out.attempt.solved
+    cycles = [guess.parts for guess in solved.guesses]
+    known, z = influence(solved.problem, solved.solution.z, cycles), solved.solution.z
+    made = bootstrap(solved.problem, z, known, asked.bootstrap, cycles=cycles, seed=seed, progress=progress)
+    return replace(out, bootstrap=made)
+
+
+def _tabled(out: Certainty, unknowns: Unknowns, progress: Progress) -> Certainty:
+    """With what each accuracy costs and moves."""
+    progress("table of accuracies", None)
+    size = np.sqrt(np.diag(out.covariance))
+    table = accuracy_table(out.attempt.prepared, out.attempt.solved, unknowns, size)
+    return replace(out, accuracy_table=table)

@@ -1,0 +1,165 @@
+"""Slips that were missed or invented: found by the steps of the force against the placed start, put in or taken out.
+
+A missed slip leaves the force a whole drop below the curve from there on, an invented one above it; the next slip mends
+it. What a change is worth is told by placing the log again: no solve is spent on a wrong number of events. Many slips
+may be missed, each between its own neighbours: all that look so are changed at once, and each is judged there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.estimation.attempt import place_on
+from identify.logs.log_data import LogData
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.shooting.passes import COARSE
+from identify.shooting.shooting import transcribe
+
+Array = NDArray[np.float64]
+
+ROUNDS = 12
+WORTH = 0.8  # of the squares between its neighbours: what a change must leave at most
+TOO_BAD = 4.0  # times the noise variance per sample: a start that is worse has an event wrong, or is no start
+BESIDE = 0.5  # of half a period: on each side of a step
+STANDS_OUT = 4.5  # standard deviations of a step that noise alone hardly makes in a log
+TRIED, ALONE = 12, 3  # steps each way that are looked at in a round; where not all at once, one by one
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """The start on one log: falls (c,) [s]; weighted squares (n,) of its samples, NaN where none is fitted; curve
+    (n,) [N]; slip: how long one takes [s]."""
+
+    falls: Array
+    squares: Array
+    curve: Array
+    slip: float
+
+    @property
+    def misfit(self) -> float:
+        """Per sample, in noise variances; infinite where none is fitted."""
+        told = self.squares[np.isfinite(self.squares)]
+        return float(np.mean(told)) if told.size else np.inf
+
+
+def with_events_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
+    """The log with slips put in or taken out as long as the start (unknowns.start) then fits it better; the log itself
+    where nothing does."""
+    if log.manner.name != "cycles" or log.falls.size == 0:
+        return log
+    now = _placed(log, log.falls, unknowns)
+    if now is None or now.misfit < TOO_BAD:
+        return log
+    for _ in range(ROUNDS):
+        better = _mended(log, now, unknowns)
+        if better is None:
+            break
+        now = better
+    return log if now.falls is log.falls else replace(log, falls=now.falls)
+
+
+def misfit_of_start(log: Prepared, unknowns: Unknowns) -> float:
+    """How badly the start (unknowns.start) fits a log before any solve, per sample in noise variances; infinite where
+    it cannot be placed."""
+    placed = _placed(log, log.falls, unknowns)
+    return np.inf if placed is None else placed.misfit
+
+
+def _placed(log: Prepared, falls: Array, unknowns: Unknowns) -> _Placed | None:
+    placed = place_on([replace(log, falls=falls)], [0], unknowns)
+    if not placed:
+        return None
+    _, cut, guess = placed[0]
+    problem = transcribe([cut.data], [guess], unknowns, COARSE)
+    curve = problem.fitted(problem.start)[0]
+    told = (log.data.weight > 0) & np.isfinite(curve)
+    squares = np.where(told, log.data.weight * (log.data.force - curve) ** 2, np.nan)
+    slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else 0.0
+    return _Placed(falls, squares, curve, slip)
+
+
+def _mended(log: Prepared, now: _Placed, unknowns: Unknowns) -> _Placed | None:
+    """One round: what is better with the changes that are worth it; None where none is."""
+    for looked_for in (_missed, _invented):
+        moments = looked_for(log, now)
+        for some in (moments, *([moment] for moment in moments[:ALONE] if len(moments) > 1)):
+            better = _changed(log, now, some, unknowns)
+            if better is not None:
+                return better
+    return None
+
+
+def _changed(log: Prepared, now: _Placed, moments: list[float], unknowns: Unknowns) -> _Placed | None:
+    """The start with those falls put in or taken out that are worth it; None where none is."""
+    for _ in range(2):  # a change that is not worth it disturbs its neighbours: the others are judged again
+        made = _placed(log, _with(now.falls, moments), unknowns) if moments else None
+        if made is None:
+            return None
+        worth = [moment for moment in moments if _is_worth(moment, log.data, now, made)]
+        if len(worth) == len(moments) and made.misfit < now.misfit:
+            return made
+        moments = worth
+    return None
+
+
+def _with(falls: Array, moments: list[float]) -> Array:
+    """The falls without those at a moment [s], and with one at each moment where there is none."""
+    return np.setxor1d(falls, moments)
+
+
+def _is_worth(moment: float, data: LogData, before: _Placed, after: _Placed) -> bool:
+    """Whether the squares between the falls beside a change become fewer by it."""
+    earlier, later = before.falls[before.falls < moment], before.falls[before.falls > moment]
+    since = float(earlier[-1]) if earlier.size else -np.inf
+    until = float(later[0]) if later.size else np.inf
+    near = (data.time > since) & (data.time < until) & np.isfinite(before.squares) & np.isfinite(after.squares)
+    return bool(np.any(near) and np.sum(after.squares[near]) < WORTH * np.sum(before.squares[near]))
+
+
+def _missed(log: Prepared, now: _Placed) -> list[float]:
+    """Moments [s] where the force steps down against the curve, a slip away from any fall; the largest step first."""
+    at, size, half = _steps(log, now.curve)
+    free = np.min(np.abs(at[:, None] - now.falls[None, :]), axis=1, initial=np.inf) > max(now.slip, 0.5 * half)
+    return _largest(at[free], -size[free], 2.0 * max(now.slip, 0.5 * half))
+
+
+def _invented(log: Prepared, now: _Placed) -> list[float]:
+    """Moments [s] of the falls where the force steps up against the curve; the largest step first."""
+    at, size, half = _steps(log, now.curve)
+    beside = np.min(np.abs(at[:, None] - now.falls[None, :]), axis=1, initial=np.inf) <= max(now.slip, 0.5 * half)
+    nearest = [int(np.argmin(np.abs(now.falls - t))) for t in _largest(at[beside], size[beside], 2.0 * half)]
+    return now.falls[list(dict.fromkeys(nearest))[: now.falls.size - 1]].tolist()
+
+
+def _steps(log: Prepared, curve: Array) -> tuple[Array, Array, float]:
+    """By how much what the force has beyond the curve steps up (m,), in standard deviations, at moments (m,) [s]; how
+    long a slip takes [s]."""
+    data = log.data
+    half = max(log.rig.half_period, 4.0 * data.interval)
+    used = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
+    t, off = data.time[used], data.force[used] - curve[used]
+    width = max(round(BESIDE * half / data.interval), 2)
+    if t.size < 4 * width:
+        return np.empty(0), np.empty(0), half
+    summed = np.concatenate([[0.0], np.cumsum(off)])
+    means = (summed[width:] - summed[:-width]) / width
+    # Between the two stretches lies the slip itself.
+    size = means[2 * width :] - means[: -2 * width]
+    return t[width - 1 + np.arange(size.size) + width // 2], size / (data.noise * np.sqrt(2.0 / width)), half
+
+
+def _largest(at: Array, size: Array, apart: float) -> list[float]:
+    """The moments (m,) [s] of the largest sizes (m,) that stand out, that far apart [s]."""
+    out: list[float] = []
+    while size.size and len(out) < TRIED:
+        place_ = int(np.argmax(size))
+        if not size[place_] > STANDS_OUT:
+            break
+        out.append(float(at[place_]))
+        far = np.abs(at - at[place_]) >= apart
+        at, size = at[far], size[far]
+    return out

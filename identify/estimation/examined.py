@@ -1,0 +1,284 @@
+"""An accepted answer under examination: it is walked along its ridges, and moves where a better place is met."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.level import LEVEL
+from identify.base.outcome import Status
+from identify.base.progress import Progress
+from identify.base.quantiles import chi_square
+from identify.estimation.allowed import Allowed, allowed
+from identify.estimation.attempt import Attempt, resolve_firmly
+from identify.estimation.fine_enough import information_at
+from identify.estimation.gate import Gate
+from identify.estimation.hints import hints, onsets, untold
+from identify.estimation.inward import at_own_bounds
+from identify.estimation.nearly_rests import neighbours
+from identify.estimation.profile import Profiles, profile
+from identify.estimation.profile_ground import ProfilePoint
+from identify.estimation.profile_side import CRITICAL
+from identify.estimation.ridge_ends import better_course, other_sign
+from identify.estimation.uncertainty import Estimate, Information, Interval, estimates
+from identify.estimation.valleys import lowest_valley, objection, preferred, weakens, within
+from identify.estimation.widened import widened_on_both_scales
+from identify.estimation.worth_a_walk import doubtful, ridge
+from identify.logs.unknowns import Unknowns
+from identify.shooting.fit_options import Asked
+
+Array = NDArray[np.float64]
+AtBound = Callable[[Array], Mapping[str, str]]
+
+BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
+CURVE_STEPS = 4  # of each side of a profile that is drawn
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of an answer: unknowns; base (n_p,) of the rig the values are given for; asked; at_bound: sentence
+    per parameter that sits at a bound, from theta; speed_tolerance: relative error of all drive speeds together; seed:
+    of the starts that are thrown about it."""
+
+    unknowns: Unknowns
+    base: Array
+    asked: Asked
+    at_bound: AtBound
+    speed_tolerance: float
+    seed: int
+    progress: Progress
+
+
+@dataclass(frozen=True)
+class View:
+    """What is seen from one answer: bounds that parameters sit at, hints, what is allowed for, joint covariance
+    (f + o, f + o) widened to hold the points of the walk, the estimates."""
+
+    bounds: Mapping[str, str]
+    hints: Mapping[str, str]
+    allowed: Allowed
+    joint: Array
+    found: list[Estimate]
+
+    @property
+    def covariance(self) -> Array:
+        """Of the free parameters (f, f)."""
+        f = len(self.allowed.white)
+        return self.joint[:f, :f]
+
+    @property
+    def leaves_open(self) -> bool:
+        """Whether the data do not tell some parameter."""
+        return any(e.verdict == "not identifiable" for e in self.found)
+
+
+@dataclass(frozen=True)
+class Trail:
+    """What was met on the way to an answer: valleys beside it; points of the last walk, which was of so many samples;
+    mirrored: whether the other sign of friction's change with the speed was tried."""
+
+    valleys: tuple[Attempt, ...] = ()
+    met: tuple[ProfilePoint, ...] = ()
+    samples: int = 0
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
+class Examined:
+    """An answer, the information known at it, the profiles walked from it (None: none were), what is seen from it;
+    beside: answers of motions that hardly differ from its own."""
+
+    attempt: Attempt
+    known: Information
+    walked: Profiles | None
+    view: View
+    trail: Trail
+    beside: tuple[Attempt, ...] = ()
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the answer still is one."""
+        return self.attempt.gate.status is Status.CONVERGED
+
+
+def examine(attempt: Attempt, known: Information, question: Question) -> Examined:
+    """The answer with the walks along its ridges that are worth while, or the better one to which these, thrown starts
+    or another course of the motion lead.
+
+    Args:
+        known: at the answer that is given.
+    """
+    here = _lowest_about(_standing(attempt, known, question, Trail()), question)
+    for tries in range(BETTER_TRIES):
+        tried = _elsewhere(here, question)
+        moved = tried.attempt is not here.attempt
+        there = tried if moved else _walked(tried, question, last=tries + 1 == BETTER_TRIES)
+        if there is None:
+            break
+        here = there
+    return here
+
+
+def _standing(
+    attempt: Attempt, known: Information, q: Question, trail: Trail, walked: Profiles | None = None
+) -> Examined:
+    """At an answer at which nothing was looked at yet."""
+    seen = allowed(attempt, known, q.speed_tolerance)
+    converged = attempt.gate.status is Status.CONVERGED
+    beside = tuple(neighbours(attempt, q.unknowns, seen.noise)) if converged else ()
+    return Examined(attempt, known, walked, _view(attempt, seen, walked, beside, q), trail, beside)
+
+
+def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None = None) -> Examined:
+    """At another answer."""
+    return _standing(attempt, information_at(attempt, q.unknowns), q, trail, walked)
+
+
+def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, beside: Sequence[Attempt], q: Question) -> View:
+    """What is seen from an answer; seen: what is allowed for there, which walks do not change; beside: answers of
+    motions that hardly differ from its own."""
+    solved = attempt.solved
+    bounds = q.at_bound(solved.theta)
+    hinted = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
+    told = {name: str(hint) for name, hint in hinted.items()}
+    joint, f = seen.joint.copy(), len(seen.white)
+    free = q.unknowns.free
+    likely = np.array([other.solved.theta[free] - solved.theta[free] for other in beside]).reshape(-1, f)
+    limits = np.array([max(objection(attempt, other, seen.noise), CRITICAL) for other in beside])
+    if walked is not None and walked.likely.size:
+        likely, limits = np.concatenate([walked.likely, likely]), np.concatenate([walked.objection, limits])
+    if likely.size:
+        values, logarithmic = q.unknowns.values(solved.theta, q.base)[free], q.unknowns.logarithmic[free]
+        joint[:f, :f] = widened_on_both_scales(seen.covariance, likely, limits, values, logarithmic)
+    ends = {} if walked is None else walked.ends
+    intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
+    found = estimates(q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals)
+    return View(bounds, told, seen, joint, untold(found, solved.guesses, told))
+
+
+def _lowest_about(here: Examined, q: Question) -> Examined:
+    """Where the data hardly tell some parameter, the lowest of the valleys about the answer takes its place."""
+    if not (here.accepted and _doubtful(here, q)):
+        return here
+    q.progress("looking for other valleys", None)
+    lowest, valleys = lowest_valley(here.attempt, q.unknowns, q.seed, here.view.allowed.noise)
+    trail = replace(here.trail, valleys=tuple(valleys))
+    return replace(here, trail=trail) if lowest is here.attempt else _moved(lowest, q, trail)
+
+
+def _elsewhere(here: Examined, q: Question) -> Examined:
+    """At the answer that is met with friction that rises instead of falling, or from the ends of a ridge with another
+    course of the motion; where there is none, at the same."""
+    if not (here.accepted and here.view.leaves_open):
+        return here
+    other = None if here.trail.mirrored else other_sign(here.attempt, q.unknowns)
+    if other is None and here.walked is not None:
+        other = better_course(here.attempt, q.unknowns, here.walked.likely)
+    trail = replace(here.trail, mirrored=True)
+    if other is None:
+        return replace(here, trail=trail)
+    if not preferred(other, here.attempt, q.unknowns, here.view.allowed.noise):
+        return replace(here, trail=replace(trail, valleys=(*trail.valleys, other)))
+    if within(other, here.attempt, q.unknowns, here.view.allowed.noise):
+        trail = replace(trail, valleys=(*trail.valleys, here.attempt))
+    return _moved(other, q, trail)
+
+
+def _tells(attempt: Attempt) -> bool:
+    """Whether there is more than one peak or one level: what these do not tell, no walk will find an end of."""
+    return onsets(attempt.solved.guesses) > 1
+
+
+def _doubtful(here: Examined, q: Question) -> bool:
+    return _tells(here.attempt) and doubtful(q.unknowns, here.view.covariance, here.view.found)
+
+
+def _along(here: Examined, q: Question) -> list[int] | None:
+    """The parameters that a walk is worth while for; None: all."""
+    if q.asked.profile or here.view.bounds or _doubtful(here, q):
+        return None
+    theta = here.attempt.solved.theta
+    return ridge(q.unknowns, here.view.covariance, theta, q.base) if _tells(here.attempt) else []
+
+
+def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
+    """After a walk along the ridges, once at each answer, at the better place where one was met; None where no walk is
+    worth while.
+
+    Args:
+        last: no other walk will follow.
+    """
+    if here.walked is not None or not here.accepted:
+        return None
+    along = _along(here, q)
+    if along == []:
+        return None
+    attempt, seen, trail = here.attempt, here.view.allowed, here.trail
+    samples = attempt.solved.problem.samples
+    walked = profile(
+        attempt.prepared,
+        attempt.solved,
+        q.unknowns,
+        seen.white,
+        q.progress,
+        seen.noise,
+        memory=seen.remembered,
+        beside=seen.memory / seen.remembered,
+        steps=CURVE_STEPS if q.asked.profile else 1,
+        only=along,
+        valleys=[valley.solved for valley in (*trail.valleys, *here.beside)],
+        before=trail.met if trail.samples == samples else (),
+    )
+    here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
+    return _with_walk(here, walked, q) if walked.better is None else _at_better(here, walked, walked.better, q, last)
+
+
+def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:
+    """At the same answer, with the walk from it."""
+    return replace(here, walked=walked, view=_view(here.attempt, here.view.allowed, walked, here.beside, q))
+
+
+def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Question, last: bool) -> Examined:
+    """At the better place that a walk met, where the solver settles there."""
+    theta, trail = here.attempt.solved.theta, here.trail
+    moved = resolve_firmly(here.attempt, q.unknowns, better.theta, better.guesses)
+    inside = walked.clear < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
+    converged = moved.gate.status is Status.CONVERGED
+    lost = not converged or bool(np.any(at_own_bounds(q.unknowns, moved.solved.theta)))
+    if inside and (lost or _turns_weak(theta, moved.solved.theta, q.unknowns)):
+        # Inside the joint region: another point of the same ridge, at which the solver finds no end, or which has
+        # none within the model, or only among contacts that weaken while they rest.
+        return _with_walk(here, walked.seen_from(q.unknowns, theta), q)
+    if not converged:
+        moved = replace(moved, gate=_another_start(moved, q.unknowns, walked.gain, better, q.base))
+    if inside:  # the data hardly prefer the one to the other
+        trail = replace(trail, valleys=(*trail.valleys, here.attempt))
+    return _moved(moved, q, trail, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
+
+
+def _turns_weak(here: Array, there: Array, unknowns: Unknowns) -> bool:
+    return weakens(unknowns, there) and not weakens(unknowns, here)
+
+
+def _another_start(moved: Attempt, unknowns: Unknowns, gain: float, better: ProfilePoint, base: Array) -> Gate:
+    """The gate of an answer that a profile found a better place than, at which the solver does not settle."""
+    values = unknowns.values(better.theta, base)
+    told = ", ".join(
+        f"{unknowns.names[i]} = {values[i]:.4g} {unknowns.model.parameters[i].unit}".rstrip()
+        for i in np.flatnonzero(unknowns.free).tolist()
+    )
+    static, kinetic = (values[unknowns.names.index(name)] for name in ("mu_s", "mu_k0"))
+    remedy = "give these as start values under [parameters]"
+    if not kinetic < static:  # no start can say that
+        remedy = (
+            "there contacts weaken while they rest (mu_k0 above mu_s); bound mu_k0 from above by what is known of it "
+            "under [parameters], or add a log at another speed; that place"
+        )
+    message = (
+        f"another start is better: chi^2 falls by {gain:.3g} below that of the answer found, and the solver "
+        f"does not settle there ({moved.gate.solver}); {remedy}: {told}"
+    )
+    return replace(moved.gate, status=Status.BETTER_START_FOUND, message=message)

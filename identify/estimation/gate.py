@@ -1,0 +1,250 @@
+"""The gate: an answer counts only if the solver succeeded, the misfit is noise, in every cycle, and events rest.
+
+Every test is needed; each alone lets some wrong answer through.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.outcome import Status
+from identify.estimation.consistency import inconsistency
+from identify.estimation.leaning import most_leaning
+from identify.estimation.remembered import CLOSE, MORE, remembered
+from identify.estimation.swinging import swing_left
+from identify.logs.log_data import Guess, LogData
+from identify.shooting.passes import SETTLED, Solved
+
+Array = NDArray[np.float64]
+
+OVERALL = 5.0  # standard deviations of chi^2 over all samples
+PER_CYCLE = 6.0  # standard deviations of chi^2 of one cycle
+NOISE_ERROR = 0.015  # relative error of an estimated noise level
+QUIETEST = 0.7  # of the variance measured in the sticks: less is no error of measuring noise
+JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong,
+ALONE = 20.0  # if the others are this many times better: a missed slip spoils its neighbours a little
+OR_ELSE = "; or friction differs from cycle to cycle, or the drive moves otherwise than stated"
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the gate found. chi2 per sample; z (c,) per cycle with log and cycle numbers (from 1); the status,
+    and a sentence that says what failed, where, and what to do; levels (logs,) of noise with a memory: its variance
+    over that measured in the sticks, 1 for white noise."""
+
+    chi2_per_sample: float
+    z: Array
+    log: NDArray[np.int64]
+    cycle: NDArray[np.int64]
+    solver: str
+    event_shift: float
+    status: Status
+    message: str
+    levels: Array = field(default_factory=lambda: np.ones(1))
+
+    @property
+    def level(self) -> float:
+        """The variance of the noise over that measured in the sticks, of the log where it is largest."""
+        return float(np.max(self.levels))
+
+    @property
+    def worst(self) -> int:
+        """Index of the worst cycle."""
+        return int(np.argmax(np.abs(self.z))) if self.z.size else -1
+
+
+def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bool]) -> Gate:
+    """Judge a solution.
+
+    Args:
+        names: of the logs, for the sentence; noise_estimated: per log, whether its noise is from the data.
+    """
+    costs = solved.problem.block_costs(solved.solution.z)
+    squares, counts, log, cycle = _per_cycle(solved, costs)
+    total, samples = float(squares.sum()), float(counts.sum())
+    chi2 = total / max(samples, 1.0)
+    # chi^2 scales with the inverse square of the noise: an estimated noise widens what is credible.
+    slack = 2 * NOISE_ERROR * np.array([1.0 if e else 0.0 for e in noise_estimated])
+    by_log = np.array([float(counts[log == i].sum()) for i in range(len(names))])
+    allowed = OVERALL * np.sqrt(2 / max(samples, 1.0)) + float(slack @ by_log) / max(samples, 1.0)
+    spread = np.sqrt(2 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
+    quiet = _below_measured(squares, log, by_log, noise_estimated)
+    expected = quiet[log] * counts
+    z = (squares - expected) / (quiet[log] * spread)
+    status, message = _judge(solved, total / max(float(expected.sum()), 1.0), allowed, z, log, cycle, names)
+    if status is Status.CONVERGED:
+        variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
+        message = f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
+    levels = np.ones(len(names))
+    slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE
+    fitted = solved.fitted if slow or status is Status.CONVERGED else []
+    if slow:
+        known = remembered(solved.problem.logs, solved.guesses, fitted, noise_estimated, squares, counts, log)
+        if known is not None:
+            level = known.levels[log]
+            again = (squares - level * counts) / (known.slowness[log] * level * spread)
+            likely = _judge(solved, 1.0, allowed, again, log, cycle, names)[0]
+            if likely is Status.CONVERGED:
+                levels, z, status = known.levels, again, likely
+                message = (
+                    f"the misfit is noise with a memory ({chi2:.3f} of the variance measured in the sticks) in all "
+                    f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
+                )
+    if status is Status.CONVERGED:
+        problem = solved.problem
+        broken = inconsistency(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, names)
+        leaning = None if broken is not None else _leaning(solved, fitted, names) or _swinging(solved, fitted, names)
+        if broken is not None:
+            status, message = Status.WRONG_EVENT_COUNT, broken
+        elif leaning is not None:
+            status, message = Status.MODEL_MISFIT, leaning
+    if status is Status.CONVERGED:
+        strained = _strained_load(solved, names)
+        status, message = (status, message) if strained is None else (Status.MODEL_MISFIT, strained)
+    return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message, levels)
+
+
+def _below_measured(squares: Array, log: NDArray[np.int64], by_log: Array, noise_estimated: Sequence[bool]) -> Array:
+    """The variance of the noise of each log over that measured in its sticks (logs,), where it is smaller.
+
+    Slips that hardly show are taken for noise while it is measured: a curve that follows them leaves less. Of a noise
+    that was stated nothing smaller is taken.
+    """
+    total = np.bincount(log, weights=squares, minlength=by_log.size)
+    return np.where(noise_estimated, np.clip(total / np.maximum(by_log, 1.0), QUIETEST, 1.0), 1.0)
+
+
+def _leaning(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> str | None:
+    """A sentence where neighbouring residuals lean to one side farther than noise does; None where they do not."""
+    lean = most_leaning(solved.problem.logs, fitted)
+    if lean is None or lean.share <= 1.0:
+        return None
+    return (
+        f"the misfit is noise on the whole, but around {lean.time:.4g} s of {names[lean.log]} the curve misses by "
+        f"{abs(lean.residual):.2g} N for {lean.length:.2g} s ({lean.deviations:.0f} standard deviations): another "
+        "answer may fit there too, or the model lacks something; look there in the report, and give start values"
+    )
+
+
+def _swinging(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> str | None:
+    """A sentence where what is left of a slide swings as stick-slip does; None where it does not."""
+    problem = solved.problem
+    found = swing_left(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, fitted)
+    if found is None:
+        return None
+    return (
+        f"the misfit is noise on the whole, but where this answer slides, {names[found[0]]} {found[1]}, or leave it out"
+    )
+
+
+def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
+    """Whether the cycles fit only because their normal force was moved further than its measurement allows.
+
+    The misfit of the samples does not see it: what a wrong answer gets wrong from cycle to cycle, the load takes up.
+    """
+    model = solved.problem.layout.unknowns.model
+    remedy = "" if "occlusion" in model.effects else ", or add occlusion to effects"
+    for data, guess, name in zip(solved.problem.logs, solved.guesses, names, strict=True):
+        if not data.normal_force_sd > 0.0 or not guess.deviation.size:
+            continue
+        off = _load_pulls(data, guess)
+        excess = (float(off @ off) - off.size) / np.sqrt(2.0 * off.size)
+        worst = int(np.argmax(np.abs(off)))
+        cycle = np.append(np.arange(guess.deviation.size), guess.slip_parts)[worst]
+        if max(excess, abs(float(off[worst]))) > PER_CYCLE:
+            return (
+                f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
+                f"errors of its measured course (cycle {cycle + 1}): another start may fit, or friction drifts or "
+                f"differs from cycle to cycle; give start values{remedy}"
+            )
+    return None
+
+
+def _load_pulls(data: LogData, guess: Guess) -> Array:
+    """By how many of its standard errors the normal force is off in every part, then at the end of every slip."""
+    slid = guess.slip_deviation.size
+    mean = np.zeros(guess.deviation.size)
+    mean[guess.slip_parts] = data.expected[0]
+    at_onset = (guess.deviation - mean) / data.onset_load_sd_at(guess.loaded_at)
+    return np.append(at_onset, (guess.slip_deviation - data.expected[1]) / data.load_sd_at(guess.slid_at[:slid]))
+
+
+def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Sum of squared weighted residuals and number of samples of every cycle or slide, its log and number (from 0).
+    What follows the last slip of a log counts to its last cycle."""
+    last = np.array([guess.parts - 1 for guess in solved.guesses])
+    offsets = np.concatenate([[0], np.cumsum(last + 1)])
+    squares, counts = np.zeros(offsets[-1]), np.zeros(offsets[-1])
+    for family, moments, cost in zip(solved.problem.layout.families, solved.problem.moments, costs, strict=True):
+        index = offsets[family.log] + np.minimum(family.cycle, last[family.log])
+        squares += np.bincount(index, weights=cost, minlength=squares.size)
+        counts += np.bincount(index, weights=moments.count, minlength=squares.size)
+    log = np.repeat(np.arange(last.size), last + 1)
+    return squares, counts, log, np.arange(squares.size) - offsets[log]
+
+
+def _judge(
+    solved: Solved,
+    chi2: float,
+    allowed: float,
+    z: Array,
+    log: NDArray[np.int64],
+    cycle: NDArray[np.int64],
+    names: Sequence[str],
+) -> tuple[Status, str]:
+    solution = solved.solution
+    worst = int(np.argmax(np.abs(z))) if z.size else 0
+    where = f"{names[log[worst]]}, cycle {cycle[worst] + 1}"
+    if not np.isfinite(chi2):
+        return Status.SOLVER_FAILED, (
+            f"the solver left the region where the model can be computed ({solution.words}); "
+            "check mass, stiffness and drive speed, or give start values"
+        )
+    bad = abs(chi2 - 1.0) > allowed
+    if not solution.success and not bad and np.max(np.abs(z)) <= PER_CYCLE:
+        return Status.SOLVER_FAILED, (
+            f"the solver stopped with {solution.words} after {solved.iterations} iterations although the curve fits; "
+            "give start values, or fix a parameter that these logs cannot tell"
+        )
+    if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
+        others = np.delete(np.abs(z), worst)
+        typical = float(np.median(others)) if others.size else 0.0
+        if z[worst] > max(JUMP, ALONE * typical):
+            # Where the others misfit too, other causes than a slip are as likely.
+            fit = typical < PER_CYCLE
+            beside, or_else = (
+                ("while the others fit", "") if fit else (f"where the others do by {typical:.0f}", OR_ELSE)
+            )
+            return Status.WRONG_EVENT_COUNT, (
+                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}: as where a slip was missed "
+                f"or invented, or the force was cut off or disturbed; look at it in the report and exclude that "
+                f"stretch{or_else}"
+            )
+        failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
+        if chi2 < 1.0 and not np.any(z > PER_CYCLE) and solution.success:
+            return Status.MODEL_MISFIT, (
+                f"the curve follows these data more closely than their noise allows: misfit {chi2:.3g} times the noise "
+                "variance; if the noise is stated, state less; if not, slips of few samples counted as noise while it "
+                'was measured: sample faster, or give the noise of the force sensor under [rig], noise = "… N"'
+            )
+        return Status.MODEL_MISFIT, (
+            f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, "
+            f"{failing} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst {where} ({z[worst]:.0f}); "
+            "friction that differs from cycle to cycle, a wrong rig value, a drive that moves otherwise than stated or "
+            "a wrong noise level do this: see the cycle scatter in the report"
+            + (
+                ""
+                if solution.success
+                else f"; the solver itself stopped with {solution.words}: a better start may still fit"
+            )
+        )
+    if not solved.event_shift < SETTLED:
+        return Status.SOLVER_FAILED, (
+            f"the event times still move by {solved.event_shift:.2g} samples per pass; "
+            "give start values closer to the answer"
+        )
+    return Status.CONVERGED, ""

@@ -1,0 +1,33 @@
+"""Answers of another sequence of modes that the data hardly tell from that of an answer.
+
+Where the mass slides on by a hair, or just comes to rest, a motion with the one rest more or less may describe the data
+as well, at other parameters. No walk leads across, and the curvature at the answer does not know of it: it tells what
+the one sequence leaves open, which can be a tenth of what both together do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from identify.base.outcome import Status
+from identify.estimation.attempt import Attempt, solve_moved
+from identify.estimation.objection import Remembering
+from identify.estimation.sequence import by_a_hair
+from identify.estimation.valleys import within
+from identify.logs.unknowns import Unknowns
+
+
+def neighbours(attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> list[Attempt]:
+    """Answers of the very samples of an answer, with the motion next to its own, that lie in its joint region.
+
+    Args:
+        noise: of all logs: its memory widens that region.
+    """
+    at_answer = replace(unknowns, start=attempt.solved.theta)
+    logs = attempt.prepared
+    found: list[Attempt] = []
+    for cut, guesses in by_a_hair(logs, logs, attempt.solved.guesses, at_answer):
+        other = solve_moved(attempt, cut, guesses, at_answer)
+        if other.gate.status is Status.CONVERGED and within(attempt, other, unknowns, noise):
+            found.append(other)
+    return found

@@ -1,0 +1,118 @@
+"""Before anything is fitted: the detected cycles, and what the start would show, over the data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.estimation.attempt import as_far_as_placed
+from identify.logs.parting import parted
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.unknowns import Unknowns, from_scene, user_start
+from identify.scene import Scene
+from identify.shooting.features import extract
+from identify.shooting.passes import COARSE
+from identify.shooting.placing import place
+from identify.shooting.shooting import transcribe
+from identify.shooting.start import candidates, fit_features
+from identify.shooting.vibration import quieted, tuned
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PreviewLog:
+    """One log before the fit: name, drive speed [m/s]; time [s], force [N] (sliding positive), used (n,); the force of
+    the start guess (n,) [N], NaN where there is none and behind the last slip that it is placed on; onsets and arrests
+    (c,) [s] as detected; a sentence."""
+
+    name: str
+    drive_speed: float
+    time: Array
+    force: Array
+    used: NDArray[np.bool_]
+    guess: Array
+    onset: Array
+    arrest: Array
+    told: str
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What a fit would start from: where the start comes from, its parameters (SI) by name, units by name, the logs."""
+
+    source: str
+    parameters: dict[str, float]
+    units: dict[str, str]
+    logs: list[PreviewLog]
+
+
+def preview(scene: Scene, records: Sequence[Record]) -> Preview:
+    """Detect the cycles of every log and place the start on them; nothing is fitted but one folded cycle.
+
+    Raises:
+        FitError, SceneError: as the fit itself.
+    """
+    scene, records = parted(scene, records)
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    prepared, unknowns = tuned(prepared, unknowns)
+    theta, source = _start(scene, prepared, unknowns)
+    logs = [_seen(log, unknowns, theta) for log in prepared]
+    base = prepared[0].data.base
+    values = dict(zip(unknowns.names, unknowns.values(theta, base).tolist(), strict=True))
+    units = {q.name: q.unit for q in unknowns.model.parameters}
+    return Preview(source, values, units, logs)
+
+
+def _start(scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> tuple[Array, str]:
+    """Theta (n_p,) of the start, and where it comes from in words."""
+    if user_start(scene):
+        return unknowns.start, "the start values of the scene"
+    able = [(i, log) for i, log in enumerate(prepared) if log.left_out is None]
+    features = [(extract(i, log.data, log.falls, log.rig.half_period), log.data.base) for i, log in able]
+    found = [f for f, _ in features if f is not None]
+    bases = [base for f, base in features if f is not None]
+    if not found:
+        return unknowns.start, "the defaults: no log shows enough cycles to start from"
+    settled = quieted(unknowns)
+    starts = fit_features(settled, found, bases, candidates(unknowns, found, bases))
+    theta = np.where(settled.free, starts[0].theta, unknowns.start)
+    return theta, "the mean cycle of each log"
+
+
+def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
+    cycles = log.segmentation.cycles
+    nothing = np.full(log.record.time.size, np.nan)
+    guess, told = nothing, log.left_out or ""
+    if log.left_out is None:
+        p = unknowns.values(log.data.theta(theta), log.data.base)
+        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE).guesses[0]
+        if placed is None:
+            told = "with these values the model does not stick and slip here"
+        else:
+            at_start = replace(unknowns.softened(), start=placed.theta(theta))
+            problem = transcribe([as_far_as_placed(log, placed).data], [placed], at_start, COARSE)
+            guess = problem.fitted(problem.start)[0]
+            inside = np.isfinite(guess) & log.used
+            off = float(np.sqrt(np.mean((guess - log.force)[inside] ** 2))) if np.any(inside) else float("nan")
+            told = f"the start is off by {1e3 * off:.3g} mN (rms); the noise is {_noise(log):.3g} mN"
+    return PreviewLog(
+        log.name,
+        log.data.drive_speed,
+        log.record.time,
+        log.force,
+        log.used,
+        guess,
+        cycles.onset,
+        cycles.arrest,
+        f"{cycles.count} cycles found" + (f"; {told}" if told else ""),
+    )
+
+
+def _noise(log: Prepared) -> float:
+    return 1e3 * log.data.noise

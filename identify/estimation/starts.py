@@ -1,0 +1,125 @@
+"""Where a search starts: thetas from the features of the logs, from the user's values, and by lot about both."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.estimation.attempt import Clock
+from identify.estimation.ranking import ranked
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.shooting.features import Features, extract
+from identify.shooting.levels import level_starts
+from identify.shooting.start import GOOD, Start, candidates, fit_features, random_starts
+from identify.shooting.vibration import quieted
+
+Array = NDArray[np.float64]
+Sources = Literal["data", "user", "both"]
+
+RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
+WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
+EACH = 12  # starts by lot about each suggestion of the levels
+LIKE = 0.3  # of the spread: a start as close as that to one that was lost will be lost
+SAME = 0.02  # of the spread: starts closer than that are one
+
+
+def own_starts(prepared: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
+    """Starts (n_p,) from the data alone, in the order in which they deserve a try; none drawn by lot."""
+    return starts_of(prepared, unknowns, "data", 0, True, np.inf, Clock())
+
+
+def suggested_starts(prepared: Sequence[Prepared], unknowns: Unknowns) -> Array:
+    """What the levels of the data suggest (S, n_p), before any fit of a settled cycle rolls it into some valley."""
+    features, bases = features_of(prepared)
+    return candidates(unknowns, features, bases) if features else np.empty((0, unknowns.start.size))
+
+
+def starts_of(
+    prepared: list[Prepared],
+    unknowns: Unknowns,
+    sources: Sources,
+    seed: int,
+    uneven: bool,
+    worst: float,
+    clock: Clock,
+) -> Iterator[Array]:
+    """Starts (n_p,) in the order in which they deserve a try, up to a `worst` cost per residual; random ones where the
+    data's own are not good, or, with such a limit, all beyond it."""
+    since = time.perf_counter()
+    features, bases = features_of(prepared)
+    if not features:
+        made = [level_starts(prepared, unknowns)] if sources != "user" else []
+        tried = np.concatenate([unknowns.start[None, :], *made]) if sources != "data" else made[0]
+        in_order = ranked(prepared, unknowns, tried)
+        clock.add("start", since)
+        yield from _distinct(in_order, unknowns)
+        return
+    own = [unknowns.start[None, :]] if sources != "data" else []
+    made = [candidates(unknowns, features, bases)] if sources != "user" else []
+    tried = np.concatenate(own + made)
+    settled = quieted(unknowns)
+    starts = fit_features(settled, features, bases, tried)
+    before, enough = np.inf, GOOD if np.isinf(worst) else worst
+    for count in RANDOM:
+        if starts[0].cost < enough or uneven or starts[0].cost > WORTH * before:
+            break
+        before = starts[0].cost
+        more = random_starts(unknowns, starts[0].theta, count, seed)
+        if sources != "user":
+            more = np.concatenate([more[: count // 2], random_starts(unknowns, tried[0], count // 2, seed + 1)])
+        starts = sorted(starts + fit_features(settled, features, bases, more), key=lambda s: s.cost)
+    clock.add("start", since)
+    # What is explicit in time was held still: it starts where the sticks say, and keeps the value that the scene fixes.
+    starts = [replace(s, theta=np.where(settled.free, s.theta, unknowns.start)) for s in starts if s.cost <= worst]
+    yield from _distinct(starts, unknowns)
+
+
+def drawn_starts(
+    prepared: list[Prepared], unknowns: Unknowns, seed: int, but: Sequence[Array], clock: Clock
+) -> Iterator[Array]:
+    """Starts (n_p,) that fit the features well, of many scattered about all that the levels of the data suggest; none
+    that is like some others (but)."""
+    since = time.perf_counter()
+    features, bases = features_of(prepared)
+    if not features:
+        return
+    about = candidates(unknowns, features, bases)
+    lots = [random_starts(unknowns, place, EACH, seed + number) for number, place in enumerate(about)]
+    found = fit_features(quieted(unknowns), features, bases, np.concatenate(lots))
+    clock.add("start", since)
+    good = [np.where(unknowns.free, start.theta, unknowns.start) for start in found if start.cost < GOOD]
+    reach = np.where(unknowns.free, LIKE * unknowns.spread, np.inf)
+    yield from apart(good, reach, but)
+
+
+def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
+    """What the logs with repeating cycles show of them, and the base values (n_p,) of each such log."""
+    features: list[Features] = []
+    bases: list[Array] = []
+    for i, log in enumerate(prepared):
+        found = extract(i, log.data, log.falls, log.rig.half_period) if log.manner.name == "cycles" else None
+        if found is not None:
+            features.append(found)
+            bases.append(log.data.base)
+    return features, bases
+
+
+def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
+    return apart((start.theta for start in starts), np.where(unknowns.free, SAME * unknowns.spread, np.inf))
+
+
+def apart(thetas: Iterable[Array], reach: Array, but: Iterable[Array] = ()) -> Iterator[Array]:
+    """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before, and from some others
+    (but), in one parameter at least; infinite: not compared."""
+    seen = list(but)
+    compared = np.isfinite(reach)  # a parameter that is held at nought has no logarithm
+    for theta in thetas:
+        if all(np.any(np.abs(theta[compared] - other[compared]) > reach[compared]) for other in seen):
+            seen.append(theta)
+            yield theta

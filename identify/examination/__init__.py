@@ -1,1 +1,0 @@
-"""An accepted answer under examination: other valleys, events it hangs on, finer steps, and how sure it is."""

@@ -1,0 +1,262 @@
+"""The classical table: what a tribologist reads off a friction log, whatever a fit makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from data_io.thinned import kept, thinned
+from identify.logs.segment import SLIDING, SLIP, STICK, Cycles, Segmentation, segment
+from identify.logs.strokes import Drive, Stroke, strokes
+from identify.logs.zigzag import smooth
+
+Array = NDArray[np.float64]
+Figures = dict[str, float | int | None]
+Reasons = dict[str, str]
+
+FEWEST_ROWS = 20
+STEPS = 32  # of the normal force within the width over which it is averaged, at least
+
+DEFINITIONS: Mapping[str, str] = {
+    "mean_coefficient": "friction force over normal force, mean over time from the first breakaway on",
+    "first_breakaway_coefficient": "force peak that ends the first loading from rest, over the normal force there",
+    "static_peak_coefficient": "mean over slips of the force peak before the slip over the normal force there, "
+    "the first breakaway apart",
+    "kinetic_mean_coefficient": "mean over slips of the middle between force peak and valley, where the undamped "
+    "slip is symmetric, over the normal force; without slips the mean of steady sliding",
+    "sliding_mean_coefficient": "mean over the samples that slide without stick-slip",
+    "drop_N": "mean over slips of force peak minus following valley",
+    "stick_slope_N_per_s": "median over sticks of the slope of the straight middle of the force rise",
+    "stick_stiffness_N_per_m": "stick slope over drive speed: machine, holder and contact in series",
+    "frequency_Hz": "one over the mean time from slip to slip",
+    "stick_slip_percent": "share of the time in sticks and slips",
+    "sliding_percent": "share of the time in sliding without stick-slip",
+    "normal_force_drift_percent": "mean normal force of the last tenth against the first tenth",
+}
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One stroke with sliding positive: time [s], forces [N] (n,), sound samples, its phases."""
+
+    time: Array
+    force: Array
+    load: Array
+    good: NDArray[np.bool_]
+    found: Segmentation
+
+
+def classical_table(
+    record: Record,
+    segmentation: Segmentation | None = None,
+    *,
+    drive_speed: Drive,
+    stiffness: float | None = None,
+    half_period: float | None = None,
+    tare: float = 0.0,
+) -> dict[str, Any]:
+    """The classical figures per step and stroke, SI, JSON-able: floats, or None with a reason; never NaN.
+
+    Args:
+        record: the log; its friction force as in the file.
+        segmentation: phases of the whole record where they are known (used if the record is one stroke);
+            otherwise every stroke is segmented here.
+        drive_speed: [m/s], a programme, one value per row, or None.
+        stiffness: of the rig [N/m], to compare the sticks with.
+        half_period: pi sqrt(m/k) [s] where the rig is known.
+        tare: force to take off the friction force [N].
+
+    Returns: {"rows": one dict per stroke, "reasons": for each row why a figure is None, by its name,
+    "definitions": what each figure is (DEFINITIONS)}.
+    """
+    parts = strokes(record, drive_speed)
+    rows, reasons = [], []
+    for stroke in parts:
+        figures, why = _row(record, stroke, segmentation if len(parts) == 1 else None, stiffness, half_period, tare)
+        rows.append({key: _plain(value) for key, value in figures.items()})
+        reasons.append({key: why.get(key, "not a finite number") for key, value in rows[-1].items() if value is None})
+    return {"rows": rows, "reasons": reasons, "definitions": dict(DEFINITIONS)}
+
+
+def _plain(value: float | int | None) -> float | int | None:
+    if value is None or isinstance(value, int):
+        return value
+    return float(value) if np.isfinite(value) else None
+
+
+def _row(
+    record: Record,
+    stroke: Stroke,
+    segmentation: Segmentation | None,
+    stiffness: float | None,
+    half_period: float | None,
+    tare: float,
+) -> tuple[Figures, Reasons]:
+    rows = slice(stroke.start, stroke.stop)
+    time, load = record.time[rows], record.normal_force[rows]
+    force = record.friction_force[rows] - tare if tare else record.friction_force[rows]
+    force = -force if stroke.direction < 0 else force
+    if segmentation is None or segmentation.phase.size != time.size:
+        segmentation = segment(time, force, half_period=half_period)
+    good = np.isfinite(force) & np.isfinite(load) & ~segmentation.spikes
+    figures: Figures = {
+        "run": stroke.run,
+        "step": stroke.step,
+        "stroke": stroke.number,
+        "direction": stroke.direction,
+        "samples": int(np.count_nonzero(good)),
+        "duration_s": float(time[-1] - time[0]),
+        "drive_speed_m_per_s": stroke.speed,
+        "cycles": segmentation.count,
+    }
+    reasons: Reasons = {"drive_speed_m_per_s": "the drive speed is unknown, zero or not constant in this stroke"}
+    part = _Part(time, force, _filled(load), good, segmentation)
+    for told, why in (_loads(part), _coefficients(part), _slips(part), _sticks(part, stroke.speed, stiffness)):
+        figures |= told
+        reasons |= why
+    if np.count_nonzero(good) < FEWEST_ROWS:
+        few = f"{np.count_nonzero(good)} sound samples are too few; {FEWEST_ROWS} are needed"
+        reasons |= {name: few for name, value in figures.items() if value is None}
+    return figures, reasons
+
+
+def _filled(values: Array) -> Array:
+    """With gaps bridged; all zero where nothing is finite."""
+    finite = np.isfinite(values)
+    if finite.all():
+        return values
+    index = np.arange(values.size)
+    return np.interp(index, index[finite], values[finite]) if finite.any() else np.zeros(values.size)
+
+
+def _loads(part: _Part) -> tuple[Figures, Reasons]:
+    load = kept(part.load, part.good)
+    tenth = max(load.size // 10, 1)
+    first, last = (float(np.mean(x)) if x.size else 0.0 for x in (load[:tenth], load[-tenth:]))
+    drift = 100.0 * (last - first) / first if first > 0 and load.size > 1 else None
+    told: Figures = {
+        "normal_force_N": float(np.mean(load)) if load.size else None,
+        "normal_force_drift_percent": drift,
+    }
+    return told, {"normal_force_N": "no sample", "normal_force_drift_percent": "the normal force is zero at the start"}
+
+
+def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
+    names = ("mean_coefficient", "first_breakaway_coefficient", "static_peak_coefficient", "kinetic_mean_coefficient")
+    keys = [key for name in (*names, "sliding_mean_coefficient") for key in (name, f"{name}_sd")]
+    keys.remove("first_breakaway_coefficient_sd")
+    told: Figures = dict.fromkeys(keys)
+    if np.count_nonzero(part.good) < FEWEST_ROWS:
+        return told, {}
+    if float(np.median(thinned(kept(part.load, part.good)))) <= 0.0:
+        return told, dict.fromkeys(keys, "the normal force is not positive: no coefficient of friction")
+    cycles, phase = part.found.cycles, part.found.phase
+    load = _steady(part.load)
+    load = load if load.min() > 0 else np.where(load > 0, load, np.nan)
+    coefficient, loaded = part.force / load, _begins_loading(part)
+    begin = int(np.searchsorted(part.time, cycles.onset[0])) if cycles.count else _end_of_first_stick(phase)
+    moving = slice(begin if loaded else 0, None)
+    peaks = cycles.onset_force / np.interp(cycles.onset, part.time, load)
+    middles = cycles.middle / np.interp(cycles.fall, part.time, load)
+    breakaway = (float(peaks[0]) if cycles.count else _first_peak(part, load, begin)) if loaded else None
+    _put(told, "mean_coefficient", kept(coefficient[moving], part.good[moving]))
+    _put(told, "static_peak_coefficient", peaks[1:] if loaded else peaks)
+    _put(told, "sliding_mean_coefficient", coefficient[moving][part.good[moving] & (phase[moving] == SLIDING)])
+    told["first_breakaway_coefficient"] = breakaway
+    if cycles.count:
+        _put(told, "kinetic_mean_coefficient", middles)
+    else:
+        told["kinetic_mean_coefficient"] = told["sliding_mean_coefficient"]
+        told["kinetic_mean_coefficient_sd"] = told["sliding_mean_coefficient_sd"]
+    return told, _coefficient_reasons(cycles)
+
+
+def _steady(load: Array) -> Array:
+    """The normal force (n,) without its noise [N]: averaged over a two-hundredth of the record, a long one in steps."""
+    width = max(5, load.size // 200)
+    step = max(width // STEPS, 1)
+    blocks = load[: load.size // step * step].reshape(-1, step).mean(axis=1)
+    slow = np.repeat(smooth(blocks, width // step | 1), step)
+    return np.concatenate([slow, np.full(load.size - slow.size, slow[-1])]) if slow.size < load.size else slow
+
+
+def _coefficient_reasons(cycles: Cycles) -> Reasons:
+    few = "one slip has no standard deviation" if cycles.count else "no slip, no steady sliding"
+    peaks = "the only slip is the first breakaway" if cycles.count else "no slip"
+    return {
+        "mean_coefficient": "nothing slides here",
+        "mean_coefficient_sd": "nothing slides here",
+        "first_breakaway_coefficient": "the record does not start with loading from rest",
+        "static_peak_coefficient": peaks,
+        "static_peak_coefficient_sd": peaks if cycles.count < 2 else "one slip has no standard deviation",
+        "kinetic_mean_coefficient": few,
+        "kinetic_mean_coefficient_sd": few,
+        "sliding_mean_coefficient": "no sliding without stick-slip",
+        "sliding_mean_coefficient_sd": "no sliding without stick-slip",
+    }
+
+
+def _put(told: Figures, name: str, values: Array) -> None:
+    """Mean and sample standard deviation where there are values for them."""
+    values = kept(values, np.isfinite(values))
+    told[name] = float(np.mean(values)) if values.size else None
+    told[f"{name}_sd"] = float(np.std(values, ddof=1)) if values.size > 1 else None
+
+
+def _begins_loading(part: _Part) -> bool:
+    return part.found.loading_slope is not None
+
+
+def _end_of_first_stick(phase: NDArray[np.int8]) -> int:
+    return int(np.argmax(phase != STICK)) if (phase != STICK).any() else phase.size
+
+
+def _first_peak(part: _Part, load: Array, knee: int) -> float | None:
+    """Highest smoothed coefficient where loading ends in sliding; `knee` is where the rise levels off."""
+    if knee >= part.force.size:
+        return None
+    reach = slice(max(knee - knee // 4, 0), min(2 * knee + 5, part.force.size))
+    width = max(3, knee // 20) | 1
+    ratio = (part.force / load)[reach][part.good[reach]]
+    return float(np.nanmax(smooth(ratio, width))) if ratio.size else None
+
+
+def _slips(part: _Part) -> tuple[Figures, Reasons]:
+    found = part.found
+    drop, period = found.drop, found.period
+    told: Figures = {
+        "drop_N": drop[0] if drop else None,
+        "drop_sd_N": drop[1] if drop and found.count > 1 else None,
+        "frequency_Hz": 1.0 / period[0] if period and period[0] > 0 else None,
+        "frequency_sd_Hz": period[1] / period[0] ** 2 if period and found.count > 2 else None,
+        "samples_per_slip": found.samples_per_slip if found.count else None,
+        "stick_slip_percent": 100.0 * (found.share(STICK) + found.share(SLIP)) if found.count else 0.0,
+        "sliding_percent": 100.0 * found.share(SLIDING),
+        "noise_N": found.noise,
+    }
+    none = "no slip" if not found.count else f"{found.count} slip(s) are too few"
+    return told, dict.fromkeys(told, none)
+
+
+def _sticks(part: _Part, speed: float | None, stiffness: float | None) -> tuple[Figures, Reasons]:
+    slope = part.found.stick_slope
+    measured = slope[0] / speed if slope and speed else None
+    told: Figures = {
+        "stick_slope_N_per_s": slope[0] if slope else None,
+        "stick_slope_scatter_percent": 100.0 * slope[1] if slope and part.found.stick_slopes.size > 1 else None,
+        "stick_stiffness_N_per_m": measured,
+    }
+    reasons = {
+        "stick_slope_N_per_s": "no stick was seen from its beginning to its end",
+        "stick_slope_scatter_percent": "fewer than two whole sticks",
+        "stick_stiffness_N_per_m": "no stick slope" if speed else "the drive speed is unknown or zero",
+    }
+    if stiffness:
+        told["stick_stiffness_deviation_percent"] = 100.0 * (measured / stiffness - 1.0) if measured else None
+        reasons["stick_stiffness_deviation_percent"] = reasons["stick_stiffness_N_per_m"]
+    return told, reasons

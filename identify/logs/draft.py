@@ -1,0 +1,226 @@
+"""A first scene file from what the logs tell; what they do not tell is marked TODO."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from data_io.speed_steps import Programme
+from identify.base.speeds import speed_text
+from identify.effects import MAIN
+from identify.logs.judgement import judge
+from identify.logs.segment import SLIDING, Segmentation, segment
+from identify.logs.slip_quality import Part
+from identify.logs.told_drive import ToldDrive, told_drive
+from identify.scene.toml import to_fill_in
+
+Array = NDArray[np.float64]
+
+EFFECTS = (*MAIN, "varying_normal_force")
+FEWEST_CYCLES = 2
+FEWEST_ROWS = 20  # of a stretch of one speed in which sticks are looked for
+MOSTLY = 0.5  # share of the samples that slide from which on a log with hardly a cycle is one of sliding
+RUBS = 5.0  # times its noise: a smaller force is that of a drive at rest
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One log, or one step of a log that has several (`step` None: all of it)."""
+
+    path: Path
+    step: int | None
+    record: Record
+
+
+@dataclass(frozen=True)
+class Told:
+    """What one piece tells, SI. stiffnesses [N/m]: of every stick, its slope over the speed that holds in it, empty
+    where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly throughout; rejected:
+    why the quality gate rejects it, "" where it does not."""
+
+    piece: Piece
+    drive: ToldDrive
+    cycles: int
+    slope: float | None
+    stiffnesses: tuple[float, ...]
+    noise: float
+    slides: bool
+    rejected: str
+
+    @property
+    def stiffness(self) -> float | None:
+        """Series stiffness [N/m]: while the contact sticks, the force rises at stiffness times drive speed."""
+        return float(np.median(self.stiffnesses)) if self.stiffnesses else None
+
+    @property
+    def left_out(self) -> str:
+        """Why a draft leaves it out, "" where it does not."""
+        if self.rejected:
+            return f"rejected by the quality gate: {self.rejected}"
+        if self.cycles >= FEWEST_CYCLES:
+            return ""
+        if self.drive.stands:
+            return "the drive stands"
+        return "" if self.slides else f"{self.cycles} stick-slip cycles, and it does not slide"
+
+
+@dataclass(frozen=True)
+class Draft:
+    """The text of a first scene file, the dotted keys left to fill in, and a sentence for each log left out."""
+
+    text: str
+    to_fill_in: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, Any]) -> Draft:
+    """A first scene file of some logs.
+
+    Args:
+        pieces: the logs, one entry per step where a log has several.
+        folder: where the scene file will stand; log paths are written relative to it.
+        said: how the logs were read (step, columns, units, normal_force), repeated in each log.
+    """
+    told = [look(piece) for piece in pieces]
+    used = [t for t in told if not t.left_out] or told
+    lines = [
+        "# A first scene, written from the logs below by: stickslip scene",
+        "# Everything marked TODO is for you to fill in. A quantity is text with a unit, or a bare SI number.",
+        f"effects = [{', '.join(json.dumps(name) for name in EFFECTS)}]   # friction follows the measured load",
+        "",
+        *_rig_lines(used),
+        "",
+        "[parameters]   # all optional: start, lower, upper, fixed, prior = { mean = …, sd = … }",
+        "# mu_s = { start = 0.6 }",
+        '# mass = { lower = "0.05 kg", upper = "0.5 kg" }   # a rig quantity named here is estimated',
+    ]
+    for t in told:
+        lines += ["", *_log_lines(t, folder, said)] if t in used else ["", _left_out(t)]
+    text = "\n".join([*lines, ""])
+    left_out = tuple(f"{_name(t)}: {t.left_out}" for t in told if t not in used)
+    return Draft(text, tuple(to_fill_in(tomllib.loads(text))), left_out)
+
+
+def look(piece: Piece) -> Told:
+    """Drive, cycles, stick slopes and noise of one piece."""
+    record, drive = piece.record, told_drive(piece.record)
+    whole = _phases(record, 0, len(record))
+    parts = [(whole, drive.speed)] if drive.programme is None or drive.speed else _parts(record, drive.programme)
+    force = record.friction_force * (np.sign(np.nanmedian(record.friction_force)) or 1.0)
+    cycles = sum(found.count for found, _ in parts)
+    rubs = abs(float(np.nanmedian(force))) > RUBS * whole.noise
+    slides = cycles < FEWEST_CYCLES and whole.share(SLIDING) > MOSTLY and rubs
+    slopes, stiffnesses = ([], []) if slides else _sticks(parts)  # a first rise into sliding bends
+    return Told(
+        piece,
+        drive,
+        cycles,
+        float(np.median(slopes)) if slopes else None,
+        tuple(stiffnesses),
+        whole.noise,
+        slides,
+        judge(record, [Part(record.time, force, whole)]).reason,
+    )
+
+
+def _phases(record: Record, start: int, stop: int) -> Segmentation:
+    force = record.friction_force[start:stop]
+    return segment(record.time[start:stop], force * (np.sign(np.nanmedian(force)) or 1.0))
+
+
+def _parts(record: Record, programme: Programme) -> list[tuple[Segmentation, float | None]]:
+    """Phases and speed [m/s] of every stretch in which the drive moves, one by one."""
+    edges = [*np.searchsorted(record.time, [start for start, _ in programme]).tolist(), len(record)]
+    spans = zip(edges, edges[1:], [abs(speed) for _, speed in programme], strict=False)
+    return [(_phases(record, a, b), speed) for a, b, speed in spans if speed and _tells(record.friction_force[a:b])]
+
+
+def _tells(force: Array) -> bool:
+    return int(np.count_nonzero(np.isfinite(force))) >= FEWEST_ROWS
+
+
+def _sticks(parts: Sequence[tuple[Segmentation, float | None]]) -> tuple[list[float], list[float]]:
+    """Slopes of the sticks [N/s] and, where the speed is known, the stiffness [N/m] each tells; of first rises where
+    there is no stick."""
+    seen = [(slope, speed) for found, speed in parts for slope in found.stick_slopes.tolist()]
+    if not seen:
+        seen = [(found.loading_slope, speed) for found, speed in parts if found.loading_slope is not None]
+    return [slope for slope, _ in seen], [slope / speed for slope, speed in seen if speed]
+
+
+def _rig_lines(told: Sequence[Told]) -> list[str]:
+    known = [t.stiffness for t in told if t.stiffness is not None]
+    if known:
+        listed = ", ".join(f"{k:.4g}" for k in known)
+        stiffness = (
+            f'stiffness = {{ value = "{np.median(known):.4g} N/m", tolerance = "1 %" }}   '
+            f"# k, from the stick slopes over the speeds: {listed} N/m"
+        )
+    else:
+        stiffness = 'stiffness = "TODO N/m"   # k of rig, holder and specimen along the drive'
+    return [
+        '[rig]   # a tolerance can be stated: mass = { value = "0.2 kg", tolerance = "2 %" }',
+        'mass = "TODO kg"   # moving mass of the specimen and its holder',
+        stiffness,
+        'damping = "TODO N/m"   # h of eq. 1; or one of zeta, loss_factor, log_decrement (of the ringing after a tap)',
+    ]
+
+
+def _log_lines(told: Told, folder: Path, said: Mapping[str, Any]) -> list[str]:
+    piece, record = told.piece, told.piece.record
+    path = os.path.relpath(piece.path.absolute(), folder.absolute()).replace(os.sep, "/")
+    lines = [f"# {_facts(told)}", "[[logs]]", f"path = {json.dumps(path, ensure_ascii=False)}"]
+    if told.slides:
+        lines.insert(1, "# it slides: it tells the friction at its speed, and with slower logs a and delta_mu_k")
+    lines.append(_drive_line(told))
+    options = dict(said) if piece.step is None else {**said, "step": piece.step}
+    lines += [f"{key} = {_toml(value)}" for key, value in options.items()]
+    lines.append(f'# noise = "{1e3 * told.noise:.3g} mN"   # estimated from the log; taken anew at every fit')
+    if "normal_force" not in said and not np.isfinite(record.normal_force).all():
+        lines.append("# normal_force has gaps")
+    return [*lines, '# labels = { material = "…", volunteer = "…" }']
+
+
+def _drive_line(told: Told) -> str:
+    programme = told.drive.programme
+    if programme is None:
+        slope = "" if told.slope is None else f"; the force rises at {told.slope:.4g} N/s in stick, that is k times it"
+        return f'drive_speed = "TODO mm/s"   # {told.drive.trouble}{slope}'
+    speed = told.drive.speed
+    if speed is not None:
+        return f'drive_speed = "{speed_text(speed)}"   # {told.drive.source}: check it'
+    pairs = ", ".join(f'[{start:.6g}, "{speed_text(speed)}"]' for start, speed in programme)
+    return f"drive_speed = [{pairs}]   # [start in s, speed], {told.drive.source}: check it"
+
+
+def _facts(told: Told) -> str:
+    record = told.piece.record
+    rate = 1.0 / float(np.median(np.diff(record.time)))
+    load = float(np.nanmedian(record.normal_force))
+    return (
+        f"{len(record)} samples at {rate:.4g} Hz, {record.time[-1]:.4g} s; normal force {load:.4g} N; "
+        f"{told.cycles} stick-slip cycles"
+    )
+
+
+def _name(told: Told) -> str:
+    return told.piece.path.name + ("" if told.piece.step is None else f" step {told.piece.step}")
+
+
+def _left_out(told: Told) -> str:
+    return f"# left out: {_name(told)} ({_facts(told)}): {told.left_out}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,115 @@
+"""What the column of a log says against the drive that the scene states: a warning, or a refusal where it changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from data_io.frozen import Finding
+from data_io.motion import motion_of
+from data_io.speed_steps import SAME
+from data_io.true_runs import true_runs
+from identify.base.errors import FitError
+from identify.base.speeds import programme_text, speed_text
+from identify.logs.told_drive import ToldDrive, told_drive
+from identify.scene import Scene
+from identify.scene.values import DriveSpeed, LogEntry
+from identify.simulation.drive import Drive
+
+Array = NDArray[np.float64]
+
+DISAGREES = "drive_speed_disagrees"  # the code of the finding
+APART = 0.02  # share of the larger by which a stated and a told speed contradict each other
+LEAST = 10  # rows, and this share of the shortest piece, by which two steps may be apart
+SHARE = 0.1
+
+
+def held_against_column(scene: Scene, entry: LogEntry, record: Record) -> Record:
+    """A record, with a warning where the drive of the scene and that of its column contradict each other.
+
+    Raises:
+        FitError: the scene states one speed where the column changes it within the part that is used.
+    """
+    stated = scene.rig_for(entry).drive_speed
+    if stated is None:
+        return record
+    text = _contradiction(entry, stated, record)
+    if text is None or any(finding.code == DISAGREES for finding in record.findings):
+        return record
+    return replace(record, findings=(*record.findings, Finding(DISAGREES, "warning", text)))
+
+
+def _contradiction(entry: LogEntry, stated: DriveSpeed, record: Record) -> str | None:
+    """What a column says against the stated drive, in a sentence; None where they agree or no column tells."""
+    if record.time.size < 2:
+        return None
+    told = told_drive(record)
+    if not told.named or told.programme is None:
+        return None
+    if not isinstance(stated, tuple):
+        _refuse_change(entry, stated, record, told)
+    return _apart(entry, stated, record, told)
+
+
+def _refuse_change(entry: LogEntry, stated: float, record: Record, told: ToldDrive) -> None:
+    """Refuse one speed where the column has several, rests in between, or turns where no position tells the strokes."""
+    start, stop = entry.window or (0.0, float(record.time[-1]))
+    drive = Drive.of(told.programme or stated)
+    inside = [speed for _, speed in drive.within(start, stop)]
+    moving = [i for i, speed in enumerate(inside) if speed]
+    if not moving:
+        return
+    inside = inside[moving[0] : moving[-1] + 1]  # what it rests before and after is no change
+    sizes = [abs(speed) for speed in inside if speed]
+    several = max(sizes) - min(sizes) > SAME * max(sizes)
+    changes = len({float(np.sign(speed)) for speed in inside}) > 1
+    if several or (changes and not _strokes(record)):
+        raise FitError(
+            f"{entry.path.name} has one drive speed in the scene, {speed_text(stated)}, but {told.place} changes: "
+            f"{programme_text(told.programme or ())}; leave drive_speed out to take that, or give the programme or a "
+            "window"
+        )
+
+
+def _strokes(record: Record) -> bool:
+    """Whether a position tells strokes to and fro, which one speed goes with."""
+    motion = motion_of(record)
+    speeds = [piece.speed for piece in motion.pieces] if motion is not None else [0.0]
+    return min(speeds) < 0.0 < max(speeds)
+
+
+def _apart(entry: LogEntry, stated: DriveSpeed, record: Record, told: ToldDrive) -> str | None:
+    """Where a stated drive and that of the column differ for longer than steps may be apart."""
+    used = np.ones(record.time.size, dtype=bool)
+    for first, last in [entry.window] if entry.window else []:
+        used &= (record.time >= first) & (record.time <= last)
+    for first, last in entry.exclude:
+        used &= (record.time < first) | (record.time > last)
+    time = record.time[used]
+    if not time.size:
+        return None
+    drives = [Drive.of(stated), Drive.of(told.programme or stated)]
+    meant, seen = (np.abs(np.array(drive.speeds))[_piece(drive, time)] for drive in drives)
+    larger = np.maximum(meant, seen)
+    wrong = np.abs(meant - seen) > APART * np.maximum(larger, SAME * larger.max())
+    if drives[0].constant:
+        wrong &= seen > 0.0  # one speed says nothing of rests
+    first, stop = max(true_runs(wrong).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    rows = stop - first
+    shortest = min(int(np.min(np.unique(_piece(drive, time), return_counts=True)[1])) for drive in drives)
+    if rows <= max(LEAST, SHARE * shortest):
+        return None
+    lasts = float(time[first + rows - 1] - time[first])
+    return (
+        f"the scene has a drive speed of {speed_text(float(meant[first]))} at {time[first]:.4g} s, but {told.place} "
+        f"says {speed_text(float(seen[first]))} there, and they differ for {lasts:.3g} s; "
+        "correct drive_speed, or leave it out to take that"
+    )
+
+
+def _piece(drive: Drive, time: Array) -> NDArray[np.int64]:
+    """Which piece of a drive holds at each time (n,)."""
+    return np.clip(np.searchsorted(drive.starts, time, side="right") - 1, 0, None)

@@ -1,0 +1,332 @@
+"""From a record and its entry in the scene to what the estimator takes: sign, mask, window, loads, cycles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from data_io.thinned import kept
+from identify.base.errors import FitError
+from identify.logs import window
+from identify.logs.cutting import Account, account
+from identify.logs.judgement import Judgement, judge
+from identify.logs.loads import Course, as_far_as_told, as_modelled
+from identify.logs.log_data import LogData, Pull
+from identify.logs.manner import FEW, Manner, manner_of, moving_pieces
+from identify.logs.parting import name_of
+from identify.logs.segment import Segmentation, segment
+from identify.logs.segmented import Segmented, segmented
+from identify.logs.slip_quality import Part
+from identify.logs.still_loading import ENDS_LOADING, REMEDY
+from identify.logs.unknowns import Unknowns
+from identify.scene import Scene
+from identify.scene.values import EACH_LOG, LogEntry, Rig
+from identify.simulation.drive import Drive, NormalForce
+
+Array = NDArray[np.float64]
+
+LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
+REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
+SWINGS = 0.3  # times that: error of the load in fast rhythms from which on a slip has one of its own
+LONGER = 1.5  # half periods that a slip takes, its slow beginning included
+UNTOLD = Course(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
+UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
+FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One log, ready to be fitted or left out.
+
+    record; entry; rig of this log; sign applied to the friction force; force (n,) [N], sliding positive, tare
+    taken off; used (n,) samples that may count; segmentation; data for the estimator; falls (c,) [s] of the
+    cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
+    account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
+    hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
+    as a share); manner: how it moves; pieces: the stretches of a course of its own that are logs of constant speed.
+    """
+
+    record: Record
+    entry: LogEntry
+    rig: Rig
+    sign: int
+    force: Array
+    used: NDArray[np.bool_]
+    segmentation: Segmentation
+    data: LogData
+    falls: Array
+    left_out: str | None
+    noise_estimated: bool
+    account: Account
+    judgement: Judgement
+    hidden_swing: float = 0.0
+    manner: Manner = field(default_factory=lambda: Manner("cycles", None, False))
+    pieces: tuple[Prepared, ...] = ()
+
+    @property
+    def as_course(self) -> Prepared:
+        """The same log, to be followed by the model instead of cycle by cycle as they were seen."""
+        return replace(self, manner=replace(self.manner, name="course", faint=False))
+
+    @property
+    def typical(self) -> int:
+        """Number of cycles in the stretch that shows most of them."""
+        if self.manner.name == "cycles":
+            return int(self.falls.size)
+        return max((piece.falls.size for piece in self.pieces), default=0)
+
+    @property
+    def name(self) -> str:
+        """Short name of the log in sentences."""
+        return name_of(self.entry)
+
+    @property
+    def never_slips(self) -> bool:
+        """Whether the log is left out because no slip is seen in it, and for nothing else."""
+        sound = self.judgement.verdict != "reject" and not self.judgement.swapped
+        return self.left_out is not None and sound and self.segmentation.count == 0
+
+    @cached_property
+    def mean_load(self) -> float:
+        """Mean of the measured normal force, all of it [N]."""
+        load = self.record.normal_force
+        return float(np.mean(kept(load, np.isfinite(load))))
+
+    @property
+    def scatter(self) -> float:
+        """How much the force drop differs from one settled cycle to the next, as a share of the mean drop, beyond
+        what the noise and the course of the normal force do; 0 with fewer than four cycles. A slow drift does not
+        count."""
+        cycles, load = self.segmentation.cycles, self.data.normal_force
+        mean = float(np.mean(load.values))
+        drop = cycles.onset_force * mean / load.at(cycles.onset) - cycles.arrest_force * mean / load.at(cycles.arrest)
+        drop = drop[1:]
+        if drop.size < 3 or self.manner.name != "cycles":
+            return 0.0
+        step = np.diff(drop) / np.sqrt(2.0)
+        excess = float(1.4826 * np.median(np.abs(step))) ** 2 - (2.0 * self.data.noise) ** 2
+        return float(np.sqrt(max(excess, 0.0)) / max(float(np.mean(drop)), 1e-300))
+
+    @property
+    def unlike(self) -> bool:
+        """Whether cycles differ so among themselves that no model of equal friction describes them: more than a normal
+        force that the model follows makes them differ."""
+        if not self.scatter > UNEQUAL:
+            return False
+        cycles = self.segmentation.cycles
+        load = self.data.normal_force.at(cycles.onset) / self.data.mean_normal_force
+        swing = float(np.sqrt(np.mean(np.diff(load) ** 2) / 2.0) * np.mean(cycles.onset_force))
+        return self.scatter > UNEQUAL + FED * swing / float(np.mean(cycles.onset_force - cycles.arrest_force))
+
+
+def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -> Prepared:
+    """Cut, correct and segment one log.
+
+    Raises:
+        FitError: no drive speed, a drive that turns, or a log of which nothing is left.
+        SceneError: an effect outside its measured range.
+    """
+    log = segmented(entry, record, scene.rig_for(entry))
+    judgement = _judged(log, scene, unknowns)
+    stiffness = 0.0 if unknowns.model.vibrates else log.rig.stiffness  # else the mass swings with something else
+    manner = manner_of(
+        log.found,
+        log.time,
+        log.measured,
+        log.load,
+        log.falls,
+        noise=log.noise,
+        stiffness=stiffness,
+        half_period=log.half_period,
+        drive=log.drive,
+    )
+    begin, end = _window(log, manner)
+    reason = _rejected(judgement, log.name) or _reason(manner, log, judgement)
+    if reason is not None and judgement.swapped:
+        reason = f"{log.name}: normal force and friction force look swapped"
+    course, hidden = _load(log, (begin, end), judgement, scene, unknowns)
+    made = Prepared(
+        record=log.record,
+        entry=entry,
+        rig=log.rig,
+        sign=log.sign,
+        force=log.force,
+        used=log.counted,
+        segmentation=log.found,
+        data=as_far_as_told(_data(log, course, (begin, end), unknowns)),
+        falls=log.falls,
+        left_out=reason,
+        noise_estimated=log.rig.noise is None,
+        account=account(entry, record, log.corrected, log.sign, float(log.time[0]), begin),
+        judgement=judgement,
+        hidden_swing=hidden,
+        manner=manner,
+    )
+    if manner.name != "course":
+        return made
+    return replace(made, pieces=_pieces(made, log.noise, stiffness, log.half_period))
+
+
+def _judged(log: Segmented, scene: Scene, unknowns: Unknowns) -> Judgement:
+    """What the quality gate says of a log."""
+    soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
+    expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
+    part = Part(log.time, log.measured, log.found, expected, log.load)
+    return judge(log.record, [part], scene.thresholds, log.used)
+
+
+def _window(log: Segmented, manner: Manner) -> tuple[float, float]:
+    """Begin and end of what is fitted [s]."""
+    time, force, found, noise = log.time, log.measured, log.found, log.noise
+    if manner.name == "cycles":
+        return window.of_cycles(time, force, found, noise, log.entry.skip_cycles, log.half_period)
+    return window.of_a_course(time, force, found, noise, manner, log.drive, log.half_period)
+
+
+def _load(
+    log: Segmented, fitted: tuple[float, float], judgement: Judgement, scene: Scene, unknowns: Unknowns
+) -> tuple[Course, float]:
+    """The normal force as the model takes it, and the swing that its mean hides; fitted: the window [s].
+
+    Raises:
+        FitError: a normal force that is none, of a log that is not rejected.
+        SceneError: an effect outside its measured range.
+    """
+    follows, name, cycles = unknowns.model.follows_load, log.name, log.found.count
+    try:
+        course, hidden = as_modelled(log.record, log.used, fitted, follows=follows, name=name, cycles=cycles)
+    except FitError:
+        if judgement.verdict != "reject":
+            raise
+        return UNTOLD, 0.0  # the log is left out: nothing is computed with it
+    programme = log.speed if log.drive.constant else tuple(zip(log.drive.starts, log.drive.speeds, strict=True))
+    scene.check_ranges(log.entry, programme, (min(course.force.values), max(course.force.values)))
+    return course, hidden
+
+
+def _data(log: Segmented, course: Course, fitted: tuple[float, float], unknowns: Unknowns) -> LogData:
+    """The log as the estimator sees it; fitted: the window [s]."""
+    rig, (begin, end) = log.rig, fitted
+    repeatable = float(REPEATABLE * np.mean(course.force.values))
+    labels = log.entry.labels
+    finite = np.isfinite(log.force)
+    return LogData(
+        time=np.ascontiguousarray(log.record.time),
+        force=log.force if finite.all() else np.where(finite, log.force, 0.0),
+        weight=_weight(log),
+        base=unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
+        drive_speed=log.speed,
+        normal_force=course.force,
+        normal_force_sd=float(np.hypot(course.sd, repeatable)),
+        begin=begin,
+        end=end,
+        own=np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
+        groups=tuple("" if by is None or by == EACH_LOG else labels[by] for by in unknowns.per),
+        programme=None if log.drive.constant else log.drive,
+        tremor_sd=course.tremor_sd if course.tremor_sd > SWINGS * repeatable else 0.0,
+        sd_course=_sd_over_time(course, repeatable),
+        pull=_pull(log.found, course, rig, log.speed),
+    )
+
+
+def _weight(log: Segmented) -> Array:
+    """1/variance [1/N^2] of every sample (n,), 0 where it does not count."""
+    sound = kept(log.force, log.used)
+    floor = 1e-6 * float(max(sound.max(), -sound.min()))
+    return np.where(log.counted, 1.0 / max(log.noise, floor, 1e-12) ** 2, 0.0)
+
+
+def _sd_over_time(course: Course, repeatable: float) -> NormalForce | None:
+    """The error of a course where it is not the same throughout, with what no contact repeats."""
+    known = course.sd_course
+    return None if known is None else NormalForce.of((known.times, np.hypot(known.values, repeatable)))
+
+
+def _pull(found: Segmentation, course: Course, rig: Rig, speed: float) -> Pull | None:
+    """How the sticks load; None where no cycle was seen, or no mass is known."""
+    if not found.count or found.stick_slope is None or not rig.half_period:
+        return None
+    rate = found.stick_slope[0]
+    coefficient = float(np.median(found.cycles.onset_force)) / float(np.mean(course.force.values))
+    if not (rate > 0.0 and coefficient > 0.0):
+        return None
+    # Rig and skin together are as soft as the sticks show.
+    return Pull(coefficient, rate, LONGER * rig.half_period * float(np.sqrt(rig.stiffness * speed / rate)))
+
+
+def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -> tuple[Prepared, ...]:
+    """The stretches of constant speed of a course in which cycles repeat, or the mass slides steadily, as logs of their
+    own: what a start is taken from."""
+    data, out = log.data, []
+    for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
+        rows = slice(*np.searchsorted(data.time, [start, stop]))
+        time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
+        found = segment(time, force, half_period=half_period or None, noise=noise)
+        drive = Drive.of(speed)
+        manner = manner_of(
+            found,
+            time,
+            force,
+            log.record.normal_force[rows],
+            found.cycles.fall,
+            noise=noise,
+            stiffness=stiffness,
+            half_period=half_period,
+            drive=drive,
+        )
+        falls = np.empty(0)
+        if manner.name == "cycles" and found.count >= FEW:
+            begin, end = window.of_cycles(time, force, found, noise, 0, half_period)
+            falls = found.cycles.fall
+        elif manner.name != "cycles" and manner.settled is not None:
+            begin, end, manner = manner.settled, float(time[-1]), replace(manner, name="sliding")
+        else:
+            continue
+        piece = replace(data, begin=begin, end=end, drive_speed=speed, programme=None)
+        out.append(replace(log, data=piece, falls=falls, manner=manner, segmentation=found, pieces=()))
+    return tuple(out)
+
+
+def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
+    """Why a log that is sound is left out."""
+    name, cycles, skipped = log.name, log.found.count, log.entry.skip_cycles
+    if manner.name == "cycles" and log.falls.size == 0 and cycles:
+        return f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
+    if manner.name == "cycles" and log.falls.size == 0:
+        told = f": {ENDS_LOADING}; {REMEDY}" if judgement.ends_loading else ""
+        return f"{name} shows no complete stick-slip cycle{told}"
+    if manner.rhythm is not None and log.drive.constant:
+        return f"{name} seems to slide, but {manner.rhythm}"
+    if manner.name == "sliding" and manner.settled is None:
+        return f"{name} slides without sticking, and its force never settles within its noise"
+    return None
+
+
+def _rejected(judgement: Judgement, name: str) -> str | None:
+    if judgement.verdict != "reject":
+        return None
+    return f"{name} is rejected by the quality gate: {judgement.reason}; a threshold can be moved under [quality]"
+
+
+def settled_part(prepared: Prepared) -> Prepared | None:
+    """The log from where it slides steadily on, as a log of sliding; None where it does not."""
+    since = prepared.manner.settled
+    if since is None or prepared.manner.name == "cycles":
+        return None
+    if prepared.data.programme is not None:
+        since = max(since, prepared.data.programme.starts[-1])
+    speed = prepared.data.speed_at(since)
+    if speed == 0.0 or not since < prepared.data.end:
+        return None
+    data = replace(prepared.data, begin=since, drive_speed=speed, programme=None)
+    return replace(prepared, data=data, manner=replace(prepared.manner, name="sliding"), pieces=())
+
+
+def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:
+    """The log cut in its last stick: `arrest` [s] of the last slip, `stick` [s] a typical stick duration."""
+    end = min(prepared.data.end, arrest + LAST_STICK * stick)
+    return replace(prepared, data=replace(prepared.data, end=end))

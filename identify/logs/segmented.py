@@ -1,0 +1,136 @@
+"""A log cut, corrected and segmented: its force the right way up, the samples that count, its phases and noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from data_io.correct import Corrected
+from data_io.thinned import kept, shown, thinned
+from identify.base.errors import FitError
+from identify.logs.cutting import cut_and_correct, refuse_too_few
+from identify.logs.parting import name_of
+from identify.logs.segment import Segmentation, segment
+from identify.scene.values import LogEntry, Rig
+from identify.simulation.drive import Drive
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Segmented:
+    """One log, cut, corrected and segmented.
+
+    entry; rig of this log; drive while the record counts; corrected: its record; sign applied to the friction force;
+    force (n,) [N], sliding positive, tare taken off; used (n,) samples that may count; counted (n,): of these, those
+    that are no spikes; time, measured (k,) [s], [N] from the first of the used samples to the last, NaN where one does
+    not count; found: what was segmented; noise [N].
+    """
+
+    entry: LogEntry
+    rig: Rig
+    drive: Drive
+    corrected: Corrected
+    sign: int
+    force: Array
+    used: NDArray[np.bool_]
+    counted: NDArray[np.bool_]
+    time: Array
+    measured: Array
+    found: Segmentation
+    noise: float
+
+    @property
+    def name(self) -> str:
+        """Short name of the log in sentences."""
+        return name_of(self.entry)
+
+    @property
+    def record(self) -> Record:
+        """The record as the scene wants it."""
+        return self.corrected.record
+
+    @property
+    def speed(self) -> float:
+        """Highest drive speed [m/s]."""
+        return max(self.drive.speeds)
+
+    @property
+    def load(self) -> Array:
+        """The measured normal force at `time` (k,) [N]."""
+        begin = int(np.searchsorted(self.record.time, self.time[0]))
+        return np.asarray(self.record.normal_force[begin : begin + self.time.size])
+
+    @property
+    def half_period(self) -> float:
+        """Of the rig [s]; 0 where it is not known."""
+        return self.rig.half_period or 0.0
+
+    @property
+    def falls(self) -> Array:
+        """Of the cycles that the scene does not skip (c,) [s]."""
+        return self.found.cycles.fall[self.entry.skip_cycles :]
+
+
+def segmented(entry: LogEntry, record: Record, rig: Rig) -> Segmented:
+    """Cut, correct and segment one log.
+
+    Raises:
+        FitError: no drive speed, a drive that turns, or a log of which nothing is left.
+    """
+    name = name_of(entry)
+    drive = _drive(rig, entry, record, name)
+    corrected = cut_and_correct(entry, record)
+    record = corrected.record
+    force = np.asarray(record.friction_force, float)
+    used = corrected.used & np.isfinite(force) & np.isfinite(record.normal_force)
+    refuse_too_few(entry, record, used, name)
+    sign = _sign(entry, kept(force, used))
+    force = -force if sign < 0 else force
+    inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
+    time, measured = record.time[inner], shown(force, used)[inner]
+    found = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
+    spikes = np.ones(record.time.size, bool)
+    spikes[inner] = found.spikes
+    return Segmented(
+        entry=entry,
+        rig=rig,
+        drive=drive,
+        corrected=corrected,
+        sign=sign,
+        force=force,
+        used=used,
+        counted=used & ~spikes,
+        time=time,
+        measured=measured,
+        found=found,
+        noise=rig.noise or found.noise,
+    )
+
+
+def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
+    """How the drive goes while the record counts: one speed, or a programme that goes one way."""
+    if rig.drive_speed is None:
+        raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
+    whole = Drive.of(rig.drive_speed)
+    start, stop = entry.window or (0.0, float(record.time[-1]))
+    pieces = whole.within(start, stop)
+    speeds = [speed for _, speed in pieces]
+    if all(speed == 0.0 for speed in speeds):
+        raise FitError(f"{name} has a drive speed of 0 m/s; expected a moving drive: a hold alone cannot be fitted")
+    if min(speeds) < 0.0 < max(speeds):
+        raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
+    kept = [(0.0, abs(speeds[0]))]
+    for t, speed in pieces[1:]:
+        if abs(speed) != kept[-1][1]:
+            kept.append((t, abs(speed)))
+    return Drive.of(tuple(kept))
+
+
+def _sign(entry: LogEntry, force: Array) -> int:
+    if entry.flip_sign is not None:
+        return -1 if entry.flip_sign else 1
+    return -1 if float(np.nanmedian(thinned(force))) < 0.0 else 1

@@ -1,0 +1,206 @@
+"""What is searched: which parameters are free, in which scale, with which bounds and priors.
+
+Search variable of a parameter: its deviation from a base value, or the logarithm of the ratio to it.
+For friction parameters the base is 0 or 1, so theta is the value or its logarithm; for rig quantities
+the base is each log's own value, so one theta shared by all logs is a common deviation of the rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.errors import SceneError
+from identify.effects import ALL
+from identify.model.model import RIG_PARAMETERS, Model
+from identify.scene import Scene
+
+Array = NDArray[np.float64]
+
+SOFT_FACTOR = 3.0  # sd of a logarithm: a factor of twenty
+SOFT_SPREADS = 10.0  # sd of a parameter on a linear scale, in its own spread: 1 for a coefficient
+FORGOTTEN = 1e3  # spreads: sd of a parameter of which nothing is known before
+RESOLVED = 0.04  # of sqrt(m/k): time constants that go to zero cannot be told from zero below that
+RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays within a factor of three
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """The search space, all arrays (n_p,) in the order of the model's parameters.
+
+    `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
+    `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
+    `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none);
+    `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);
+    `ties`: (index, index of the parameter it follows, base value) of each tied parameter, which is not free.
+    """
+
+    model: Model
+    free: NDArray[np.bool_]
+    start: Array
+    lower: Array
+    upper: Array
+    prior_mean: Array
+    prior_sd: Array
+    told: NDArray[np.bool_]
+    given: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 0), bool))
+    per: tuple[str | None, ...] = ()
+    ties: tuple[tuple[int, int, float], ...] = ()
+
+    @property
+    def walls(self) -> NDArray[np.bool_]:
+        """Which lower and upper bounds (2, n_p) the scene itself gives; the others are the model's own."""
+        return self.given if self.given.size else np.zeros((2, self.free.size), bool)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in the order of theta."""
+        return self.model.parameter_names
+
+    @property
+    def spread(self) -> Array:
+        """Typical uncertainty of theta before a fit."""
+        return np.array([q.spread for q in self.model.parameters])
+
+    @property
+    def logarithmic(self) -> NDArray[np.bool_]:
+        """Which parameters are searched by their logarithm."""
+        return np.array([q.scale == "log" for q in self.model.parameters])
+
+    @property
+    def own(self) -> NDArray[np.bool_]:
+        """Which free parameters logs, or groups of them, have for themselves."""
+        return self.free & (np.array([q.own for q in self.model.parameters]) | self.grouped)
+
+    @property
+    def grouped(self) -> NDArray[np.bool_]:
+        """Which free parameters the scene gives to logs or groups of them."""
+        return self.free & np.array([by is not None for by in self.per or (None,) * self.free.size])
+
+    @property
+    def source(self) -> NDArray[np.int64]:
+        """Whose theta each parameter (n_p,) takes: its own, or that of the one it is tied to."""
+        out = np.arange(self.free.size)
+        for index, to, _ in self.ties:
+            out[index] = to
+        return out
+
+    def base(self, rig: Mapping[str, float]) -> Array:
+        """Base values for a log with this rig (mass, stiffness, damping by name)."""
+        neutral = np.where(self.logarithmic, 1.0, 0.0)
+        for index, _, base in self.ties:
+            neutral[index] = base
+        return np.array([rig[n] if n in RIG_PARAMETERS else neutral[i] for i, n in enumerate(self.names)])
+
+    def values(self, theta: Array, base: Array) -> Array:
+        """Parameter values from theta (..., n_p) and base (..., n_p)."""
+        if self.ties:
+            theta = theta[..., self.source]
+        with np.errstate(over="ignore"):
+            return np.where(self.logarithmic, base * np.exp(theta), base + theta)
+
+    def theta(self, values: Array, base: Array) -> Array:
+        """Theta of parameter values (..., n_p)."""
+        with np.errstate(all="ignore"):
+            return np.where(self.logarithmic, np.log(values / base), values - base)
+
+    def own_prior(self, i: int, start: float) -> tuple[float, float]:
+        """Mean and standard deviation of the prior on parameter i of a log, or a group, that has it for itself."""
+        mean, sd, spread = float(self.prior_mean[i]), float(self.prior_sd[i]), float(self.spread[i])
+        # A phase of nothing has no information at all: a prior that says nothing keeps the matrices regular.
+        if self.grouped[i] and sd < FORGOTTEN * spread:
+            return mean, sd
+        return start if np.isfinite(mean) else 0.0, min(sd, FORGOTTEN * spread)
+
+    def softened(self, firmness: float = 1.0) -> Unknowns:
+        """The same search with a very wide prior around the start where there is none: it only keeps what the data do
+        not tell from wandering off; the information matrix never sees it.
+
+        Args:
+            firmness: its standard deviation is that of the very wide one divided by this.
+        """
+        none = ~np.isfinite(self.prior_sd)
+        wide = np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread) / firmness
+        return replace(
+            self,
+            prior_mean=np.where(none, self.start, self.prior_mean),
+            prior_sd=np.where(none, wide, self.prior_sd),
+        )
+
+
+def stated_rig(scene: Scene) -> dict[str, float]:
+    """Mass [kg], stiffness [N/m] and damping [N/m] as [rig] of a scene states them, by name."""
+    return {name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS}
+
+
+def from_scene(scene: Scene) -> Unknowns:
+    """The search space a scene describes.
+
+    Friction parameters are free unless fixed; a rig quantity is free when it stands in [parameters], or when
+    [rig] gives it a tolerance, which then is its prior.
+
+    Raises:
+        SceneError: a rig quantity of zero that is to be estimated.
+    """
+    model = scene.model
+    rig = stated_rig(scene)
+    n = len(model.parameters)
+    free, start = np.zeros(n, bool), np.zeros(n)
+    lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
+    mean, sd, told = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
+    vanishing, given = _vanishing(model), np.zeros((2, n), bool)
+    for i, declared in enumerate(model.parameters):
+        name, spec = declared.name, scene.parameters.get(declared.name)
+        base = rig[name] if name in RIG_PARAMETERS else 1.0 if declared.scale == "log" else 0.0
+        tolerance = scene.rig.tolerances.get(name, 0.0)
+        if name in RIG_PARAMETERS and base == 0.0 and (spec is not None or tolerance > 0.0):
+            raise SceneError(f"{name} of [rig] is 0 and is to be estimated; give a positive value to start from")
+        if name in RIG_PARAMETERS and spec is None:
+            if tolerance > 0.0:
+                free[i], sd[i], lower[i], upper[i] = True, tolerance, -RIG_REACH, RIG_REACH
+            continue
+        if spec is None:
+            raise SceneError(f"the scene says nothing of {name}, which its effects need; add it to [parameters]")
+
+        def search(value: float, base: float = base, logarithmic: bool = declared.scale == "log") -> float:
+            if not logarithmic:
+                return value - base
+            return float(np.log(value / base)) if value > 0.0 else -np.inf
+
+        value = next((v for v in (spec.fixed, spec.start, spec.prior_mean) if v is not None), None)
+        fallback = base if name in RIG_PARAMETERS else declared.default
+        told[i] = value is not None
+        start[i] = search(fallback if value is None else value)
+        free[i] = spec.fixed is None and spec.tie is None
+        lower[i], upper[i] = search(spec.lower), search(spec.upper)
+        given[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
+        if name in vanishing and rig["mass"] > 0.0:
+            lower[i] = max(lower[i], float(np.log(RESOLVED * np.sqrt(rig["mass"] / rig["stiffness"]))))
+        if spec.prior_mean is not None and spec.prior_sd is not None:
+            mean[i] = search(spec.prior_mean)
+            sd[i] = spec.prior_sd / spec.prior_mean if declared.scale == "log" else spec.prior_sd
+        elif tolerance > 0.0:
+            sd[i] = tolerance
+    names = model.parameter_names
+    tied = [(i, scene.parameters[n].tie) for i, n in enumerate(names) if n in scene.parameters]
+    ties = tuple(
+        (i, names.index(tie.to), tie.factor if model.parameters[i].scale == "log" else tie.offset)
+        for i, tie in tied
+        if tie is not None
+    )
+    per = tuple(scene.parameters[n].per if n in scene.parameters else None for n in names)
+    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, given, per, ties)
+
+
+def _vanishing(model: Model) -> set[str]:
+    """Time constants that make their effect vanish as they go to zero."""
+    nulls = {name: value for effect in ALL if effect.name in model.effects for name, value in effect.null.items()}
+    return {q.name for q in model.parameters if q.scale == "log" and q.unit == "s" and nulls.get(q.name) == 0.0}
+
+
+def user_start(scene: Scene) -> bool:
+    """Whether the user gave a start value of any friction parameter."""
+    return any(spec.start is not None for spec in scene.parameters.values())

@@ -1,1 +1,0 @@
-"""The log that would tell: what a further log is expected to add, before it is recorded."""

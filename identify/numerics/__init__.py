@@ -1,1 +1,0 @@
-"""Numerics that know nothing of friction: machine code, step formulas, roots, exact derivatives, quantiles."""

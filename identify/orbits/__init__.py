@@ -1,1 +1,0 @@
-"""What lasts in the composed model: the stick-slip orbit, steady sliding, and how both move with its quantities."""

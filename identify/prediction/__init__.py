@@ -1,0 +1,1 @@
+"""What follows from a model: closed forms, orbits, stability and amplitude at an operating point, maps."""

@@ -1,0 +1,267 @@
+"""One slip in closed form: linearised kinetic friction, contact fully worn (eqs. 10-18; docs/equations.md, section 4).
+
+Dimensionless elongation xi(tau), tau = omega_n t, from the onset of slip:
+xi'' + 2 alpha xi' + (xi - xi_o) = 0, xi(0) - xi_o = A (the overshoot), xi'(0) = 1 (mass at rest).
+All of it needs a V_max << 1; the answer for a scene comes from the nonlinear model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.base.bracket import rising_root
+from identify.base.twofold import one_plus_two_products
+from identify.prediction.slip_slopes import end_slopes, peak_slopes
+
+Array = NDArray[np.float64]
+Long = NDArray[np.longdouble]
+TURN = 8 * np.arctan(np.longdouble(1))  # 2 pi
+SERIES = np.array([(-1.0) ** (k + 1) * 2 * k / (2 * k + 1) for k in range(1, 26)])  # of (tau - s/Q) s^3/w_d^2
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A whole slip until the mass sticks again; shapes as broadcast, dimensionless, NaN where it never does.
+
+    status: "restick", "steady" (slides on), "no_slip" (would be pushed backwards) or "runaway" (alpha <= -1);
+    duration tau_end; elongation xi_end - xi_o there; acceleration xi''(tau_end); drop xi_p - xi_end, which is
+    also the duration of the next stick; period; peak_to_peak of the free oscillation; time_of_peak_speed and
+    peak_speed = max V/v_0.
+    """
+
+    status: NDArray[np.str_]
+    duration: Array
+    elongation: Array
+    acceleration: Array
+    drop: Array
+    period: Array
+    peak_to_peak: Array
+    time_of_peak_speed: Array
+    peak_speed: Array
+
+    @property
+    def distance(self) -> Array:
+        """Slip distance in units of v_0/omega_n: the mass covers in slip what the drive covers in a period."""
+        return self.period
+
+    @property
+    def frequency(self) -> Array:
+        """Cycles per unit of dimensionless time."""
+        return 1 / self.period
+
+    @property
+    def share_in_slip(self) -> Array:
+        """Share of a period spent in slip."""
+        return self.duration / self.period
+
+
+def _pair(alpha: ArrayLike, overshoot: ArrayLike) -> tuple[Array, Array]:
+    first, second = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(overshoot, float))
+    return np.atleast_1d(first), np.atleast_1d(second)
+
+
+def _shaped(values: NDArray[Any], *like: ArrayLike) -> Any:
+    return values.reshape(np.broadcast_shapes(*(np.shape(q) for q in like)))[()]
+
+
+def _maximum(alpha: Array, overshoot: Array) -> tuple[Array, Array, Array, Array]:
+    """(tau_max, s = alpha + A, Q = s^2 + w_d^2, signed w_d^2); tau_max is NaN where there is no maximum."""
+    square = (1 - alpha) * (1 + alpha)
+    root = np.sqrt(np.abs(1 - alpha)) * np.sqrt(np.abs(1 + alpha))
+    s, energy = alpha + overshoot, one_plus_two_products(alpha, overshoot)
+    # Aperiodic: the distance s - kap to the eigenvector of no maximum, formed without its cancellation.
+    distance = np.where((s > 0) & (energy > 0), energy / (s + root), np.nan)
+    ratio = 2 * root / distance
+    aperiodic = np.where(ratio > 0, np.log1p(ratio) / ratio, 1.0) / distance
+    periodic = np.arctan2(root, s) / np.where(root > 0, root, 1.0)
+    tau = np.where(np.abs(alpha) < 1, periodic, aperiodic)
+    return tau, s, np.where(np.abs(alpha) < 1, s * s + square, energy), square
+
+
+def log_amplitude(alpha: ArrayLike, overshoot: ArrayLike) -> Any:
+    """Natural logarithm of the amplitude of `slip_maximum`: finite also where that under- or overflows."""
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        tau, _, energy, _ = _maximum(a, A)
+        above = A * (2 * a + A)  # of the energy over 1
+        return _shaped(0.5 * np.where(np.abs(above) < 0.5, np.log1p(above), np.log(energy)) - a * tau, alpha, overshoot)
+
+
+def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+    """Dimensionless time of the elongation maximum and the amplitude xi_max - xi_o (eqs. 13-16).
+
+    Args:
+        alpha: effective damping ratio zeta + dmu_k va w/2, any sign.
+        overshoot: A = xi_p - xi_o.
+        derivatives: also return the exact derivatives.
+
+    Returns:
+        (time, amplitude), broadcast; NaN where there is no maximum. With `derivatives` a pair
+        ((time, amplitude), {"alpha": (d time, d amplitude), "overshoot": (...)}).
+    """
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        tau, s, energy, square = _maximum(a, A)
+        half = np.exp(-0.5 * a * tau)  # twice the half: the product neither over- nor underflows early
+        amplitude = np.sqrt(energy) * half * half
+        values = (_shaped(tau, alpha, overshoot), _shaped(amplitude, alpha, overshoot))
+        if not derivatives:
+            return values
+        y = square / (s * s)
+        curvature = np.where(
+            (s > 0) & (np.abs(y) < 0.1),
+            np.polynomial.polynomial.polyval(np.where(np.abs(y) < 0.1, y, 0.0), SERIES) / s**3,
+            (tau - s / energy) / square,
+        )
+        table = {
+            "alpha": (a * curvature - 1 / energy, -amplitude * curvature),
+            "overshoot": (np.where(np.isnan(tau), np.nan, -1 / energy), amplitude * ((s + a) / energy)),
+        }
+    return values, {
+        name: (_shaped(first, alpha, overshoot), _shaped(second, alpha, overshoot))
+        for name, (first, second) in table.items()
+    }
+
+
+def _status(alpha: Array, overshoot: Array) -> tuple[NDArray[np.str_], Array]:
+    """(status, e0): e0 is the angle 2 pi - w_d tau of the velocity maximum that must reach the drive speed."""
+    w, phi = np.sqrt((1 - alpha) * (1 + alpha)), 2 * alpha + overshoot
+    first = np.arctan2(w * phi, 1 - alpha * phi)
+    gap = _velocity_gap(first, alpha / w, (alpha + overshoot) / w)[0]
+    reaches = ((alpha > -1) & (alpha <= 0)) | ((alpha > 0) & (alpha < 1) & (gap <= 0))
+    known = np.isfinite(alpha) & np.isfinite(overshoot)
+    status = np.select(
+        [~known, phi < 0, alpha <= -1, reaches], ["undefined", "no_slip", "runaway", "restick"], "steady"
+    )
+    return status, first
+
+
+def slip_status(alpha: ArrayLike, overshoot: ArrayLike) -> Any:
+    """The status of `slip` alone, broadcast."""
+    with np.errstate(all="ignore"):
+        return _shaped(_status(*_pair(alpha, overshoot))[0], alpha, overshoot)
+
+
+def _velocity_gap(eps: Any, b: Any, q: Any) -> tuple[Any, Any]:
+    """exp(alpha tau) (1 - xi') and its slope at the angle eps = 2 pi - w_d tau; zero where the mass sticks."""
+    growth, sine, cosine = np.expm1(b * (eps.dtype.type(TURN) - eps)), np.sin(eps / 2), np.cos(eps / 2)
+    whole = 2 * sine * cosine
+    return 2 * sine * sine - q * whole + growth, whole - q * (1 - 2 * sine * sine) - b * (1 + growth)
+
+
+def _rough_end(alpha: Array, overshoot: Array, first: Array) -> Array:
+    """eps of slips that do stick again, to the digits that plain floats have."""
+    w = np.sqrt((1 - alpha) * (1 + alpha))
+    b, q = alpha / w, (alpha + overshoot) / w
+    return rising_root(_velocity_gap, first, first + np.pi, (b, q))
+
+
+def drop_of(alpha: Array, overshoot: Array) -> tuple[Array, Array]:
+    """(drop, its derivative by the overshoot) of slips that stick again, NaN elsewhere; plain floats, quicker than
+    `slip` and less exact near the fold. Both arguments of one shape (n,)."""
+    with np.errstate(all="ignore"):
+        status, first = _status(alpha, overshoot)
+        again = status == "restick"
+        a, A = alpha[again], overshoot[again]
+        eps = _rough_end(a, A, first[again])
+        w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
+        tau = (2 * np.pi - eps) / w
+        stop = np.maximum(np.exp(-a * tau) * (-phi * np.cos(eps) + (1 - a * phi) * np.sin(eps) / w), 0.0)
+        ends = end_slopes(a, A, eps, tau, stop)[1]
+    return _spread(phi + stop, again, alpha), _spread(1 - ends[1], again, alpha)
+
+
+def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Long, Long, Long]:
+    """(eps, tau_end, xi''(tau_end)) of slips that do stick again, in the longest floats there are."""
+
+    def terms(a: Any, A: Any) -> tuple[Any, Any, Any]:
+        w = np.sqrt((1 - a) * (1 + a))
+        return w, a / w, (a + A) / w
+
+    rough = _rough_end(alpha, overshoot, first)
+    # Near the fold the root is ill conditioned: one last step with the longest floats there are.
+    a, A = alpha.astype(np.longdouble), overshoot.astype(np.longdouble)
+    w, b, q = terms(a, A)
+    gap, slope = _velocity_gap(rough.astype(np.longdouble), b, q)
+    step = np.where(np.abs(gap) < 1e-6 * np.abs(slope), gap / slope, 0.0)
+    eps = np.clip(rough - step, first, first + TURN / 2)
+    tau, phi = (TURN - eps) / w, 2 * a + A
+    # Not negative: at the fold itself rounding may leave a trace below zero.
+    stop = np.maximum(np.exp(-a * tau) * (-phi * np.cos(eps) + (1 - a * phi) * np.sin(eps) / w), 0.0)
+    return np.asarray(eps, np.longdouble), tau, stop
+
+
+COLUMNS = tuple(f.name for f in fields(Slip))[1:]  # the numbers of a slip
+
+
+def slip(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+    """The whole slip, until the mass sticks again, of a saturated stick (eqs. 13-18).
+
+    Args: as for `slip_maximum`. Broadcasts.
+
+    Returns:
+        A `Slip`. With `derivatives` a pair (Slip, {"alpha": {column: derivative}, "overshoot": {...}}) over COLUMNS;
+        those of the duration and of what follows from it grow without bound at the fold.
+    """
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        status, first = _status(a, A)
+        again = status == "restick"
+        a, A = a[again], A[again]
+        w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
+        eps, tau_end, end_rate = _ends(a, A, first[again])
+        duration, stop = tau_end.astype(float), end_rate.astype(float)
+        peak_time = np.arctan2(w * phi, a * phi - 1) / w
+        speed = 1 + np.hypot(a + A, w) * np.exp(-a * peak_time)
+        half = np.exp(-a * np.pi / w)
+        swing, swing_slopes = slip_maximum(a, A, derivatives=True)
+        drop = phi + stop
+        columns = (duration, -(2 * a + stop), stop, drop, duration + drop, swing[1] * (1 + half), peak_time, speed)
+        values = Slip(_shaped(status, alpha, overshoot), *(_spread(c, again, alpha, overshoot) for c in columns))
+        if not derivatives:
+            return values
+        tau, end = end_slopes(a.astype(np.longdouble), A.astype(np.longdouble), eps, tau_end, end_rate)
+        peak = peak_slopes(a, A, peak_time, speed)
+        by_half = (-half * np.pi / w**3, 0.0)
+        table = {}
+        for i, name in enumerate(("alpha", "overshoot")):
+            drop_i, rise = i - end[i], swing_slopes[name][1] * (1 + half) + swing[1] * by_half[i]
+            slopes = (tau[i], end[i], -2.0 * (1 - i) - end[i], drop_i, tau[i] + drop_i, rise, peak[0][i], peak[1][i])
+            table[name] = {c: _spread(q, again, alpha, overshoot) for c, q in zip(COLUMNS, slopes, strict=True)}
+    return values, table
+
+
+def _spread(values: NDArray[np.floating[Any]], where: NDArray[np.bool_], *like: ArrayLike) -> Any:
+    """Values of the chosen places in the shape of the arguments, NaN elsewhere."""
+    out = np.full(where.shape, np.nan)
+    out[where] = values
+    return _shaped(out, *like)
+
+
+def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+    """Dimensionless time and elongation xi - xi_o at which the mass sticks again, xi' = 1 (eqs. 13, 18).
+
+    Args: as for `slip_maximum`.
+
+    Returns:
+        (time, elongation), broadcast; NaN where the mass never sticks again. With `derivatives` a pair
+        ((time, elongation), {"alpha": (...), "overshoot": (...)}); they grow without bound at the fold.
+    """
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        status, first = _status(a, A)
+        again = status == "restick"
+        eps, tau, stop = _ends(a[again], A[again], first[again])
+        columns: list[Any] = [tau, -(2 * a[again] + stop)]
+        if derivatives:
+            times, ends = end_slopes(a[again].astype(np.longdouble), A[again].astype(np.longdouble), eps, tau, stop)
+            columns += [times[0], ends[0], times[1], ends[1]]
+    shaped = [_spread(c, again, alpha, overshoot) for c in columns]
+    values = (shaped[0], shaped[1])
+    if not derivatives:
+        return values
+    return values, {"alpha": (shaped[2], shaped[3]), "overshoot": (shaped[4], shaped[5])}

@@ -1,0 +1,190 @@
+"""How sure the answers at an operating point are: probability of stick-slip, and intervals from draws beside the
+linear ones.
+
+Every draw of the parameters is asked what it does: whether a periodic orbit is found (from the orbit of the estimate,
+else from a rested contact, the strongest kick a start can give) and whether steady sliding dies out or grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.base.level import LEVEL
+from identify.base.quantiles import beta, normal_below
+from identify.model.model import Model
+from identify.prediction.cycle import CycleMap
+from identify.prediction.drawn import POINT, Drawn, draw, unknown
+from identify.prediction.orbit import Orbit, close, settle
+from identify.prediction.prospect import Outcome, Prospect, long_enough
+from identify.prediction.sensitivity import QUANTITIES, end_slopes, growth_slopes, quantities
+from identify.prediction.sliding import growth_rates
+from identify.prediction.spread import Interval, Spread
+
+Array = NDArray[np.float64]
+
+DRAWS = 400
+LEAST_DRAWS = 40  # that stick and slip, for an interval of their jumps
+ALIKE = 0.1  # of a half width, by which ends of a linear and a sampled interval may differ to be called alike
+CHANCE = 3.5  # what chance adds to that, times the root of the draws: 2.6 standard errors of a 2.5 % quantile
+
+
+@dataclass(frozen=True)
+class Chance:
+    """Probability of an outcome: from straight lines (None where open), and the share of draws with its interval."""
+
+    linear: float | None
+    sampled: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """How sure the answers are: possible, that stick-slip exists at the drive speed; certain, that it starts by
+    itself too (steady sliding is unstable); sampled (low, high) by name of `sensitivity.QUANTITIES`, among draws that
+    stick and slip; draws that were asked, and refused as no pair can have them; open: why nothing could be drawn."""
+
+    possible: Chance | None
+    certain: Chance | None
+    sampled: Mapping[str, tuple[float, float]]
+    draws: int
+    refused: int
+    open: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What n draws do: quantities (n, 8), NaN without stick-slip; sticks (n,); growth rate of sliding (n,) [1/s]."""
+
+    quantities: Array
+    sticks: NDArray[np.bool_]
+    growth: Array
+
+
+def certainty(
+    map_: CycleMap,
+    answer: Prospect,
+    names: Sequence[str],
+    covariance: ArrayLike,
+    count: int = DRAWS,
+    seed: int = 0,
+) -> Certainty:
+    """How sure the answer at its drive speed is.
+
+    Args:
+        names: what the covariance (f, f) [SI] is of: parameters, "drive_speed", "normal_force".
+        count: draws; each takes some milliseconds.
+    """
+    point = {"drive_speed": answer.steady.drive_speed, "normal_force": map_.normal_force}
+    values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True)) | point
+    left = unknown(map_.model, values, names, covariance)
+    if left:
+        return Certainty(None, None, {}, 0, 0, left)
+    drawn = draw(map_.model, values, names, covariance, count, seed)
+    asked = ask(map_.model, drawn, answer.orbit)
+    linear = linear_chances(map_, answer, names, np.asarray(covariance, float))
+    unstable = asked.growth > 0
+    ends = {}
+    if np.sum(asked.sticks) >= LEAST_DRAWS:
+        rows = np.nanquantile(asked.quantities[asked.sticks], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+        ends = {name: (float(rows[0, i]), float(rows[1, i])) for i, name in enumerate(QUANTITIES)}
+    chances = [_chance(q, hits) for q, hits in zip(linear, (asked.sticks, asked.sticks & unstable), strict=True)]
+    return Certainty(chances[0], chances[1], ends, drawn.p.shape[0], drawn.refused)
+
+
+def ask(model: Model, drawn: Drawn, near: Orbit | None) -> Asked:
+    """What every draw does; `near` is the orbit of the estimate, from which those of the draws are sought."""
+    count = drawn.p.shape[0]
+    growth = growth_rates(model, drawn.p, drawn.drive_speed, drawn.normal_force) if count else np.zeros(0)
+    rows, sticks = np.full((count, len(QUANTITIES)), np.nan), np.zeros(count, dtype=bool)
+    for i in range(count):
+        map_ = CycleMap(model, float(drawn.normal_force[i]), drawn.p[i])
+        speed, patience = float(drawn.drive_speed[i]), long_enough(float(growth[i]) * map_.half_period)
+        orbit = close(map_, near.y, speed, patience=patience) if near is not None else None
+        if orbit is None or not orbit.stable:
+            settled = settle(map_, speed, patience=patience)
+            orbit, sticks[i] = settled.orbit, settled.sticks
+        if orbit is not None:
+            sticks[i], rows[i] = True, quantities(map_, orbit.cycle, speed)
+    return Asked(rows, sticks, growth)
+
+
+def linear_chances(
+    map_: CycleMap, answer: Prospect, names: Sequence[str], covariance: Array
+) -> tuple[float | None, float | None]:
+    """(possible, certain) from straight lines: of the logarithm of the speed at which stick-slip ends over the drive
+    speed, and of the growth rate of sliding; None where open."""
+    speed = answer.steady.drive_speed
+    spread = Spread(map_.model, map_.p, names, covariance, dict(zip(POINT, (speed, map_.normal_force), strict=True)))
+    possible = _possible(map_, answer, names, spread)
+    growth = answer.steady.growth
+    deviation = spread.deviation(growth, growth_slopes(map_, speed, names))
+    if possible is None or deviation is None:
+        return possible, None
+    unstable = normal_below(float(np.sign(growth)) / deviation) if deviation > 0 else float(growth > 0)
+    return possible, min(possible, unstable)
+
+
+def _possible(map_: CycleMap, answer: Prospect, names: Sequence[str], spread: Spread) -> float | None:
+    branch, speed = answer.branch, answer.steady.drive_speed
+    if branch is None:
+        return 0.0 if answer.outcome is Outcome.NEVER_STICKS else None
+    if branch.end is None:
+        return 1.0
+    ratio, slopes = branch.end / speed, end_slopes(map_, branch, names) / speed
+    if "drive_speed" in names:
+        slopes[list(names).index("drive_speed")] = -ratio / speed
+    deviation = spread.deviation(ratio, slopes)
+    if deviation is None:
+        return None
+    return normal_below(float(np.log(ratio)) / deviation) if deviation > 0 else float(ratio > 1)
+
+
+def _chance(linear: float | None, hits: NDArray[np.bool_]) -> Chance:
+    n, k = hits.size, int(np.sum(hits))
+    tail = (1 - LEVEL) / 2
+    low = beta(tail, k, n - k + 1) if k else 0.0
+    high = beta(1 - tail, k + 1, n - k) if k < n else 1.0
+    return Chance(linear, k / n if n else float("nan"), (low, high))
+
+
+def alike(linear: Interval, sampled: tuple[float, float], draws: int) -> bool | None:
+    """Whether a linear interval and one from draws say the same; None where the linear one is open."""
+    if linear.low is None or linear.high is None:
+        return None
+    apart = (ALIKE + CHANCE / np.sqrt(draws)) * 0.5 * (linear.high - linear.low)
+    return bool(abs(sampled[0] - linear.low) <= apart and abs(sampled[1] - linear.high) <= apart)
+
+
+def document(found: Certainty, linear: Mapping[str, Interval | None], values: Mapping[str, float]) -> dict[str, Any]:
+    """The certainty as an answer: probabilities, and every quantity with its linear and its sampled interval."""
+
+    def told(chance: Chance | None) -> dict[str, Any] | None:
+        if chance is None:
+            return None
+        return {"value": chance.sampled, "unit": "", "interval": list(chance.interval), "linear": chance.linear}
+
+    rows = {}
+    for name, ends in found.sampled.items():
+        line = linear.get(name)
+        same = None if line is None else alike(line, ends, found.draws)
+        rows[name] = {
+            "value": values.get(name),
+            "unit": QUANTITIES[name],
+            "linear": None if line is None else [line.low, line.high],
+            "interval": list(ends),
+            "alike": same,
+            "validity": "interval from draws",
+        }
+    return {
+        "possible": told(found.possible),
+        "certain": told(found.certain),
+        "quantities": rows,
+        "draws": found.draws,
+        "refused": found.refused,
+        "open": list(found.open),
+    }

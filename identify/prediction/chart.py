@@ -1,0 +1,133 @@
+"""Stability map of the nonlinear model over two quantities: stick-slip, steady sliding or both, with exact boundaries.
+
+Steady sliding is judged by its eigenvalues at every node; orbits are continued from node to node (`flood`); the end of
+stick-slip and the loss of stability of sliding are found on every edge of the grid that they cross.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.prediction.calculable import check_calculable
+from identify.prediction.crossings import Crossing, growth_at, losses_of_stability
+from identify.prediction.cycle import CycleMap
+from identify.prediction.flood import Flood, Sea
+from identify.prediction.map_axes import Site
+from identify.prediction.outline import Edge, Loop, outline
+from identify.prediction.plane import Plane, plane
+from identify.prediction.prospect import Outcome, outcome_of
+from identify.prediction.sensitivity import QUANTITIES, quantities
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Range = tuple[float, float]
+
+NOT_ADMITTED = "not possible"  # outcome where the model takes no such pair
+NO_ANSWER = "no answer"  # outcome where a motion cannot be integrated
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The outline of a region in coordinates of the plane, and where it crosses edges of the grid."""
+
+    loops: tuple[Loop, ...]
+    crossings: Mapping[Edge, Crossing]
+
+    def lines(self) -> list[tuple[Array, list[Edge | None]]]:
+        """The pieces of the outline inside the map: points (n, 2), and the edges they cross."""
+        return [
+            (loop.points[piece], [loop.edges[i] for i in piece]) for loop in self.loops for piece in loop.open_pieces()
+        ]
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A map. Arrays (n_y, n_x) on the grid of `plane`.
+
+    outcomes: the words of `Outcome`, "not possible" or "no answer"; growth: rate of a disturbance of steady sliding
+    [1/s]; multiplier: largest Floquet multiplier of the orbit in magnitude; figures: QUANTITIES of the orbit, SI; NaN
+    where there is none. sticking: outline of where stick-slip exists; unstable: of where steady sliding is unstable.
+    """
+
+    plane: Plane
+    outcomes: NDArray[np.str_]
+    growth: Array
+    multiplier: Array
+    figures: Mapping[str, Array]
+    sticking: Boundary
+    unstable: Boundary
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of the map by outcome, of what is possible, largest first."""
+        words, counts = np.unique(self.outcomes[self.plane.admitted], return_counts=True)
+        order = np.argsort(-counts, kind="stable")
+        return {str(words[i]): float(counts[i] / counts.sum()) for i in order}
+
+
+def chart(
+    site: Site,
+    names: tuple[str, str],
+    ranges: tuple[Range | None, Range | None] = (None, None),
+    points: tuple[int, int] = (60, 60),
+) -> Chart:
+    """The map of an operating point over two quantities (`axes.known_axes`).
+
+    Args:
+        ranges: of each quantity [SI]; None: around its value at the point. points: nodes along each.
+
+    Raises:
+        SimulationError: quantities, ranges or a model that make no map.
+    """
+    check_calculable(site.model)
+    return charted(plane(site, names, ranges, points))[0]
+
+
+def charted(grid: Plane) -> tuple[Chart, Sea]:
+    """The map on a grid, and the orbits behind it."""
+    site = grid.site
+    check_calculable(site.model)
+    growth = np.full(grid.shape, np.nan)
+    growth[grid.admitted] = growth_at(site.model, grid.settings[grid.admitted])
+    origin = CycleMap(site.model, site.normal_force, site.setting[:-2])
+    sea = Flood(grid, origin, growth).run()
+    return _drawn(grid, growth, sea), sea
+
+
+def _drawn(grid: Plane, growth: Array, sea: Sea) -> Chart:
+    outcomes = np.full(grid.shape, NOT_ADMITTED, dtype="<U20")
+    multiplier = np.full(grid.shape, np.nan)
+    figures = {name: np.full(grid.shape, np.nan) for name in QUANTITIES}
+    sticks = np.zeros(grid.shape, dtype=bool)
+    for j, i in np.argwhere(grid.admitted).tolist():
+        if (j, i) in sea.refused:
+            outcomes[j, i] = NO_ANSWER
+            continue
+        orbit, irregular = sea.orbits.get((j, i)), (j, i) in sea.irregular
+        outcome: Outcome = outcome_of(orbit, irregular, bool(growth[j, i] < 0.0))
+        outcomes[j, i] = outcome.value
+        sticks[j, i] = orbit is not None or irregular
+        if orbit is not None:
+            multiplier[j, i] = orbit.multiplier
+            told = quantities(sea.maps[j, i], orbit.cycle, orbit.drive_speed)
+            for name, value in zip(QUANTITIES, told.tolist(), strict=True):
+                figures[name][j, i] = value
+    ends = {edge: Crossing(end.place, end.slopes) for edge, end in sea.ends.items()}
+    sticking = _boundary(grid, sticks, ends)
+    unstable = _boundary(grid, growth >= 0.0, losses_of_stability(grid, growth))
+    return Chart(grid, outcomes, growth, multiplier, figures, sticking, unstable)
+
+
+def _boundary(grid: Plane, inside: Bools, crossings: Mapping[Edge, Crossing]) -> Boundary:
+    """The outline of a region; an edge whose nodes turned out alike has no crossing."""
+    n_y, n_x = grid.shape
+    across = {"x": np.full((n_y, n_x - 1), np.nan), "y": np.full((n_y - 1, n_x), np.nan)}
+    kept = {edge: crossings[edge] for edge in grid.edges(inside) if edge in crossings}
+    for (direction, j, i), crossing in kept.items():
+        across[direction][j, i] = crossing.place
+    loops = outline(inside, grid.x_places, grid.y_places, across["x"], across["y"])
+    return Boundary(tuple(loops), kept)

@@ -1,0 +1,142 @@
+"""Dimensionless groups of a rig and a friction law at a drive speed and normal force (docs/equations.md, section 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from identify.base.dual import Dual, exp, expm1, plain, sqrt, variables, where
+from identify.prediction.steady import QUANTITIES, FrictionLike, RigLike
+
+MEANING = {
+    "omega_n": ("rad/s", "natural frequency of the mass on the spring"),
+    "zeta": ("", "damping ratio h/2k"),
+    "w": ("", "dimensionless load F_n / (v0 sqrt(m k))"),
+    "tau_cr": ("", "creep time in units of 1/omega_n"),
+    "v_cr": ("m/s", "speed D/t_cr above which sliding wears off all contact ageing"),
+    "v_acr": ("", "drive speed over v_cr"),
+    "gamma_0": ("", "saturation of the contact in steady sliding"),
+    "v_a": ("", "drive speed in units of the speed over which kinetic friction changes"),
+    "alpha": ("", "effective damping ratio of the linearised slip; at -1 and below that law runs away"),
+    "xi_o": ("", "equilibrium elongation of the linearised slip"),
+    "xi_p": ("", "elongation at the onset of slip, damper force included"),
+    "xi_p_printed": ("", "elongation at the onset of slip as printed, eq. (12)"),
+    "overshoot": ("", "A = xi_p - xi_o"),
+    "loading": ("", "loading parameter Phi = 2 alpha + A; stick-slip repeats above Phi_cr(alpha)"),
+    "z": ("", "damping of steady sliding with the slope of friction; 2 zeta without it"),
+    "Pi": ("", "friction parameter of steady sliding; unstable above Pi_fc"),
+}
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The groups; units and meanings stand in MEANING. NaN where a rig at rest (v0 = 0) has none.
+
+    Floats, arrays where the arguments were arrays.
+    """
+
+    omega_n: Any
+    zeta: Any
+    w: Any
+    tau_cr: Any
+    v_cr: Any
+    v_acr: Any
+    gamma_0: Any
+    v_a: Any
+    alpha: Any
+    xi_o: Any
+    xi_p: Any
+    xi_p_printed: Any
+    overshoot: Any
+    loading: Any
+    z: Any
+    Pi: Any
+
+    def sentences(self) -> tuple[str, ...]:
+        """One plain sentence per group, of one operating point."""
+        return tuple(
+            f"{f.name} = {getattr(self, f.name):.4g}{' ' * bool(MEANING[f.name][0])}{MEANING[f.name][0]}: "
+            f"{MEANING[f.name][1]}."
+            for f in fields(self)
+        )
+
+
+NAMES = tuple(f.name for f in fields(Groups))
+
+
+def settings(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_force: ArrayLike) -> dict[str, Any]:
+    """The arguments of the calculators by name (QUANTITIES), arrays of one shape or floats; speeds without sign."""
+    values = [getattr(rig, name) for name in QUANTITIES[:3]] + [getattr(friction, name) for name in QUANTITIES[3:9]]
+    shaped = np.broadcast_arrays(*values, np.abs(drive_speed), normal_force)
+    return {name: np.asarray(q, float)[()] for name, q in zip(QUANTITIES, shaped, strict=True)}
+
+
+def formed(q: Mapping[str, Any]) -> dict[str, Any]:
+    """The groups of `settings`, or of the same as `dual.variables`, by name."""
+    v, impedance = q["drive_speed"], sqrt(q["mass"] * q["stiffness"])
+    ageing = (plain(q["D"]) > 0) & (plain(q["t_cr"]) > 0)
+    omega, zeta = sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
+    force = q["normal_force"] / impedance  # w v0: the groups below hardly know the drive speed
+    w, v_a = force / v, q["a"] * v
+    v_cr = where(ageing, q["D"] / q["t_cr"], 0.0)
+    v_acr = where(ageing, v * q["t_cr"] / q["D"], np.inf)
+    gamma_0 = where(plain(v_acr) < 1, 1 - v_acr, 0.0)
+    slope = q["delta_mu_k"] * q["a"] * force
+    step = q["mu_s"] - q["mu_k0"]
+    alpha, loading = zeta + slope / 2, step * w
+    weakened = step + q["delta_mu_k"] * expm1(-v_a)
+    return {
+        "omega_n": omega,
+        "zeta": zeta,
+        "w": w,
+        "tau_cr": omega * q["t_cr"],
+        "v_cr": v_cr,
+        "v_acr": v_acr,
+        "gamma_0": gamma_0,
+        "v_a": v_a,
+        "alpha": alpha,
+        "xi_o": (q["mu_k0"] + q["delta_mu_k"] * v_a) * w,
+        "xi_p": q["mu_s"] * w - 2 * zeta,
+        "xi_p_printed": q["mu_s"] * w,
+        "overshoot": loading - 2 * alpha,
+        "loading": loading,
+        "z": 2 * zeta + slope * exp(-v_a) * (1 - gamma_0),
+        "Pi": where(ageing, force * weakened * q["t_cr"] / q["D"], np.nan),
+    }
+
+
+def groups(
+    rig: RigLike,
+    friction: FrictionLike,
+    drive_speed: ArrayLike,
+    normal_force: ArrayLike,
+    *,
+    derivatives: bool = False,
+) -> Any:
+    """The dimensionless groups of operating points.
+
+    Args:
+        rig: mass [kg], stiffness [N/m], damping h [N/m].
+        friction: mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
+        drive_speed: [m/s], sign irrelevant. normal_force: [N]. All of these broadcast.
+        derivatives: also return {group: {quantity: exact derivative}} over `steady.QUANTITIES` (SI).
+    """
+    q = settings(rig, friction, drive_speed, normal_force)
+    with np.errstate(all="ignore"):
+        values = Groups(**{name: _told(value) for name, value in formed(q).items()})
+        if not derivatives:
+            return values
+        table = {
+            name: {k: _told(np.broadcast_to(group.slopes.get(k, 0.0), np.shape(group.value))) for k in QUANTITIES}
+            for name, group in formed(variables(q)).items()
+            if isinstance(group, Dual)
+        }
+    return values, table
+
+
+def _told(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else value

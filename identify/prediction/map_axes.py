@@ -1,0 +1,214 @@
+"""What a map or a continuation can be drawn over: each quantity, and what of an operating point it moves.
+
+A quantity moves itself and what is tied to it, everything else stays: `mu_k0` takes mu_s with it (their difference
+stays), `mu_step` is mu_s - mu_k0 at constant mu_k0, `zeta` sets the damping h = 2 zeta k. Pressure and area move the
+normal force F_n = p A: pressure at the area of the point (or along its area law), area at the pressure of the point;
+beside a normal force they move the nominal area, which counts only where friction depends on pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.errors import SimulationError
+from identify.model.model import Model
+from identify.prediction.course import Course
+
+Array = NDArray[np.float64]
+
+TINY = 1e-30  # of a complex step
+AREA = ("contact_area", "area_force", "area_exponent")
+
+
+@dataclass(frozen=True)
+class Site:
+    """An operating point: every parameter of the model by name [SI], drive speed [m/s] and normal force [N], both
+    positive; nominal contact area [m^2] under that force where it is known, and its exponent with the force."""
+
+    model: Model
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    area: float | None = None
+    area_exponent: float = 0.0
+
+    @property
+    def setting(self) -> Array:
+        """w (n_w,): parameters, normal force, drive speed."""
+        return np.array([*(self.values[n] for n in self.model.parameter_names), self.normal_force, self.drive_speed])
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A quantity: name, words for a picture, unit, its value at the operating point, the values it may take, and
+    whether it is told in powers (or evenly)."""
+
+    name: str
+    label: str
+    unit: str
+    value: float
+    lower: float
+    upper: float
+    logarithmic: bool
+
+    def place(self, value: float) -> float:
+        """The coordinate of a value: its logarithm, or its share of a typical size."""
+        return float(np.log(value)) if self.logarithmic else value / self._size
+
+    def value_at(self, place: Any) -> Any:
+        """The value at a coordinate; arrays and complex numbers too."""
+        return np.exp(place) if self.logarithmic else place * self._size
+
+    @property
+    def _size(self) -> float:
+        return abs(self.value) or 0.1
+
+
+# name: words, unit, lower, upper, told in powers
+OWN: Mapping[str, tuple[str, str, float, float, bool]] = {
+    "drive_speed": ("drive speed", "m/s", 1e-12, 1e3, True),
+    "normal_force": ("normal force", "N", 1e-9, 1e9, True),
+    "pressure": ("contact pressure", "Pa", 1e-6, 1e12, True),
+    "area": ("contact area", "m^2", 1e-12, 1e3, True),
+    "zeta": ("damping ratio ζ", "", 1e-9, 1e3, True),
+    "mu_step": ("μs − μk0", "", 1e-6, 20.0, False),
+}
+WORDS = {
+    "mass": "mass",
+    "stiffness": "stiffness k",
+    "damping": "damping h",
+    "mu_k0": "μk0 (μs − μk0 constant)",
+    "D": "relaxation length D",
+    "t_cr": "creep time t_cr",
+}
+EVEN = ("mu_s", "mu_k0", "delta_mu_k")
+
+
+def known_axes(model: Model) -> tuple[str, ...]:
+    """Names of every quantity that can be moved in a model."""
+    names = [name for name in OWN if name != "zeta" or "damping" in model.parameter_names]
+    return (*names, *(p.name for p in model.parameters if p.name not in AREA))
+
+
+def axis(site: Site, name: str) -> Axis:
+    """A quantity at an operating point.
+
+    Raises:
+        SimulationError: one that the model does not have, or an area that nobody said.
+    """
+    if name not in known_axes(site.model):
+        raise SimulationError(f"{name!r} is no quantity of this model; known are {', '.join(known_axes(site.model))}")
+    if name in ("pressure", "area") and site.area is None:
+        raise SimulationError(f'the {name} is not known here: give [contact] area = "0.8 cm^2" in the scene')
+    if name in OWN:
+        words, unit, lower, upper, powers = OWN[name]
+    else:
+        p = site.model.parameter(name)
+        words, unit, lower, upper = WORDS.get(name, p.symbol), p.unit, p.lower, p.upper
+        powers = name not in EVEN and p.lower >= 0.0 and _value(site, name) > 0.0
+    return Axis(name, words, unit, _value(site, name), lower, upper, powers)
+
+
+def _value(site: Site, name: str) -> float:
+    v = site.values
+    if name == "mu_step":
+        return v["mu_s"] - v["mu_k0"]
+    if name == "zeta":
+        return v["damping"] / (2.0 * v["stiffness"])
+    own = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
+    if site.area is not None:
+        own |= {"area": site.area, "pressure": site.normal_force / site.area}
+    return float(own[name] if name in own else v[name])
+
+
+def check_axes(site: Site, names: tuple[str, ...]) -> None:
+    """Refuse quantities that cannot be moved together.
+
+    Raises:
+        SimulationError: which, and what to do.
+    """
+    if len(set(names)) < len(names):
+        raise SimulationError(f"{names[0]} was named twice; a map needs two different quantities")
+    rivals = (("zeta", "damping"), ("mu_s", "mu_step"))
+    for pair in rivals:
+        if set(pair) <= set(names):
+            raise SimulationError(f"{pair[0]} and {pair[1]} say the same thing; keep one of them")
+    if "normal_force" in names and {"pressure", "area"} & set(names) and "contact_area" not in site.values:
+        raise SimulationError(
+            "at a given normal force this model knows nothing of pressure or area; map pressure against area, or add "
+            "the effect pressure_dependence"
+        )
+
+
+def moved(site: Site, changes: Mapping[str, Any]) -> NDArray[Any]:
+    """The setting w (n_w,) of a point with some quantities moved; complex values give complex settings."""
+    return np.array(list(moved_values(site, changes).values()))
+
+
+def moved_values(site: Site, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The same by name (parameters, "normal_force", "drive_speed"); values may be arrays of one shape."""
+    v: dict[str, Any] = dict(site.values)
+    for name, value in changes.items():
+        if name in v:
+            v[name] = value
+    if "mu_k0" in changes and "mu_s" not in changes:
+        v["mu_s"] = changes["mu_k0"] + (site.values["mu_s"] - site.values["mu_k0"])
+    if "mu_step" in changes:
+        v["mu_s"] = v["mu_k0"] + changes["mu_step"]
+    if "zeta" in changes:
+        v["damping"] = 2.0 * changes["zeta"] * v["stiffness"]
+    load, area = _load_and_area(site, changes)
+    if "contact_area" in v and area is not None:
+        v["contact_area"] = area * (load / v["area_force"]) ** (-v["area_exponent"])
+    out = {name: v[name] for name in site.model.parameter_names}
+    return out | {"normal_force": load, "drive_speed": changes.get("drive_speed", site.drive_speed)}
+
+
+def _load_and_area(site: Site, changes: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Normal force, and the nominal area where it is no longer that of the law at the point."""
+    load: Any = changes.get("normal_force")
+    area: Any = changes.get("area")
+    pressure: Any = changes.get("pressure")
+    if site.area is None or (area is None and pressure is None):
+        return (site.normal_force if load is None else load), None
+    if load is not None:
+        return load, (load / pressure if area is None else area)
+    if area is None:  # along the area law A = A_0 (F_n/F_0)^e: p = p_0 (F_n/F_0)^(1 - e)
+        share = pressure * site.area / site.normal_force
+        load = site.normal_force * share ** (1.0 / (1.0 - site.area_exponent))
+        return load, load / pressure
+    pressure = site.normal_force / site.area if pressure is None else pressure
+    return pressure * area, area
+
+
+def slopes(site: Site, at: Mapping[str, float], name: str) -> Array:
+    """How the setting moves with one of the quantities: dw/dvalue (n_w,), exact (complex step)."""
+    step = TINY * max(abs(at[name]), 1e-12)
+    return np.asarray(moved(site, {**at, name: at[name] + 1j * step}).imag / step, float)
+
+
+def course(site: Site, along: Axis, fixed: Mapping[str, float] | None = None) -> Course:
+    """The way on which one quantity moves; others may be held elsewhere than at the point."""
+    held = dict(fixed or {})
+
+    def setting(place: float) -> Array:
+        return np.asarray(moved(site, {**held, along.name: float(along.value_at(place))}), float)
+
+    def slope(place: float) -> Array:
+        value = along.value_at(place + 1j * TINY)
+        return np.asarray(moved(site, {**held, along.name: value}).imag / TINY, float)
+
+    return Course(setting, slope)
+
+
+def admissible(model: Model, w: Array) -> bool:
+    """Whether the model takes a setting: every parameter within its bounds, friction falls and stays positive."""
+    names = model.parameter_names
+    inside = all(p.lower <= value <= p.upper for p, value in zip(model.parameters, w[:-2].tolist(), strict=True))
+    v = dict(zip(names, w[:-2].tolist(), strict=True))
+    return inside and v["mu_s"] > v["mu_k0"] and v["mu_k0"] + min(0.0, v.get("delta_mu_k", 0.0)) > 0.0

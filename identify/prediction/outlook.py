@@ -1,0 +1,310 @@
+"""Stability and amplitude at operating points: the nonlinear model's answer, the closed forms beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.base.errors import SimulationError
+from identify.model.model import Model
+from identify.prediction.calculable import check_calculable
+from identify.prediction.comparison import ClosedForms, beyond, closed_forms_each, contact, judged, number
+from identify.prediction.cycle import CycleMap
+from identify.prediction.drawn import POINT
+from identify.prediction.form_slopes import Table, form_slopes
+from identify.prediction.groups import MEANING
+from identify.prediction.outlook_words import amplitude_text, closed_form_text, stability_text
+from identify.prediction.prospect import Outcome, Prospect, prospects
+from identify.prediction.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
+from identify.prediction.spread import Interval, Spread
+from identify.prediction.stability import printed_form
+
+Array = NDArray[np.float64]
+
+MODEL = "nonlinear model, valid at any speed"
+EITHER_SIGN = ("alpha", "z", "overshoot", "loading")  # groups told by their value, not its logarithm
+STAND_INS = ("slope", "damping_frequency")  # parameters of other effects that the closed forms take for the paper's own
+QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it were this large
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where an outlook is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
+    zero), normal force [N] (positive), covariance (f, f) of the fitted parameters in their own SI units (not of
+    logarithms; variances of what is not identifiable may be huge or infinite), None without one."""
+
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    covariance: ArrayLike | None = None
+
+
+def outlook(
+    model: Model,
+    values: Mapping[str, float],
+    drive_speed: float,
+    normal_force: float,
+    covariance: ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+) -> dict[str, Any]:
+    """What follows from a pair and a rig at one drive speed and normal force, as a JSON-able document.
+
+    Args:
+        values, drive_speed, normal_force, covariance: as in `OperatingPoint`.
+        names: what the covariance is of: parameters, "drive_speed", "normal_force".
+
+    Returns:
+        {"operating_point", "stability", "amplitude", "closed_forms", "groups", "text"}; every number is
+        {"value", "unit", "interval", "validity"}, null where there is none; "text" is plain words, and each of
+        "stability", "amplitude" and "closed_forms" has its own "text". Intervals are 95 %, by linear propagation
+        (of the logarithm where a quantity is positive), null without a covariance; where the parameters are not
+        known well enough for that, both ends are null and "reason" says which.
+
+    Raises:
+        SimulationError: an operating point without meaning, or a motion that cannot be integrated.
+    """
+    return _documents(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or ())[0]
+
+
+def outlooks(model: Model, points: Sequence[OperatingPoint], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The outlooks of several operating points, sharing what they have in common: see `outlook`.
+
+    A point without an answer gets {"text": why}; the others are not held up by it.
+    """
+    try:
+        check_calculable(model)
+    except SimulationError as error:
+        return [{"text": f"Stability and amplitude: no answer; {error}."} for _ in points]
+    try:
+        return _documents(model, points, names)
+    except SimulationError as error:
+        if len(points) == 1:
+            return [{"text": f"no answer for this operating point: {error}"}]
+        return [document for point in points for document in outlooks(model, [point], names)]
+
+
+def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[str]) -> list[dict[str, Any]]:
+    check_calculable(model)
+    maps = [_map(model, point) for point in points]
+    speeds = [abs(float(point.drive_speed)) for point in points]
+    unknown = [n for n in names if n not in model.parameter_names and n not in POINT]
+    if unknown:
+        raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
+    pairs = [contact(dict(zip(model.parameter_names, map_.p.tolist(), strict=True))) for map_ in maps]
+    at = np.array(speeds), np.array([map_.normal_force for map_ in maps])
+    uncertain = bool(names) and any(point.covariance is not None for point in points)
+    slopes = form_slopes(pairs, *at) if uncertain else [({}, {})] * len(points)
+    return [
+        _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), tables), forms)
+        for map_, point, answer, tables, forms in zip(
+            maps, points, prospects(maps, speeds), slopes, closed_forms_each(pairs, *at), strict=True
+        )
+    ]
+
+
+def _map(model: Model, point: OperatingPoint) -> CycleMap:
+    speed, load = abs(float(point.drive_speed)), float(point.normal_force)
+    if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
+        raise SimulationError(
+            f"the operating point is {point.drive_speed:g} m/s and {load:g} N; expected a drive speed that is not "
+            "zero and a positive normal force: give both"
+        )
+    return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
+
+
+def _document(map_: CycleMap, answer: Prospect, spread: _Intervals, forms: ClosedForms) -> dict[str, Any]:
+    speed = answer.steady.drive_speed
+    document: dict[str, Any] = {
+        "operating_point": {
+            "drive_speed": number(speed, "m/s", ""),
+            "normal_force": number(map_.normal_force, "N", ""),
+        },
+        "stability": _stability(answer, spread),
+        "amplitude": _amplitude(map_, answer, spread),
+        "groups": {
+            name: number(value, MEANING[name][0], MEANING[name][1], spread.group(name, value))
+            for name, value in asdict(forms.groups).items()
+        },
+    }
+    ignored = beyond(map_.model.effects)
+    document["closed_forms"] = _closed_forms(forms, answer, document, spread, ignored)
+    document["stability"]["text"] = stability_text(document)
+    document["amplitude"]["text"] = amplitude_text(document)
+    document["closed_forms"]["text"] = closed_form_text(document)
+    document["text"] = "\n".join(document[part]["text"] for part in ("stability", "amplitude", "closed_forms"))
+    return document
+
+
+class _Intervals:
+    """Intervals of the answers under a covariance; without one, all are None."""
+
+    def __init__(
+        self,
+        map_: CycleMap,
+        answer: Prospect,
+        covariance: ArrayLike | None,
+        names: tuple[str, ...],
+        forms: tuple[Table, Table],
+    ) -> None:
+        """forms: derivatives of the closed forms and of the groups."""
+        self._map, self._answer, self._names = map_, answer, names
+        matrix = None if covariance is None or not names else np.asarray(covariance, float)
+        point = dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
+        self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix, point)
+        self._forms = forms
+        if self._spread is not None:
+            steady = answer.steady
+            self._growth, self._force = sliding_slopes(map_, steady.drive_speed, names)
+
+    @cached_property
+    def _slopes(self) -> Array:
+        """Derivatives of QUANTITIES of the orbit by the names (9, f); there must be an orbit."""
+        assert self._answer.orbit is not None
+        return orbit_slopes(self._map, self._answer.orbit, self._names)
+
+    def form(self, name: str, value: float) -> Interval | None:
+        """Of a number of the closed forms."""
+        return self._by_name(self._forms[0], name, value)
+
+    def group(self, name: str, value: float) -> Interval | None:
+        """Of a dimensionless group."""
+        return self._by_name(self._forms[1], name, value)
+
+    def _by_name(self, table: Table, name: str, value: float) -> Interval | None:
+        if self._spread is None or not np.isfinite(value):
+            return None
+        slopes = np.array([self._slope(table[name], n) for n in self._names])
+        if not np.any(slopes):
+            return None  # nothing in it is uncertain
+        if value > 0.0 and name not in EITHER_SIGN:
+            return self._spread.positive(value, slopes)
+        return self._spread.signed(value, slopes, abs(value))
+
+    def _slope(self, table: Mapping[str, float], name: str) -> float:
+        """The closed forms know the paper's quantities; of others that stand in for one of them nothing is said."""
+        return np.nan if name in STAND_INS else table.get(name, 0.0)
+
+    def validity(self, a: float, peak: float) -> Interval | None:
+        """Of a V_max, from the orbit."""
+        orbit = self._answer.orbit
+        if self._spread is None or orbit is None or not a * peak > 0.0:
+            return None
+        slopes = a * self._slopes[list(QUANTITIES).index("peak_speed")]
+        slopes = slopes + np.array([peak if name == "a" else 0.0 for name in self._names])
+        return self._spread.positive(a * peak, slopes)
+
+    def share(self, values: Array) -> Interval | None:
+        """Of the share of a period that is slip; values as of `sensitivity.quantities`."""
+        orbit = self._answer.orbit
+        if self._spread is None or orbit is None:
+            return None
+        slopes = self._slopes
+        slip, period = (list(QUANTITIES).index(name) for name in ("slip_duration", "period"))
+        share = values[slip] / values[period]
+        return self._spread.positive(float(share), (slopes[slip] - share * slopes[period]) / values[period])
+
+    def force(self) -> Interval | None:
+        """Of the force in steady sliding."""
+        force = self._answer.steady.force
+        return None if self._spread is None else self._spread.signed(force, self._force, abs(force))
+
+    def orbit(self, values: Array) -> list[Interval | None]:
+        orbit = self._answer.orbit
+        if self._spread is None or orbit is None:
+            return [None] * values.size
+        return [self._spread.positive(float(v), s) for v, s in zip(values, self._slopes, strict=True)]
+
+    def end(self) -> Interval | None:
+        branch = self._answer.branch
+        if self._spread is None or branch is None or branch.end is None:
+            return None
+        return self._spread.positive(branch.end, end_slopes(self._map, branch, self._names))
+
+    def growth(self) -> Interval | None:
+        if self._spread is None:
+            return None
+        return self._spread.signed(self._answer.steady.growth, self._growth, QUIET / self._map.time)
+
+
+def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
+    steady, branch = answer.steady, answer.branch
+    if branch is None:
+        why = "no stick-slip was found at any drive speed"
+    elif branch.end is None:
+        why = f"stick-slip still exists at {branch.highest:.3g} m/s, the highest speed tried"
+    else:
+        why = MODEL
+    return {
+        "outcome": answer.outcome.value,
+        "critical_speed": number(answer.end, "m/s", why, spread.end()),
+        "sliding": {
+            "stable": steady.stable,
+            "growth_rate": number(steady.growth, "1/s", MODEL, spread.growth()),
+            "friction_force": number(steady.force, "N", MODEL, spread.force()),
+            "eigenvalues": [[float(z.real), float(z.imag)] for z in steady.eigenvalues],
+            "worn": steady.worn,
+        },
+        "sliding_unstable_between": [list(pair) for pair in answer.unstable],
+        "searched_between": list(answer.searched),
+        "multiplier": None if answer.orbit is None else answer.orbit.multiplier,
+        "multipliers": [[float(z.real), float(z.imag)] for z in answer.orbit.multipliers] if answer.orbit else None,
+    }
+
+
+def _amplitude(map_: CycleMap, answer: Prospect, spread: _Intervals) -> dict[str, Any]:
+    if answer.orbit is None:
+        why = (
+            "it sticks and slips, but not periodically" if answer.outcome is Outcome.IRREGULAR else "no stick-slip here"
+        )
+        return {name: number(None, unit, why) for name, unit in QUANTITIES.items()}
+    values = quantities(map_, answer.orbit.cycle, answer.orbit.drive_speed)
+    intervals = spread.orbit(values)
+    rows = zip(QUANTITIES.items(), values.tolist(), intervals, strict=True)
+    out = {name: number(value, unit, MODEL, interval) for (name, unit), value, interval in rows}
+    out["frequency"] = number(1 / values[1], "Hz", MODEL, _inverse(intervals[1]))
+    out["share_in_slip"] = number(values[3] / values[1], "", MODEL, spread.share(values))
+    return out
+
+
+def _inverse(interval: Interval | None) -> Interval | None:
+    if interval is None or interval.low is None or interval.high is None:
+        return interval
+    return Interval(1 / interval.high, 1 / interval.low)
+
+
+def _closed_forms(
+    forms: ClosedForms, answer: Prospect, document: dict[str, Any], spread: _Intervals, ignored: tuple[str, ...]
+) -> dict[str, Any]:
+    nonlinear, alpha = document["amplitude"], forms.groups.alpha
+    peak, a = nonlinear["peak_speed"]["value"], forms.groups.v_a / answer.steady.drive_speed
+    validity = (None, None) if peak is None else (a * peak, spread.validity(a, peak))
+
+    unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
+
+    def beside(name: str, value: float, unit: str, other: float | None) -> dict[str, Any]:
+        return number(value, unit, unaware or judged(value, other, forms.status, alpha), spread.form(name, value))
+
+    def alone(name: str, value: float, why: str, there: bool = True) -> dict[str, Any]:
+        return number(value if there else None, "", why, spread.form(name, value))
+
+    local = unaware or "exact for small disturbances of steady sliding"
+    printed = printed_form(forms.groups.zeta, forms.groups.tau_cr)
+    return {
+        "a_V_max": number(validity[0], "", "the closed forms of a slip need this to be far below 1", validity[1]),
+        "slip": forms.status,
+        "ignores": list(ignored),
+        "drop": beside("drop", forms.drop, "N", nonlinear["drop"]["value"]),
+        "period": beside("period", forms.period, "s", nonlinear["period"]["value"]),
+        "slip_duration": beside("slip_duration", forms.slip_duration, "s", nonlinear["slip_duration"]["value"]),
+        "peak_speed": beside("peak_speed", forms.peak_speed, "m/s", peak),
+        "critical_speed": beside("critical_speed", forms.critical_speed, "m/s", answer.end),
+        "Pi": alone("Pi", forms.friction_parameter, local, not forms.worn),
+        "Pi_fc": alone("Pi_fc", forms.critical_friction, local, not forms.worn),
+        "Pi_fc_printed": alone("Pi_fc_printed", forms.critical_friction_printed, printed),
+        "Omega_c": alone("Omega_c", forms.critical_frequency, local, not forms.worn),
+    }

@@ -1,0 +1,135 @@
+"""The grid of a map: settings at its nodes, and the ways along its edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.errors import SimulationError
+from identify.prediction.course import Course
+from identify.prediction.map_axes import Axis, Site, admissible, axis, check_axes, course, moved
+from identify.prediction.outline import Edge
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+REACH = {"drive_speed": 30.0}  # factor either way of the default range; others:
+FACTOR, SPAN = 10.0, (0.3, 1.7)  # of what is told in powers, of what is told evenly
+FEWEST, MOST = 2, 1000  # nodes along an axis
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A grid over two quantities: coordinates (n_x,) and (n_y,), rising and even; settings (n_y, n_x, n_w), and
+    whether the model takes them (n_y, n_x)."""
+
+    site: Site
+    x: Axis
+    y: Axis
+    x_places: Array
+    y_places: Array
+    settings: Array
+    admitted: Bools
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n_y, n_x)."""
+        return self.y_places.size, self.x_places.size
+
+    @property
+    def x_values(self) -> Array:
+        """Values of the first quantity [SI], shape (n_x,)."""
+        return np.asarray(self.x.value_at(self.x_places))
+
+    @property
+    def y_values(self) -> Array:
+        """Values of the second quantity [SI], shape (n_y,)."""
+        return np.asarray(self.y.value_at(self.y_places))
+
+    def way(self, edge: Edge) -> tuple[Course, float, float]:
+        """The course along an edge, and the coordinates at which it begins and ends."""
+        direction, j, i = edge
+        if direction == "x":
+            held = {self.y.name: float(self.y.value_at(self.y_places[j]))}
+            return course(self.site, self.x, held), float(self.x_places[i]), float(self.x_places[i + 1])
+        held = {self.x.name: float(self.x.value_at(self.x_places[i]))}
+        return course(self.site, self.y, held), float(self.y_places[j]), float(self.y_places[j + 1])
+
+    def edges(self, differ: Bools) -> list[Edge]:
+        """The edges between admitted nodes of which a property (n_y, n_x) differs."""
+        ok = self.admitted
+        rows = np.argwhere((differ[:, 1:] != differ[:, :-1]) & ok[:, 1:] & ok[:, :-1])
+        columns = np.argwhere((differ[1:] != differ[:-1]) & ok[1:] & ok[:-1])
+        return [("x", int(j), int(i)) for j, i in rows] + [("y", int(j), int(i)) for j, i in columns]
+
+
+def plane(
+    site: Site,
+    names: tuple[str, str],
+    ranges: tuple[tuple[float, float] | None, tuple[float, float] | None] = (None, None),
+    points: tuple[int, int] = (60, 60),
+) -> Plane:
+    """A grid over two quantities of an operating point.
+
+    Args:
+        ranges: of each quantity [SI]; None: around its value at the point. points: nodes along each.
+
+    Raises:
+        SimulationError: quantities that cannot be moved (together), or a range or number of points that makes no grid.
+    """
+    check_axes(site, names)
+    x, y = (axis(site, name) for name in names)
+    x_places, y_places = (places(q, r, n) for q, r, n in zip((x, y), ranges, points, strict=True))
+    return _filled(site, x, y, x_places, y_places)
+
+
+def row(site: Site, name: str, span: tuple[float, float] | None = None, points: int = 120) -> Plane:
+    """A grid over one quantity alone: a plane with one row, in which everything else is as at the point.
+
+    Raises:
+        SimulationError: as of `plane`.
+    """
+    x = axis(site, name)
+    y = axis(site, "drive_speed" if name != "drive_speed" else "normal_force")
+    return _filled(site, x, y, places(x, span, points), np.array([y.place(y.value)]))
+
+
+def _filled(site: Site, x: Axis, y: Axis, x_places: Array, y_places: Array) -> Plane:
+    n_w = site.setting.size
+    settings = np.empty((y_places.size, x_places.size, n_w))
+    admitted = np.empty(settings.shape[:2], dtype=bool)
+    for j, b in enumerate(y.value_at(y_places).tolist()):
+        for i, a in enumerate(x.value_at(x_places).tolist()):
+            settings[j, i] = moved(site, {x.name: a, y.name: b})
+            admitted[j, i] = admissible(site.model, settings[j, i])
+    if not np.any(admitted):
+        raise SimulationError(f"no pair of {x.name} and {y.name} in these ranges is one the model admits; move them")
+    return Plane(site, x, y, x_places, y_places, settings, admitted)
+
+
+def places(q: Axis, span: tuple[float, float] | None, points: int) -> Array:
+    """Even coordinates of a quantity over a range [SI], or around its value.
+
+    Raises:
+        SimulationError: a range or a number of points that makes no grid.
+    """
+    if not FEWEST <= points <= MOST:
+        raise SimulationError(f"{points} points were asked for along {q.name}; expected {FEWEST} to {MOST}")
+    low, high = around(q) if span is None else span
+    if not low < high or not q.lower <= low or not high <= q.upper or (q.logarithmic and low <= 0.0):
+        raise SimulationError(
+            f"the range of {q.name} is {low:g} to {high:g}; expected two rising values within {q.lower:g} to "
+            f"{q.upper:g} {q.unit}".rstrip()
+        )
+    return np.linspace(q.place(low), q.place(high), points)
+
+
+def around(q: Axis) -> tuple[float, float]:
+    """A range around the value of a quantity [SI]."""
+    if q.logarithmic:
+        factor = REACH.get(q.name, FACTOR)
+        return max(q.value / factor, q.lower), min(q.value * factor, q.upper)
+    ends = sorted(q.value * share for share in SPAN) if q.value else [-0.1, 0.1]
+    return max(ends[0], q.lower), min(ends[1], q.upper)

@@ -1,0 +1,195 @@
+"""Steady sliding of the composed model: its state, its eigenvalues, and the drive speeds at which it is unstable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.compiled import compiled
+from identify.base.errors import SimulationError
+from identify.model.model import SPEED, Model
+
+Array = NDArray[np.float64]
+
+NEWTON_STEPS = 30
+LANES = 32  # operating points that one call of a compiled function takes
+ROUNDS = 3  # of narrowing the drive speed at which sliding loses stability
+SPLITS = 16  # by which each round narrows it
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """Steady sliding at the drive speed, SI.
+
+    state (n_x,); force the load cell sees [N]; worn: the bounded state stays at its bound; eigenvalues [1/s] of
+    small disturbances, descending real part then imaginary part (one fewer when worn).
+    """
+
+    drive_speed: float
+    state: Array
+    force: float
+    worn: bool
+    eigenvalues: NDArray[np.complex128]
+
+    @property
+    def growth(self) -> float:
+        """Growth rate of the least stable disturbance [1/s]; negative: all die out."""
+        return float(np.max(self.eigenvalues.real))
+
+    @property
+    def stable(self) -> bool:
+        """Whether small disturbances die out."""
+        return self.growth < 0.0
+
+
+def _inputs(drive_speed: Array, normal_force: Array) -> Array:
+    """u (n, 4) of the model: sliding forwards, at time 0."""
+    return np.stack([drive_speed, normal_force, np.ones(drive_speed.size), np.zeros(drive_speed.size)], axis=1)
+
+
+@lru_cache(maxsize=32)
+def _linear(model: Model, worn: bool, lanes: int) -> ca.Function:
+    """(x, p, u) -> dx/dt and, row by row, its Jacobian, of the sliding model; for so many lanes."""
+    x, p = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters))
+    u = ca.SX.sym("u", 4)
+    rate = (model.saturated if worn else model.slip)(x, p, u)
+    both = ca.densify(ca.vertcat(rate, ca.vec(ca.jacobian(rate, x).T)))
+    function = ca.Function("linear", [x, p, u], [both])
+    return function if lanes == 1 else function.map(lanes)
+
+
+def _linearised(model: Model, worn: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
+    """dx/dt (n, n_x) and its Jacobian (n, n_x, n_x) of n lanes: x (n, n_x), p (n, n_p), u (n, 4)."""
+    n, n_x = x.shape
+    lanes = 1 if n == 1 else LANES
+    call = compiled(_linear(model, worn, lanes))
+    rows = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1)
+    given = [np.ascontiguousarray(a[rows]) for a in (x, p, u)]
+    out = np.empty((rows.size, n_x + n_x * n_x))
+    for first in range(0, rows.size, lanes):
+        call.bind([a[first : first + lanes].reshape(-1) for a in given])
+        out[first : first + lanes] = call().reshape(lanes, -1)
+    return out[:n, :n_x], out[:n, n_x:].reshape(n, n_x, n_x)
+
+
+def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]:
+    """(states (n, n_x), reduced Jacobians (n, r, r)) at which every rate vanishes while sliding at the drive speed."""
+    x = np.tile([s.start for s in model.states], (p.shape[0], 1))
+    x[:, SPEED] = u[:, 0]
+    unknown = np.array([i for i in range(x.shape[1]) if i != SPEED and not (worn and i == model.clamped)])
+    # The elongation's own rate vanishes with the speed; the acceleration determines the elongation.
+    rates = np.where(unknown == 0, SPEED, unknown)
+    if worn and model.clamped is not None:
+        x[:, model.clamped] = model.states[model.clamped].lower or 0.0
+    slope = np.empty(0)
+    for _ in range(NEWTON_STEPS):
+        rate, slope = _linearised(model, worn, x, p, u)
+        step = np.linalg.solve(slope[:, rates[:, None], unknown], rate[:, rates][..., None])[..., 0]
+        x[:, unknown] -= step
+        if np.all(np.abs(step) <= 1e-12 * np.abs(x[:, unknown]) + 1e-300):
+            break
+    kept = np.sort(np.append(unknown, SPEED))
+    return x, slope[:, kept[:, None], kept]
+
+
+def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.complex128]]:
+    """States (n, n_x), worn (n,) and eigenvalues (n, n_x; NaN last where worn) of lanes p (n, n_p), u (n, 4)."""
+    try:
+        x, slope = _steady(model, p, u, worn=False)
+        worn = np.zeros(x.shape[0], dtype=bool)
+        if model.clamped is not None:
+            worn = x[:, model.clamped] < (model.states[model.clamped].lower or 0.0)
+        values = np.full(x.shape, np.nan + 0j)
+        values[~worn] = np.linalg.eigvals(slope[~worn])
+        if np.any(worn):
+            x[worn], slope = _steady(model, p[worn], u[worn], worn=True)
+            values[worn, : slope.shape[-1]] = np.linalg.eigvals(slope)
+    except np.linalg.LinAlgError as error:
+        speeds = np.unique(u[:, 0])
+        raise SimulationError(
+            f"no steady sliding at {speeds[0]:.3g} to {speeds[-1]:.3g} m/s was found ({error}); check the parameters"
+        ) from error
+    return x, worn, values
+
+
+def slidings(model: Model, p: Array, drive_speed: Array, normal_force: Array) -> list[Sliding]:
+    """Steady sliding at n operating points: p (n, n_p), drive speeds (n,) [m/s], normal forces (n,) [N].
+
+    Raises:
+        SimulationError: no finite steady state.
+    """
+    u = _inputs(drive_speed, normal_force)
+    x, worn, values = _slidings(model, p, u)
+    out = []
+    for i in range(drive_speed.size):
+        known = values[i][np.isfinite(values[i])]
+        order = np.lexsort((-known.imag, -known.real))
+        force = float(model.load_cell(x[i], p[i], u[i]))
+        out.append(Sliding(float(drive_speed[i]), x[i], force, bool(worn[i]), known[order]))
+    return out
+
+
+def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> Sliding:
+    """Steady sliding at drive speed [m/s] (positive) under normal force [N]; p (n_p,) in the model's order.
+
+    Raises:
+        SimulationError: no finite steady state.
+    """
+    return slidings(model, np.asarray(p, float)[None, :], np.array([drive_speed]), np.array([normal_force]))[0]
+
+
+def growth_rates(model: Model, p: Array, drive_speed: Array, normal_force: float | Array) -> Array:
+    """Growth rates of the least stable disturbance of steady sliding [1/s], shape (n,).
+
+    Args:
+        p: parameters (n_p,) or (n, n_p). drive_speed: (n,) [m/s]. normal_force: [N], one or (n,).
+
+    Raises:
+        SimulationError: no finite steady state.
+    """
+    u = _inputs(drive_speed, np.broadcast_to(normal_force, drive_speed.shape))
+    values = _slidings(model, np.broadcast_to(p, (drive_speed.size, np.shape(p)[-1])), u)[2]
+    return np.asarray(np.nanmax(values.real, axis=1))
+
+
+def clearances(model: Model, p: Array, drive_speed: Array, normal_force: Array) -> Array:
+    """How far the bounded state of steady sliding stays from its bound, shape (n,); negative where the contact is worn
+    out (there it is what it would be without the bound). Arguments as of `growth_rates`."""
+    if model.clamped is None:
+        return np.full(drive_speed.shape, np.inf)
+    x, _ = _steady(model, np.ascontiguousarray(p), _inputs(drive_speed, normal_force), worn=False)
+    return np.asarray(x[:, model.clamped] - (model.states[model.clamped].lower or 0.0))
+
+
+def unstable_speeds(
+    model: Model, p: Array, normal_force: float, lowest: float, highest: float, points: int = 120
+) -> tuple[tuple[float, float], ...]:
+    """Intervals of drive speed [m/s] within [lowest, highest] in which steady sliding is unstable.
+
+    An interval narrower than the grid (logarithmic, `points`) is missed. Ends at `lowest` or `highest` are
+    those of the search.
+    """
+    speeds = np.geomspace(lowest, highest, points)
+    rates = growth_rates(model, p, speeds, normal_force)
+    ends: list[float] = [lowest] if rates[0] >= 0 else []
+    ends += [
+        _crossing(model, p, normal_force, speeds[i : i + 2])
+        for i in np.flatnonzero((rates[1:] >= 0) != (rates[:-1] >= 0))
+    ]
+    ends += [highest] if rates[-1] >= 0 else []
+    return tuple(zip(ends[::2], ends[1::2], strict=True))
+
+
+def _crossing(model: Model, p: Array, normal_force: float, between: Array) -> float:
+    """The drive speed within a pair of them [m/s] at which the growth rate is zero, or jumps through it."""
+    for _ in range(ROUNDS):
+        speeds = np.geomspace(between[0], between[1], SPLITS + 1)
+        rates = growth_rates(model, p, speeds, normal_force)
+        i = int(np.flatnonzero((rates[1:] >= 0) != (rates[0] >= 0))[0])
+        between = speeds[i : i + 2]
+    share = rates[i] / (rates[i] - rates[i + 1])
+    return float(between[0] + share * (between[1] - between[0]))

@@ -1,0 +1,190 @@
+"""Does the mass stick again, and does steady sliding lose stability: closed forms (eqs. 17-25).
+
+Derived in docs/equations.md, sections 5 and 6. `critical_loading` belongs to the linearised slip (a V_max << 1).
+`critical_friction`, `critical_frequency` and `eigenvalues` are local, about steady sliding; the last keeps the slope
+of kinetic friction.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.base.bracket import rising_root
+from identify.prediction.steady import eigenvalues
+
+__all__ = [
+    "critical_frequency",
+    "critical_friction",
+    "critical_loading",
+    "eigenvalues",
+    "log_critical_loading",
+    "printed_form",
+]
+
+Array = NDArray[np.float64]
+Form = Literal["derived", "printed"]
+DAMPERS = {"derived": 2.0, "printed": 1.0}  # z over zeta
+
+
+def _tangent_small(alpha: Array, n: Array) -> tuple[Array, Array]:
+    """(psi, ln Phi_cr) from the distance of psi to 2 n pi, for alpha below 0.6."""
+    w = np.sqrt((1 - alpha) * (1 + alpha))
+    b = alpha / w
+
+    def equation(eps: Array, b: Array, n: Array) -> tuple[Array, Array]:
+        left = -b * (2 * np.pi * n - eps)
+        value = 2 * np.sin(eps / 2) ** 2 - b * np.sin(eps) + np.expm1(left)
+        return value, np.sin(eps) - b * np.cos(eps) + b * np.exp(left)
+
+    eps = rising_root(equation, 0.5 * np.sqrt(np.minimum(b, 0.3)), np.full_like(b, np.pi), (b, n))
+    psi = 2 * np.pi * n - eps
+    log = b * psi + np.log(np.sin(eps) / w)
+    # Below, the leading term is exact to the last digit, and squares would underflow.
+    tiny = alpha < 1e-18
+    return np.where(tiny, 2 * np.pi * n, psi), np.where(tiny, 0.5 * (np.log(4 * np.pi * n) + np.log(alpha)), log)
+
+
+def _tangent_large(alpha: Array, n: Array) -> tuple[Array, Array]:
+    """(psi, ln Phi_cr) from the distance of psi to (2 n - 1) pi, for alpha from 0.6 to 1."""
+    w = np.sqrt((1 - alpha) * (1 + alpha))
+    b, start = alpha / w, np.arctan2(w, alpha)
+    eta = start
+    for _ in range(60):
+        before, eta = eta, start + np.arcsin(np.minimum(w * np.exp(-b * ((2 * n - 1) * np.pi + eta)), 1.0))
+        if np.array_equal(before, eta):
+            break
+    psi = (2 * n - 1) * np.pi + eta
+    return psi, b * psi + np.log(np.sin(eta) / w)
+
+
+def _tangent(alpha: Array, n: Array) -> tuple[Array, Array]:
+    """(psi, ln Phi_cr), psi = w_d tau of the slip that just reaches the drive speed; 0 < alpha < 1."""
+    psi, log = np.empty_like(alpha), np.empty_like(alpha)
+    for chosen, solve in ((alpha < 0.6, _tangent_small), (alpha >= 0.6, _tangent_large)):
+        psi[chosen], log[chosen] = solve(alpha[chosen], n[chosen])
+    return psi, log
+
+
+def log_critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Any:
+    """Natural logarithm of `critical_loading`: finite also where that overflows.
+
+    Args: as for `critical_loading`.
+
+    Returns:
+        ln Phi_cr: -infinity for -1 < alpha <= 0, infinity for alpha >= 1, NaN for alpha <= -1. With
+        `derivatives` a pair (value, {"alpha": derivative}), NaN where the value is not finite.
+    """
+    a, order = (np.atleast_1d(q) for q in np.broadcast_arrays(np.asarray(alpha, float), np.asarray(n)))
+    if np.any((order < 1) | (order != np.floor(order))):
+        raise ValueError(f"n counts velocity maxima and was {order}; give whole numbers from 1 on")
+    value = np.select([a >= 1, a > 0, a > -1], [np.inf, 0.0, -np.inf], np.nan)
+    slope = np.full(a.shape, np.nan)
+    between = (a > 0) & (a < 1)
+    inner = a[between]
+    with np.errstate(all="ignore"):
+        psi, log = _tangent(inner, order[between].astype(float))
+        value[between] = log
+        w, inverse = np.sqrt((1 - inner) * (1 + inner)), np.exp(-log)
+        slope[between] = (psi / w + inner) / w**2 + (inverse - 2 * inner) / w * (psi * inverse / w + 1) / w
+    shape = np.broadcast_shapes(np.shape(alpha), np.shape(n))
+    result = value.reshape(shape)[()]
+    return (result, {"alpha": slope.reshape(shape)[()]}) if derivatives else result
+
+
+def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Any:
+    """Phi_cr(alpha): with Phi = 2 alpha + A below it the mass never sticks again (eqs. 17-18, derived).
+
+    Args:
+        alpha: effective damping ratio of the slip.
+        n: which velocity maximum touches the drive speed; 1 is the physical one for alpha > 0.
+        derivatives: also return the exact derivative with respect to alpha.
+
+    Returns:
+        Phi_cr, broadcast: 0 for -1 < alpha <= 0, infinity for alpha >= 1 and on overflow, NaN for alpha <= -1.
+        With `derivatives` a pair (Phi_cr, {"alpha": derivative}): 0 for -1 < alpha < 0, NaN at 0 (vertical).
+
+    Raises:
+        ValueError: n is not a whole number from 1 on.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        if not derivatives:
+            return np.exp(log_critical_loading(alpha, n))[()]
+        log, table = log_critical_loading(alpha, n, derivatives=True)
+        value = np.exp(log)
+        a = np.broadcast_to(np.asarray(alpha, float), np.shape(value))
+        slope = np.where((a > -1) & (a < 0), 0.0, value * table["alpha"])
+        return value[()], {"alpha": slope[()]}
+
+
+def _factor(form: str) -> float:
+    if form not in DAMPERS:
+        raise ValueError(f"form was {form!r}; expected 'derived' or 'printed'")
+    return DAMPERS[form]
+
+
+def printed_form(zeta: float, tau_cr: float) -> str:
+    """What the paper's own eq. (25) gives here, by how much it differs from the derived form, and why; one sentence."""
+    printed, derived = (float(critical_friction(zeta, tau_cr, form)) for form in ("printed", "derived"))
+    if not derived > 0 or not printed > 0:
+        return "as printed: no different here, where there is no damping to be misread"
+    return (
+        f"as printed: {100 * (1 - printed / derived):.2g} % too low, as its determinant has zeta where 2 zeta belongs; "
+        "it calls sliding between the two unstable that is stable"
+    )
+
+
+def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:
+    """Critical friction parameter Pi_fc (eqs. 21-25): steady sliding is stable below it.
+
+    Derived: z (1 + T^2/(1 + z T)) with z = 2 zeta, T = tau_cr. Printed eq. (25) has z = zeta in its
+    determinant and is up to a factor 2 too low (docs/printed_errors.md, E23 and E25).
+
+    Args:
+        zeta: damping ratio h/2k; where sliding friction depends on speed, half of z of docs/equations.md, section 6.
+        tau_cr: dimensionless creep time omega_n t_cr, positive.
+        form: "derived", or "printed" for the paper's own.
+        derivatives: also return {"zeta": ..., "tau_cr": ...}.
+
+    Returns:
+        Pi_fc, broadcast. It decides only where z + 1/T > 0; for a more negative z steady sliding is unstable
+        whatever the friction, and the number is the formula's mere continuation: use `eigenvalues` there.
+
+    Raises:
+        ValueError: an unknown form.
+    """
+    factor = _factor(form)
+    zeta, T = (np.asarray(q, float) for q in np.broadcast_arrays(zeta, tau_cr))
+    z = factor * zeta
+    with np.errstate(all="ignore"):
+        share = T / (1 + z * T)
+        value = (z * (1 + T * share))[()]
+        if not derivatives:
+            return value
+        by_zeta = factor * (1 + share * share)
+        by_time = z * share * (2 + z * T) / (1 + z * T)
+    return value, {"zeta": by_zeta[()], "tau_cr": by_time[()]}
+
+
+def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:
+    """Omega_c = 1/sqrt(1 + 2 zeta tau_cr): frequency at the boundary over omega_n (eqs. 23-25).
+
+    Args: as for `critical_friction`; the printed determinant has zeta for 2 zeta here too.
+
+    Returns:
+        Omega_c, broadcast; NaN where 1 + 2 zeta tau_cr <= 0 (no such boundary). With `derivatives` a pair.
+
+    Raises:
+        ValueError: an unknown form.
+    """
+    factor = _factor(form)
+    zeta, T = (np.asarray(q, float) for q in np.broadcast_arrays(zeta, tau_cr))
+    with np.errstate(all="ignore"):
+        base = np.where(1 + factor * zeta * T > 0, 1 + factor * zeta * T, np.nan)
+        value = (1 / np.sqrt(base))[()]
+        if not derivatives:
+            return value
+        half = 0.5 * factor * value / base
+        return value, {"zeta": (-T * half)[()], "tau_cr": (-zeta * half)[()]}

@@ -1,0 +1,155 @@
+"""From a solution to curves: fitted force at the samples, events of the cycles, one slip on a fine grid."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.errors import SimulationError
+from identify.base.outcome import LogCurves, SlipDetail
+from identify.logs.log_data import Guess
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.shooting import lanes
+from identify.simulation.simulate import run
+
+Array = NDArray[np.float64]
+
+FINE = 400  # points of a slip in detail
+AS_FITTED = 0.1  # of the range of a slip's force: farther from the fitted curve it is not drawn
+LEAD, TAIL = 0.25, 0.35  # of the slip's duration, shown before and after it
+
+
+def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess, fitted: Array, z: Array) -> LogCurves:
+    """Curves of a log that was fitted.
+
+    Args:
+        theta: (n_p,) solution; guess: the motion moved to it; fitted (n,) force at the samples, NaN outside;
+            z (c,) misfit of each cycle in standard deviations.
+    """
+    p = unknowns.values(guess.theta(theta), log.data.base)
+    forces = _event_forces(log, unknowns, p, guess)
+    cycles = np.column_stack([guess.onset, guess.arrest, *forces, z[: guess.cycles]])
+    slip = _typical_slip(log, unknowns, p, guess)
+    return LogCurves(
+        log.name,
+        log.record.time,
+        log.record.normal_force,
+        log.force,
+        np.where(log.used, fitted, np.nan),
+        log.used & np.isfinite(fitted),
+        log.data.noise,
+        log.data.drive_speed,
+        cycles,
+        slip if slip is not None and as_fitted(slip, log.record.time, fitted) else None,
+        *_as_read(log),
+    )
+
+
+def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
+    """Curves of a fit that was refused: cycles as they were measured, for how they scatter is what the reader is sent
+    to; the misfit of each where there are as many as were fitted."""
+    cycles = detected_curves(log).cycles
+    if cycles.shape == fitted.cycles.shape:
+        cycles[:, -1] = fitted.cycles[:, -1]
+    return replace(fitted, cycles=cycles)
+
+
+def detected_curves(log: Prepared) -> LogCurves:
+    """Curves of a log that was not fitted: its detected cycles only."""
+    c = log.segmentation.cycles
+    nothing = np.full(c.count, np.nan)
+    cycles = np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force, nothing])
+    return LogCurves(
+        log.name,
+        log.record.time,
+        log.record.normal_force,
+        log.force,
+        np.full(log.record.time.size, np.nan),
+        log.used,
+        float(log.segmentation.noise),
+        log.data.drive_speed,
+        cycles,
+        None,
+        *_as_read(log),
+    )
+
+
+def _as_read(log: Prepared) -> tuple[Array | None, tuple[tuple[str, float, float], ...]]:
+    """The friction force before it was corrected (None where it was not), and what was cut."""
+    raw = log.account.raw.friction_force
+    cuts = tuple((cut.kind, cut.start, cut.stop) for cut in log.account.cuts)
+    return (None if raw is log.record.friction_force else log.sign * raw), cuts
+
+
+def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> tuple[Array, Array]:
+    """What the load cell sees at onset and arrest of every cycle (c,), (c,) [N]."""
+    if guess.cycles == 0:
+        return np.empty(0), np.empty(0)
+    ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1])
+    out = []
+    for times, states in ((guess.onset, guess.slip[:, 0]), (guess.arrest, ends)):
+        u = np.column_stack(
+            [np.full(times.size, log.data.drive_speed), log.data.normal_force.at(times), np.ones(times.size), times]
+        )
+        out.append(lanes.load_cell(unknowns.model, states, np.tile(p, (times.size, 1)), u))
+    return out[0], out[1]
+
+
+def as_fitted(slip: SlipDetail, time: Array, fitted: Array) -> bool:
+    """Whether a slip that was simulated anew runs where the fit has it: it has one normal force throughout, the fit
+    another one in every slip of a load that trembles.
+
+    Args:
+        time, fitted: (n,) of the log's samples [s], [N], NaN where nothing was fitted.
+    """
+    at = slip.samples[np.isfinite(fitted[slip.samples])]
+    off = np.abs(np.interp(time[at], slip.time, slip.force) - fitted[at])
+    return bool(np.max(off, initial=0.0) < AS_FITTED * np.ptp(slip.force))
+
+
+def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> SlipDetail | None:
+    """The slip of median duration (not the first where there are more), simulated from its fitted onset."""
+    if guess.cycles == 0:
+        return None
+    durations = guess.arrest - guess.onset
+    order = np.argsort(durations[1:]) + 1 if guess.cycles > 2 else np.argsort(durations)
+    cycle = int(order[order.size // 2])
+    onset, duration = float(guess.onset[cycle]), float(durations[cycle])
+    model = unknowns.model
+    names = [s.name for s in model.states]
+    load = float(log.data.normal_force.at(onset) + guess.deviation[cycle])
+    lead = LEAD * duration
+    start = dict(zip(names, guess.slip[cycle, 0].tolist(), strict=True)) | {"sliding_speed": 0.0}
+    values = dict(zip(model.parameter_names, p.tolist(), strict=True))
+    try:
+        motion = run(model, values, log.data.drive_speed, load, (1 + TAIL) * duration, start=start, rtol=1e-8)
+    except SimulationError:  # where a failed fit ended, no slip need be possible
+        return None
+    times = np.linspace(0.0, (1 + TAIL) * duration, FINE)
+    sampled = motion.sample(times)
+    # Before the onset the mass rests: the spring loads at the drive speed, the contact hardly ages meanwhile.
+    before = np.linspace(-lead, 0.0, FINE // 8, endpoint=False)
+    rest = {name: np.full(before.size, sampled[name][0]) for name in sampled}
+    k = values["stiffness"]
+    rest["elongation"] = rest["elongation"] + log.data.drive_speed * before
+    rest["force"] = rest["force"] + k * log.data.drive_speed * before
+    rest["coefficient"] = rest["coefficient"] + k * log.data.drive_speed * before / load
+    rest["sliding_speed"] = np.zeros(before.size)
+    joined = {name: np.concatenate([rest[name], sampled[name]]) for name in sampled}
+    absent = np.full(before.size + times.size, np.nan)
+    shown = np.flatnonzero(
+        (log.record.time >= onset - lead) & (log.record.time <= onset + (1 + TAIL) * duration) & log.used
+    )
+    return SlipDetail(
+        cycle + 1,
+        onset + np.concatenate([before, times]),
+        joined["force"],
+        joined["elongation"],
+        joined["sliding_speed"],
+        joined.get("gamma", absent),
+        joined["coefficient"],
+        shown,
+    )

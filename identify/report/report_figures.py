@@ -1,0 +1,99 @@
+"""All figures of a fit: which there are, and each as SVG and PNG."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from identify.base.outcome import Fit
+from identify.report.draw_correlation import draw_correlation
+from identify.report.draw_cycles import draw_cycles
+from identify.report.draw_force import draw_force
+from identify.report.draw_profile import draw_profile
+from identify.report.draw_slip import draw_phase_plane, draw_slip
+from identify.report.report_wording import plain_symbol, with_group
+from identify.report.style import Drawing, drawing_style, printable
+from identify.report.table_csv import Columns
+
+PNG_DPI = 130
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A rendered figure. log: number of the log it belongs to, from 1, or None; the rest as in Drawing."""
+
+    log: int | None
+    name: str
+    alt: str
+    caption: str
+    wide: bool
+    svg: str
+    png: bytes
+    tables: Mapping[str, Columns]
+
+
+def pictures(fit: Fit) -> Iterator[Picture]:
+    """Every figure of the fit, drawn one after the other so that only one is held open."""
+    with drawing_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        for log, drawing in _drawings(fit):
+            yield _render(log, drawing)
+
+
+def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
+    for position, curves in enumerate(fit.logs, start=1):
+        if len(curves.time) > 1:
+            drawing = draw_force(curves, position, fit.converged)
+            drawing.figure.suptitle(
+                f"log {position} · {printable(curves.name)}",
+                x=0.992,
+                y=0.985,
+                ha="right",
+                va="top",
+                fontsize=8,
+                color="#7a858f",
+            )
+            yield position, drawing
+        if curves.slip is not None and len(curves.slip.time) > 1:
+            yield position, draw_slip(curves, curves.slip, position, fit.converged)
+            yield position, draw_phase_plane(curves, curves.slip, position)
+        if len(curves.cycles):
+            yield position, draw_cycles(curves, position)
+    profile = fit.result.get("profile")
+    drawn = draw_profile(profile, fit.result.get("parameters", {})) if isinstance(profile, Mapping) else None
+    if drawn is not None:
+        yield None, drawn
+    correlation = fit.result.get("correlation")
+    if isinstance(correlation, Mapping) and len(correlation.get("names", ())) > 1:
+        yield None, draw_correlation(*_named_matrix(correlation, fit.result.get("parameters") or {}))
+
+
+def _named_matrix(
+    correlation: Mapping[str, Any], parameters: Mapping[str, Any]
+) -> tuple[list[str], np.ndarray[Any, np.dtype[np.float64]]]:
+    rows = [[np.nan if value is None else value for value in row] for row in correlation["matrix"]]
+    names = [with_group(name, parameters.get(name) or {}) for name in correlation["names"]]
+    return [plain_symbol(name) for name in names], np.asarray(rows, dtype=np.float64)
+
+
+def _render(log: int | None, drawing: Drawing) -> Picture:
+    svg, png = io.StringIO(), io.BytesIO()
+    drawing.figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
+    drawing.figure.savefig(
+        png, format="png", dpi=PNG_DPI, metadata={"Software": None}, pil_kwargs={"compress_level": 4}
+    )
+    return Picture(
+        log=log,
+        name=drawing.name,
+        alt=drawing.alt,
+        caption=drawing.caption,
+        wide=drawing.wide,
+        svg=svg.getvalue(),
+        png=png.getvalue(),
+        tables=drawing.tables,
+    )

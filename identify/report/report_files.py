@@ -1,0 +1,62 @@
+"""The folder of a fit: everything is rendered first, then written file by file, each whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from data_io.atomic import atomic_path, atomic_write
+from identify.base.outcome import Fit
+from identify.report.document import as_json
+from identify.report.table_csv import classical_csv, figure_csv
+
+FIGURES = "figures"
+FIGURE_ENDINGS = (".png", ".svg", ".csv")
+
+
+def write_report(fit: Fit, folder: Path) -> list[Path]:
+    """Write result.json, report.html, result.h5, classical.csv and figures/ of a fit into `folder`.
+
+    The folder is made where it is missing; files of an earlier report in it are replaced and figures
+    that this fit does not have are removed. Returns the written paths, result.json and report.html
+    last. Until everything is rendered nothing is touched; an interruption leaves no half file.
+    OSError where the folder cannot be written.
+    """
+    # Matplotlib and HDF5 are slow to import: only who writes a report pays for them.
+    from identify.report.hdf5 import write_result_h5
+    from identify.report.report_figures import pictures
+    from identify.report.report_page import render_page
+
+    drawn = list(pictures(fit))
+    page, document = render_page(fit, drawn), as_json(fit.result)
+    table = classical_csv(fit.result.get("logs", ()))
+    figures: dict[str, str | bytes] = {}
+    for picture in drawn:
+        figures[f"{picture.name}.svg"] = picture.svg
+        figures[f"{picture.name}.png"] = picture.png
+        figures.update({f"{name}.csv": figure_csv(columns) for name, columns in picture.tables.items()})
+    (folder / FIGURES).mkdir(parents=True, exist_ok=True)
+    written = [_write(folder / FIGURES / name, content) for name, content in figures.items()]
+    _remove_stale(folder / FIGURES, written)
+    with atomic_path(folder / "result.h5") as temporary:
+        write_result_h5(fit, temporary)
+    written.append(folder / "result.h5")
+    written.append(_write(folder / "classical.csv", table))
+    written.append(_write(folder / "result.json", document))
+    written.append(_write(folder / "report.html", page))
+    return written
+
+
+def _write(path: Path, content: str | bytes) -> Path:
+    with atomic_write(path, "wb") as handle:
+        handle.write(content.encode("utf-8") if isinstance(content, str) else content)
+    return path
+
+
+def _remove_stale(folder: Path, written: Sequence[Path]) -> None:
+    """Remove figures of an earlier report (by our file names only): a log that is gone must not seem to be there."""
+    kept = {path.name for path in written}
+    for pattern in ("log_*_*", "correlation.*", "profile.*", "profile_*"):
+        for path in folder.glob(pattern):
+            if path.suffix in FIGURE_ENDINGS and path.name not in kept:
+                path.unlink()

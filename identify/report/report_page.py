@@ -1,0 +1,187 @@
+"""report.html: one file that opens from disk, with figures inside and nothing from the network."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from identify.base.outcome import Fit
+from identify.report.advice_table import advice_table
+from identify.report.answers import answer_table, of_record, said_once, sentences
+from identify.report.depth import (
+    accuracy_rows,
+    combination_table,
+    comparison_table,
+    direction_lines,
+    interval_table,
+)
+from identify.report.document import plain
+from identify.report.quantity_text import finite, quantity
+from identify.report.report_figures import Picture
+from identify.report.report_tables import Cell, classical_tables, effects_table, held_table, sensitivity_table
+from identify.report.report_views import banner, last_iterate_rows, log_views, parameter_views
+from identify.report.report_wording import EFFECTS_CHOSEN, TIMING_WORDS, with_group
+from identify.report.svg import inline_svg
+
+LARGEST = 3_000_000  # bytes of report.html
+FOR_FIGURES = 2_300_000  # of which figures may take
+
+
+@dataclass(frozen=True)
+class FigureView:
+    """A figure in the page: its inlined markup, or "" where only the file in the figures folder has room."""
+
+    name: str
+    alt: str
+    caption: str
+    wide: bool
+    markup: Markup
+
+
+def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
+    """The text of report.html for the fit and its rendered figures; at most 3 MB."""
+    environment = Environment(
+        loader=PackageLoader("identify.report", "templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    result = plain(fit.result)
+    logs = log_views(fit)
+    heads = [
+        (Cell(f"log {view.number}", dict(view.facts).get("drive speed", "")), log)
+        for view, log in zip(logs, result.get("logs", ()), strict=True)
+    ]
+    figures = inlined(drawn)
+    told_of_pair = {
+        key: {"label": with_group(key, entry), **entry} if isinstance(entry, Mapping) and entry.get("group") else entry
+        for key, entry in (result.get("derived") or {}).items()
+    }
+    return environment.get_template("page.html.j2").render(
+        style=Markup(environment.get_template("style.css").render()),
+        title=_title(result, logs),
+        notes=result.get("notes") or [],
+        converged=fit.converged,
+        banner=banner(fit),
+        parameters=parameter_views(result.get("parameters", {})),
+        level=_level(result.get("parameters", {})),
+        logs=logs,
+        shared_labels=[label for label in logs[0].labels if all(label in log.labels for log in logs)] if logs else [],
+        figures_of={view.number: [f for p, f in figures if p.log == view.number] for view in logs},
+        overall_figures=[f for p, f in figures if p.log is None and p.name != "profile"],
+        depth_figures=[f for p, f in figures if p.name == "profile"],
+        intervals=interval_table(result),
+        combinations=combination_table(result),
+        directions=direction_lines(result),
+        accuracy=accuracy_rows(result),
+        compared=comparison_table(result),
+        classical=classical_tables(result.get("logs", ())),
+        derived=[
+            table
+            for table in (
+                answer_table([(Cell("value"), told_of_pair)], "friction pair"),
+                answer_table(
+                    [(head, said_once(log.get("derived") or {}, told_of_pair)) for head, log in heads], "each log"
+                ),
+                *(advice_table(head, log.get("derived") or {}) for head, log in heads),
+            )
+            if table is not None
+        ],
+        told=[
+            (view, lines)
+            for view, (_, log) in zip(logs, heads, strict=True)
+            if (lines := sentences(log.get("derived") or {}))
+        ],
+        effects=effects_table(result.get("effects") or {}),
+        chosen=EFFECTS_CHOSEN.get(str((result.get("effects") or {}).get("chosen")), ""),
+        quality=answer_table(
+            [(head, of_record((log.get("quality") or {}).get("figures") or {})) for head, log in heads], ""
+        ),
+        held=held_table(result["rig_against_data"]) if result.get("rig_against_data") else None,
+        sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
+        timings=_timings(result.get("timing_s") or {}),
+        last_iterate=last_iterate_rows(result.get("last_iterate")),
+        provenance=_provenance(result.get("provenance") or {}),
+        scene=_scene(result.get("provenance") or {}),
+    )
+
+
+def inlined(drawn: Sequence[Picture]) -> list[tuple[Picture, FigureView]]:
+    """Every figure with its markup: SVG while there is room for all, the largest as PNG where there is not.
+
+    Where even that is too much, the largest figures are left to the figures folder.
+    """
+    choices = [(inline_svg(picture.svg, picture.name), _png(picture), "") for picture in drawn]
+    chosen = [0] * len(drawn)
+    sizes = [[len(markup.encode()) for markup in choice] for choice in choices]
+    while sum(sizes[i][chosen[i]] for i in range(len(drawn))) > FOR_FIGURES:
+        step = min(chosen)
+        largest = max((i for i in range(len(drawn)) if chosen[i] == step), key=lambda i: sizes[i][step])
+        chosen[largest] += 1
+    return [
+        (picture, FigureView(picture.name, picture.alt, picture.caption, picture.wide, Markup(choices[i][chosen[i]])))
+        for i, picture in enumerate(drawn)
+    ]
+
+
+def _png(picture: Picture) -> str:
+    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(picture.png).decode("ascii")}">'
+
+
+def _title(result: Mapping[str, Any], logs: Sequence[Any]) -> str:
+    scene = (result.get("provenance") or {}).get("scene") or {}
+    name = scene.get("name") if isinstance(scene, Mapping) else None
+    return str(name) if name else f"{len(logs)} log{'s' * (len(logs) != 1)}"
+
+
+def _level(parameters: Mapping[str, Mapping[str, Any]]) -> str:
+    levels = {finite(entry.get("level")) for entry in parameters.values()} - {None}
+    return f"{100 * next(iter(levels)):g} %" if len(levels) == 1 else "stated"  # type: ignore[operator]
+
+
+def _timings(timings: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [
+        (TIMING_WORDS.get(key, key.replace("_", " ")), quantity(finite(value), "s", 3))
+        for key, value in timings.items()
+    ]
+
+
+def _provenance(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
+    rows = []
+    for key, value in provenance.items():
+        if key == "scene" or value is None or value == {}:
+            continue
+        if key == "asked" and isinstance(value, Mapping):
+            value = _asked(value)
+        elif isinstance(value, Mapping):
+            value = ", ".join(f"{name} {item}" for name, item in value.items())
+        elif isinstance(value, list):
+            value = " ".join(str(item) for item in value)
+        rows.append((key.replace("_", " "), str(value)))
+    return rows
+
+
+def _asked(asked: Mapping[str, Any]) -> str:
+    """What was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"."""
+    said = []
+    for name, value in asked.items():
+        if value is True:
+            said.append(name.replace("_", " "))
+        elif value:
+            said.append(f"{name.replace('_', ' ')} {value}")
+    return ", ".join(said)
+
+
+def _scene(provenance: Mapping[str, Any]) -> str:
+    scene = provenance.get("scene")
+    if not scene:
+        return ""
+    text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2)
+    return text if len(text) <= 60_000 else text[:60_000] + "\n… (whole in result.json)"

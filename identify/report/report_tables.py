@@ -1,0 +1,158 @@
+"""Tables of the page as plain data, built from whatever entries the document holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from identify.report.quantity_text import DASH, finite, number, quantity, scale_for, split_key
+from identify.report.report_wording import RECORD_WORDS, plain_symbol
+from identify.report.table_csv import classical_rows, column_names
+
+LOGS_PER_TABLE = 6
+MOST_CLASSICAL_COLUMNS = 60
+FAR = 4.0  # standard errors beyond which a stated value stands out
+EFFECT_COLUMNS = (
+    ("group", "value"),
+    ("error without it", "error"),
+    ("costs", "cost"),
+    ("gain in the data", "statistic"),
+    ("error on cycles kept back", "held_out"),
+)  # heads and keys of a reason
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: its text, a smaller second line, and a kind that the style sheet knows."""
+
+    text: str
+    note: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: its head, a smaller word beside it (a unit, say), its cells; `heading` rows only part the table."""
+
+    head: str
+    cells: tuple[Cell, ...] = ()
+    note: str = ""
+    heading: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with a corner text, column heads and rows."""
+
+    corner: str
+    heads: tuple[Cell, ...]
+    rows: tuple[Row, ...]
+
+
+def classical_tables(logs: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
+    """The classical table turned on its side: one column per log, step and stroke, one row per quantity.
+
+    Several tables where there are many columns, so that they fit a sheet; at most 60 columns in all
+    (classical.csv holds every one).
+    """
+    rows = classical_rows(logs)[:MOST_CLASSICAL_COLUMNS]
+    keys = [key for key in ("step", "stroke", "direction") if any(key in row for _, row in rows)]
+    names = [name for name in column_names(rows) if name not in keys and any(told(row.get(name)) for _, row in rows)]
+    tables = []
+    for first in range(0, len(rows), LOGS_PER_TABLE):
+        part = rows[first : first + LOGS_PER_TABLE]
+        heads = tuple(
+            Cell(f"log {position}", ", ".join(f"{key} {row[key]}" for key in keys if told(row.get(key))))
+            for position, row in part
+        )
+        tables.append(
+            Table("", heads, tuple(_classical_row(name, [row.get(name) for _, row in part]) for name in names))
+        )
+    return tuple(tables)
+
+
+def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Any]]) -> Table:
+    """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
+    names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))
+    rows = tuple(
+        Row(f"{quantity_name.replace('_', ' ')} + 1 %", tuple(_shift_cell(shifts.get(name)) for name in names))
+        for quantity_name, shifts in sensitivity.items()
+    )
+    return Table("", tuple(Cell(plain_symbol(name)) for name in names), rows)
+
+
+def held_table(held: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Rig quantities (rows) as stated, and where the data would put them."""
+    heads = tuple(Cell(head) for head in ("stated", "by the data", "standard error (SE)", "apart"))
+    rows = []
+    for name, entry in held.items():
+        numbers = [
+            number(entry[key], digits) for key, digits in (("stated", 4), ("from_data", 4), ("standard_error", 2))
+        ]
+        apart = math.sqrt(entry["squared_distance"])
+        cells = (*(Cell(text) for text in numbers), Cell(f"{apart:.2g} SE", kind="strong" if apart > FAR else ""))
+        rows.append(Row(name, cells, str(entry["unit"])))
+    return Table("", heads, tuple(rows))
+
+
+def effects_table(effects: Mapping[str, Any]) -> Table | None:
+    """Which effects and why: one row per effect that was looked at; columns that nobody fills are left out."""
+    reasons = [reason for reason in effects.get("reasons") or () if isinstance(reason, Mapping)]
+    if not reasons:
+        return None
+    columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(reason.get(key)) for reason in reasons)]
+    heads = (Cell("kept"), *(Cell(head) for head, _ in columns), Cell("why", kind="words"))
+    return Table("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
+
+
+def _effect_row(reason: Mapping[str, Any], keys: Sequence[str]) -> Row:
+    kept = bool(reason.get("kept"))
+    cells = [Cell("yes" if kept else "no", kind="" if kept else "doubt")]
+    for key in keys:
+        value = reason.get(key)
+        shown = finite(value)
+        text = (
+            plain_text(value)
+            if shown is None
+            else f"{number(100 * shown, 2)} %"
+            if key == "error"
+            else number(shown, 3)
+        )
+        cells.append(Cell(text, str(reason.get("group") or "") if key == "value" else ""))
+    sentence = str(reason.get("sentence") or "")
+    return Row(str(reason.get("effect", "")).replace("_", " "), (*cells, Cell(sentence, kind="words")))
+
+
+def told(value: Any) -> bool:
+    """Whether a cell has something to say: not None, not empty, not NaN."""
+    return value is not None and value != "" and value == value
+
+
+def _classical_row(key: str, values: Sequence[Any]) -> Row:
+    name, unit = split_key(key)
+    numbers = [abs(shown) for value in values if (shown := finite(value)) is not None]
+    scale = scale_for(sorted(numbers)[len(numbers) // 2] if numbers else None, unit)
+    cells = tuple(
+        Cell(number(shown / scale.factor)) if (shown := finite(value)) is not None else Cell(plain_text(value))
+        for value in values
+    )
+    return Row(RECORD_WORDS.get(name, name), cells, note=scale.unit)
+
+
+def plain_text(value: Any) -> str:
+    """Anything that is no number as the text of a cell."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value) if told(value) else DASH
+
+
+def _shift_cell(entry: Mapping[str, Any] | None) -> Cell:
+    if entry is None or (shift := finite(entry.get("shift"))) is None:
+        return Cell(DASH)
+    text = quantity(shift, str(entry.get("unit") or ""), 2)
+    errors = finite(entry.get("in_standard_errors"))
+    if errors is None:
+        return Cell(text if shift < 0 else f"+{text}")
+    return Cell(text if shift < 0 else f"+{text}", f"{number(abs(errors), 2)} SE", "strong" if abs(errors) >= 1 else "")

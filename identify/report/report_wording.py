@@ -1,0 +1,215 @@
+"""The plain words of the report: what a status, a verdict or a name means to somebody in the laboratory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from identify.base.outcome import Status
+from identify.effects import ALL
+
+
+@dataclass(frozen=True)
+class StatusWords:
+    """Headline of a status and the word of its badge."""
+
+    badge: str
+    headline: str
+
+
+STATUS: Mapping[Status, StatusWords] = {
+    Status.CONVERGED: StatusWords("fit accepted", "The model follows every fitted log within its noise."),
+    Status.SOLVER_FAILED: StatusWords(
+        "no result", "The solver did not reach an answer: there are no parameters to use."
+    ),
+    Status.WRONG_EVENT_COUNT: StatusWords(
+        "no result", "The number of slips does not fit the data: there are no parameters to use."
+    ),
+    Status.MODEL_MISFIT: StatusWords(
+        "no result", "The model as stated and these logs do not agree: there are no parameters to use."
+    ),
+    Status.BETTER_START_FOUND: StatusWords(
+        "no result", "A better answer exists than the one reached: there are no parameters to use yet."
+    ),
+    Status.NO_CYCLES: StatusWords("nothing to fit", "No complete stick-slip cycles were found to fit."),
+    Status.AT_BOUND: StatusWords(
+        "no result", "A parameter stopped at the edge of its range: there is no result to use."
+    ),
+}
+
+SOLVED: Mapping[str, str] = {
+    "Solve_Succeeded": "solved",
+    "Solved_To_Acceptable_Level": "solved (further steps gain nothing)",
+}
+
+
+def _split(symbol: str) -> tuple[str, str]:
+    """ "k_skin" -> ("k", "skin")."""
+    base, _, subscript = symbol.partition("_")
+    return base, subscript
+
+
+DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
+# Symbol (base, subscript) and meaning; what is not said here is as the effects declare it.
+SYMBOLS: Mapping[str, tuple[str, str]] = {
+    **{name: _split(p.symbol) for name, p in DECLARED.items()},
+    "mu_s": ("μ", "s"),
+    "mu_k0": ("μ", "k0"),
+    "delta_mu_k": ("Δμ", "k"),
+    "a": ("a", ""),
+    "D": ("D", ""),
+    "t_cr": ("t", "cr"),
+    "mass": ("m", ""),
+    "stiffness": ("k", ""),
+    "damping": ("h", ""),
+    "drive_speed": ("v", "0"),
+    "normal_force": ("F", "n"),
+    "v_cr": ("v", "cr"),
+    "zeta": ("ζ", ""),
+    "omega_n": ("ω", "n"),
+    "alpha": ("α", ""),
+    "tau_cr": ("τ", "cr"),
+}
+MEANINGS: Mapping[str, str] = {
+    **{name: p.meaning for name, p in DECLARED.items()},
+    "mu_s": "static coefficient",
+    "mu_k0": "kinetic coefficient at the start of sliding",
+    "delta_mu_k": "change of the kinetic coefficient towards fast sliding",
+    "a": "rate of that change with speed",
+    "D": "sliding that renews the contact",
+    "t_cr": "rest that strengthens the contact",
+    "mass": "moving mass",
+    "stiffness": "stiffness of the rig",
+    "damping": "hysteresis damping of the rig",
+}
+VERDICT_CLASS: Mapping[str, str] = {
+    "identified": "good",
+    "weak": "fair",
+    "not identifiable": "bad",
+    "at bound": "bad",
+    "fixed": "plain",
+}
+VERDICT_MARK: Mapping[str, str] = {
+    "identified": "✓",
+    "weak": "≈",
+    "not identifiable": "?",
+    "at bound": "|",
+    "fixed": "=",
+}
+QUALITY_CLASS: Mapping[str, str] = {"accept": "good", "accept with warnings": "fair", "reject": "bad"}
+# Parts of the derived quantities in the order in which they are read, and plain words for their keys.
+ANSWER_ORDER = ("operating_point", "stability", "amplitude", "sureness", "advice", "closed_forms", "groups")
+ANSWER_WORDS: Mapping[str, str] = {
+    "operating_point": "Operating point",
+    "stability": "Stability",
+    "sliding": "steady sliding",
+    "amplitude": "Amplitude of stick-slip",
+    "closed_forms": "The closed forms of the paper, for comparison",
+    "groups": "Dimensionless groups",
+    "sureness": "How sure this is",
+    "possible": "probability of stick-slip",
+    "certain": "probability that it starts by itself",
+    "quantities": "by draws of what is uncertain",
+    "refused": "draws left out",
+    "advice": "Advice",
+    "steady": "steady as it is",
+    "outcome": "what it does here",
+    "critical_speed": "stick-slip ends above",
+    "stable": "stable",
+    "growth_rate": "growth rate of a disturbance",
+    "worn": "contact ageing worn off",
+    "multiplier": "what is left of a disturbance after one cycle",
+    "peak_to_valley": "fall of the force (peak to valley)",
+    "drop": "drop of the force (onset to rest)",
+    "stick_duration": "duration of stick",
+    "slip_duration": "duration of slip",
+    "peak_speed": "highest sliding speed",
+    "a_V_max": "a · V_max",
+    "slip": "kind of linear slip",
+    "omega_n": "ωₙ",
+    "zeta": "ζ",
+    "tau_cr": "τ_cr",
+    "gamma_0": "γ₀",
+    "alpha": "α",
+    "xi_o": "ξₒ",
+    "xi_p": "ξₚ",
+    "xi_p_printed": "ξₚ as printed",
+    "overshoot": "A",
+    "loading": "Φ",
+    "Pi": "Π",
+    "Pi_fc": "Π_fc",
+    "Pi_fc_printed": "Π_fc as printed",
+    "Omega_c": "Ω_c",
+    "v_cr": "v_cr",
+    "v_acr": "v_acr",
+    "v_a": "v_a",
+}
+# What a record alone tells has another measure than the model's answer of the same name: peak and valley of the force
+# lie beyond the forces at which the mass begins to slip and rests again.
+RECORD_WORDS: Mapping[str, str] = {
+    "drop": "fall of the force (peak to valley)",
+    "drop_scatter": "scatter of that fall from slip to slip",
+}
+OUTCOMES: Mapping[str, str] = {
+    "always sticks": "stick-slip, from any start",
+    "never sticks": "steady sliding, from any start",
+    "bistable": "stick-slip or sliding, by the start",
+    "sticks irregularly": "irregular stick-slip",
+    "undecided": "neither was found",
+}
+SLIPS: Mapping[str, str] = {
+    "restick": "sticks again",
+    "steady": "slides on",
+    "no_slip": "none",
+    "runaway": "runs away",
+}
+QUALITY: Mapping[str, str] = {
+    "accept": "data: good",
+    "accept with warnings": "data: usable, with warnings",
+    "reject": "data: not usable",
+}
+EFFECTS_CHOSEN: Mapping[str, str] = {
+    "auto": "Chosen from the numbers of the scene and from the data.",
+    "listed": "Listed in the scene. Where numbers stand they are estimates for the first log, without damping and at "
+    "full strength, to judge sizes by: what its cycles are stands under Stability and amplitude.",
+}
+TIMING_WORDS: Mapping[str, str] = {
+    "read": "reading the logs",
+    "detect": "finding the cycles",
+    "start": "finding a start",
+    "build": "building the problem",
+    "solve": "solving",
+    "total": "together",
+}
+# Unicode has no subscript c, so that t_cr keeps its underscore where there is no markup.
+PLAIN_SYMBOLS: Mapping[str, str] = {
+    "mu_s": "μₛ",
+    "mu_k0": "μₖ₀",
+    "delta_mu_k": "Δμₖ",
+    "drive_speed": "v₀",
+    "mass": "m",
+    "stiffness": "k",
+    "damping": "h",
+}
+
+
+def plain_symbol(name: str) -> str:
+    """The symbol of a parameter without markup, for figures and sentences: "mu_s" -> "μₛ", "D (V08)" as it is."""
+    base, bracket, group = name.partition(" (")
+    if bracket and (base in DECLARED or base in PLAIN_SYMBOLS):
+        return f"{plain_symbol(base)} ({group}"
+    if name in PLAIN_SYMBOLS or name not in DECLARED:
+        return PLAIN_SYMBOLS.get(name, name)
+    return DECLARED[name].symbol
+
+
+def with_group(name: str, entry: Mapping[str, Any]) -> str:
+    """The name of a parameter, with its group where it differs from group to group."""
+    group = entry.get("group")
+    return name if not group or name.endswith(f"({group})") else f"{name} ({group})"
+
+
+def solver_words(status: str) -> str:
+    """How the solver says it ended, in words."""
+    return SOLVED.get(status) or status.replace("_", " ").lower()

@@ -1,0 +1,258 @@
+"""The document of result.json: names, units, verdicts and provenance as the interface promises."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import math
+import time
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.level import LEVEL
+from identify.base.outcome import Status
+from identify.diagnosis.choice import Choice, as_listed, document_of
+from identify.diagnosis.findings import Findings
+from identify.diagnosis.held import held_document
+from identify.estimation.attempt import Clock
+from identify.estimation.uncertainty import Estimate
+from identify.logs.parting import parts_of
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns, stated_rig
+from identify.model.model import RIG_PARAMETERS
+from identify.report.creep import creep_velocities
+from identify.report.depth_document import depth_document, profile_ends
+from identify.report.log_document import log_document
+from identify.report.log_outlook import outlooks_of
+from identify.report.result_notes import notes_of
+from identify.scene import Scene
+
+Array = NDArray[np.float64]
+
+DISTRIBUTION = "stick-slip-workbench"
+PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
+RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
+
+
+def document(
+    scene: Scene,
+    prepared: list[Prepared],
+    found: Findings,
+    clock: Clock,
+    began: float,
+    seed: int,
+    choice: Choice | None = None,
+) -> dict[str, Any]:
+    """The whole document; numbers are SI, what is missing is None.
+
+    Args:
+        choice: how the effects were chosen, None where the scene lists them.
+    """
+    converged = found.status is Status.CONVERGED
+    parts = parts_of(scene, [log.entry for log in prepared])
+    result: dict[str, Any] = {
+        "schema": 1,
+        "status": found.status.value,
+        "message": found.message,
+        "parameters": _parameters(found, converged) or _untold(found.unknowns),
+        "effects": _effects(prepared, found, choice),
+        "correlation": _correlation(found) if converged else None,
+        "gate": _gate(found),
+        "fit": _fit(found),
+        "derived": creep_velocities(prepared, found) if converged else {},
+        "logs": [
+            log_document(i, log, found, answer, part)
+            for i, (log, answer, part) in enumerate(zip(prepared, outlooks_of(prepared, found), parts, strict=True))
+        ],
+        "notes": notes_of(scene, prepared, found),
+    }
+    if converged:
+        result["rig_sensitivity"] = _rig_sensitivity(scene, found)
+        result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
+    else:
+        iterate: dict[str, Any] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
+        for name, ends in profile_ends(found.sure, found.unknowns, _base(scene, found)).items():
+            iterate[name]["interval"] = ends  # of a parameter at its bound, one end is that bound
+        untold = {name: {"value": None, "unit": entry["unit"]} for name, entry in result["parameters"].items()}
+        result["last_iterate"] = iterate or untold
+    if found.held:
+        result["rig_against_data"] = held_document(found.held)
+    result["timing_s"] = _timing(clock, began)
+    result["provenance"] = {
+        "version": _version(DISTRIBUTION),
+        "scene": scene.as_document(),
+        "seed": seed,
+        "packages": {name: _version(name) for name in PACKAGES},
+        "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+    return result
+
+
+@lru_cache
+def _version(name: str) -> str:
+    """Read once: what is imported does not change while it runs."""
+    return importlib.metadata.version(name)
+
+
+def _base(scene: Scene, found: Findings) -> Array:
+    """Base values (n_p,) of the rig the parameters are given for."""
+    return found.unknowns.base(stated_rig(scene))
+
+
+def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> dict[str, Any]:
+    """Which effects and why; of those that are listed, what they amount to at the first log, if there is an answer."""
+    if choice is not None:
+        return document_of(choice, auto=True)
+    log, model = prepared[0].data, found.unknowns.model
+    values: dict[str, float] | None = None
+    if found.status is Status.CONVERGED and found.attempt is not None:
+        with np.errstate(all="ignore"):
+            p = found.unknowns.values(found.attempt.solved.theta, log.base)
+        values = dict(zip(model.parameter_names, np.where(np.isfinite(p), p, 0.0).tolist(), strict=True))
+    return document_of(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
+
+
+def _timing(clock: Clock, began: float) -> dict[str, float]:
+    total = time.perf_counter() - began
+    stages = ("read", "detect", "start", "place", "build", "solve", "intervals")
+    return {name: clock.seconds.get(name, 0.0) for name in stages} | {"total": total}
+
+
+def _parameters(found: Findings, converged: bool) -> dict[str, Any]:
+    """Every parameter by name; of those that differ between groups the first group's stands under the bare name."""
+    out = {e.name: _parameter(e, converged) for e in _told(found)}
+    if found.sure is None or not found.sure.shares:
+        return out
+    names, per = found.unknowns.names, found.unknowns.per
+    for share in found.sure.shares:
+        if share.place < 0:
+            out[names[share.index]] |= {"group": share.group, "per": per[share.source]}
+    for share, estimate in found.sure.of_groups:
+        told = {"group": share.group, "per": per[share.source], "parameter": names[share.index]}
+        out[estimate.name] = _parameter(estimate, converged) | told
+    return out
+
+
+def _told(found: Findings) -> list[Estimate]:
+    """The friction parameters, and of the rig what was estimated."""
+    free = set(np.array(found.unknowns.names)[found.unknowns.free])
+    return [e for e in found.estimates if e.name not in RIG_PARAMETERS or e.name in free]
+
+
+def _untold(unknowns: Unknowns) -> dict[str, Any]:
+    """Where nothing was estimated: every parameter by name, without numbers."""
+    reason = "nothing was fitted; see the message"
+    return {
+        q.name: _parameter(Estimate(q.name, q.unit, None, None, None, None, "not identifiable", reason), False)
+        for q in unknowns.model.parameters
+        if q.name not in RIG_PARAMETERS
+    }
+
+
+def _parameter(estimate: Estimate, converged: bool) -> dict[str, Any]:
+    numbers = converged or estimate.verdict == "fixed"
+    return {
+        "value": estimate.value if numbers else None,
+        "unit": estimate.unit,
+        "standard_error": estimate.standard_error if converged else None,
+        "interval": [estimate.lower, estimate.upper] if converged else [None, None],
+        "level": LEVEL,
+        "verdict": estimate.verdict if converged or estimate.verdict in ("fixed", "at bound") else "not identifiable",
+        "reason": estimate.reason if numbers else "the fit did not succeed; see the message",
+    }
+
+
+def _correlation(found: Findings) -> dict[str, Any] | None:
+    """Correlation of all estimates and the standard errors [SI] that go with it: those of the parameters, and of those
+    that have none because the data do not tell them."""
+    if found.covariance is None:
+        return None
+    free = np.flatnonzero(found.unknowns.free).tolist()
+    by_name = {e.name: e for e in found.estimates}
+    told = [by_name[found.unknowns.names[i]] for i in free]
+    covariance, index = found.covariance, free
+    if found.sure is not None and found.sure.of_groups:
+        beyond = [(share, e) for share, e in found.sure.of_groups if not share.tied]
+        order = [*range(len(free)), *(len(free) + share.place for share, _ in beyond)]
+        told, index = told + [e for _, e in beyond], free + [share.index for share, _ in beyond]
+        covariance = found.sure.joint[np.ix_(order, order)]
+    sd = np.sqrt(np.diag(covariance))
+    size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in told], dtype=float), 1.0)
+    return {
+        "names": [e.name for e in told],
+        "matrix": (covariance / np.outer(sd, sd)).tolist(),
+        "standard_errors": [_finite(error) for error in (size * sd).tolist()],
+    }
+
+
+def _gate(found: Findings) -> dict[str, Any] | None:
+    if found.attempt is None:
+        return None
+    gate = found.attempt.gate
+    worst = gate.worst
+    log = found.attempt.logs[int(gate.log[worst]) - 1] + 1 if worst >= 0 else None
+    return {
+        "chi2_per_sample": _finite(gate.chi2_per_sample),
+        "worst_cycle": {"log": log, "cycle": int(gate.cycle[worst]), "z": _finite(gate.z[worst])} if log else None,
+        "solver": gate.solver,
+        "event_shift_samples": _finite(gate.event_shift),
+    }
+
+
+def _fit(found: Findings) -> dict[str, Any] | None:
+    if found.attempt is None:
+        return None
+    solved = found.attempt.solved
+    # One weight holds for all samples of a log that count, so the compressed squares give the residual in newtons.
+    squares, count = 0.0, solved.problem.samples
+    variance = np.array([1.0 / np.max(log.data.weight) for log in found.attempt.prepared])
+    for family, cost in zip(solved.problem.layout.families, solved.problem.block_costs(solved.solution.z), strict=True):
+        squares += float(variance[family.log] @ cost)
+    return {
+        "samples": count,
+        "cycles": int(sum(guess.arrests for guess in solved.guesses)),
+        "iterations": solved.iterations,
+        "passes": solved.passes,
+        "unknowns": solved.problem.layout.size,
+        "rms_N": math.sqrt(squares / max(count, 1)),
+        "steps": solved.grid.steps,
+        "discretisation": dict(found.discretisation),  # in standard errors
+    }
+
+
+def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
+    """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
+    assert found.information is not None and found.attempt is not None and found.covariance is not None
+    exact = [n for n in (*RIG_PARAMETERS, "drive_speed") if n not in scene.parameters and n not in scene.rig.tolerances]
+    out: dict[str, Any] = {}
+    for quantity in exact:
+        if quantity == "drive_speed":
+            move = found.information.drive_speed_shift()
+        elif quantity in found.unknowns.names and getattr(scene.rig, quantity) > 0.0:
+            move = found.information.shift(found.unknowns.names.index(quantity))
+        else:
+            continue
+        out[quantity] = _shifts(found, RIG_ERROR * move)
+    return out
+
+
+def _shifts(found: Findings, move: Array) -> dict[str, Any]:
+    """A move of the free theta (f,) as shifts of the parameters, in SI and in standard errors."""
+    unknowns, estimates = found.unknowns, {e.name: e for e in found.estimates}
+    out = {}
+    for i, index in enumerate(np.flatnonzero(unknowns.free).tolist()):
+        estimate = estimates[unknowns.names[index]]
+        size = estimate.value if unknowns.logarithmic[index] and estimate.value is not None else 1.0
+        shift, error = float(move[i] * size), estimate.standard_error
+        out[estimate.name] = {
+            "shift": shift,
+            "unit": estimate.unit,
+            "in_standard_errors": shift / error if error else None,
+        }
+    return out
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None

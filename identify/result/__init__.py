@@ -1,1 +1,0 @@
-"""The document of result.json, and the curves behind the report."""

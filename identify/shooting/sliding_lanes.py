@@ -1,0 +1,246 @@
+"""One slip of many lanes at once.
+
+Slips take fixed RK4 steps, several in a call, with the bounded state clamped after every step; events are roots of a
+parabola within it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.mapped import Mapped
+from identify.base.tableaus import RK4, step
+from identify.model.model import INPUTS, SPEED, TIME, Model
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
+STRIDE = 8  # steps of a slip between two looks at which lanes still slide
+
+
+@dataclass(frozen=True)
+class Slips:
+    """One slip per lane. `h` (n,) step lengths [s]; `states` (s+1, n, n_x) and `rates` (s+1, n, n_x) at the
+    steps (constant after the arrest); `saturation`, `arrest` (n,) [s] from the onset, NaN where they never
+    happen; `at_saturation`, `at_arrest` (n, n_x) states there; `rested` (n,) whether the mass came to rest."""
+
+    h: Array
+    states: Array
+    rates: Array
+    saturation: Array
+    arrest: Array
+    at_saturation: Array
+    at_arrest: Array
+
+    @property
+    def rested(self) -> Bools:
+        """Whether each lane came to rest."""
+        return np.isfinite(self.arrest)
+
+    def replaced(self, which: Indices, others: Slips) -> Slips:
+        """These slips with some (k,) of them replaced by others (k lanes)."""
+        steps = max(self.states.shape[0], others.states.shape[0])
+
+        def placed(mine: Array, other: Array) -> Array:
+            out = _held(mine, steps)
+            out[:, which] = _held(other, steps)
+            return out
+
+        ends = ("h", "saturation", "arrest", "at_saturation", "at_arrest")
+        new = {name: getattr(self, name).copy() for name in ends}
+        for name, array in new.items():
+            array[which] = getattr(others, name)
+        return Slips(states=placed(self.states, others.states), rates=placed(self.rates, others.rates), **new)
+
+    def at(self, times: Array) -> Array:
+        """States (n, m, n_x) at times (n, m) [s] from the onset of each lane, cubic Hermite; held outside."""
+        steps, lanes = self.states.shape[0] - 1, np.arange(self.h.size)[:, None]
+        u = np.clip(times / self.h[:, None], 0.0, steps * (1 - 1e-12))
+        i = np.minimum(u.astype(int), steps - 1)
+        w = (u - i)[..., None]
+        h = self.h[:, None, None]
+        y0, y1, d0, d1 = (
+            self.states[i, lanes],
+            self.states[i + 1, lanes],
+            self.rates[i, lanes],
+            self.rates[i + 1, lanes],
+        )
+        return np.asarray(
+            y0 * (1 + 2 * w) * (1 - w) ** 2
+            + y1 * w**2 * (3 - 2 * w)
+            + h * (d0 * w * (1 - w) ** 2 - d1 * w**2 * (1 - w))
+        )
+
+
+@lru_cache(maxsize=16)
+def _stride(model: Model) -> Mapped:
+    """STRIDE steps: (x, p, u, step length) -> states after each with the bound kept, without it, rates at its start."""
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
+    h = ca.SX.sym("h")
+
+    def clamp(state: ca.SX) -> ca.SX:
+        out = ca.SX(state)
+        for i, q in enumerate(model.states):
+            if q.lower is not None:
+                out[i] = ca.fmax(state[i], q.lower)
+        return out
+
+    def motion(state: ca.SX, _t: object) -> ca.SX:
+        return model.slip(clamp(state), p, u)
+
+    free, _, stages = step(RK4, motion, x, h)
+    # Called once for each step: that costs much less than to write the step out as often.
+    one = ca.Function("lane_step", [x, p, u, h], [clamp(free), free, stages[0]])
+    steps, state, now = list[Sequence[ca.SX]](), x, u
+    for _ in range(STRIDE):
+        steps.append(one(state, p, now, h))
+        state, now = steps[-1][0], ca.vertcat(now[:TIME], now[TIME] + h)
+    columns = [ca.horzcat(*column) for column in zip(*steps, strict=True)]
+    return Mapped(ca.Function("lane_stride", [x, p, u, h], columns))
+
+
+def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Slips:
+    """Slide every lane from x (n, n_x) until it rests, with steps of half a natural period / per_half_period.
+
+    Args:
+        p: (n, n_p); u: (n, 4) drive speed, normal force, direction +1, time at the start.
+    """
+    n, n_x, names = x.shape[0], len(model.states), model.parameter_names
+    half = np.pi * np.sqrt(p[:, names.index("mass")] / p[:, names.index("stiffness")])
+    h = half / per_half_period
+    states, rates, longest = [x[None]], list[Array](), 0
+    active, now, saturated = np.arange(n), u.copy(), np.zeros(n, bool)
+    current, last_rate = x.copy(), np.zeros((n, n_x))
+    arrests, saturations = list[_Crossing](), list[_Crossing]()
+    for first in range(0, int(LONGEST * per_half_period), STRIDE):
+        every = active.size == n  # as a rule all rest at about the same step
+        given = (current, p, now, h) if every else (current[active], p[active], now[active], h[active])
+        made = _Stride.of(model, given)
+        if np.any(made.rests):
+            arrests.append(made.crossing(first, active, np.flatnonzero(made.rests), made.last[made.rests]))
+        reached = made.clamps(model) & ~saturated[active][:, None]
+        if np.any(reached):
+            which = np.flatnonzero(np.any(reached, axis=1))
+            saturations.append(made.crossing(first, active, which, np.argmax(reached[which], axis=1)))
+            saturated[active[which]] = True
+        for so_far, end, new in ((states, current, made.after), (rates, last_rate, made.rate)):
+            part = np.repeat(end[None], STRIDE, axis=0)
+            part[:, active] = new.transpose(1, 0, 2)
+            so_far.append(part)
+            end[active] = new[:, -1]
+        longest = first + min(int(np.max(made.last, initial=0)) + 1, STRIDE)
+        active = active[made.last == STRIDE]
+        now[:, TIME] += STRIDE * h
+        if active.size == 0:
+            break
+    none, nowhere = np.full(n, np.nan), np.full((n, n_x), np.nan)
+    course = np.concatenate(states)[: longest + 1]
+    slope = np.concatenate([*rates, last_rate[None]])[: longest + 1]
+    result = Slips(h, course, slope, none, none.copy(), nowhere, nowhere.copy())
+    if arrests:
+        _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
+    if saturations and model.clamped is not None:
+        _mark(model, result, saturations, model.clamped, _lowest(model), result.saturation, result.at_saturation)
+    return result
+
+
+def _held(course: Array, steps: int) -> Array:
+    """A course (s, n, n_x) that stays where it ends up to so many steps; a copy."""
+    return np.concatenate([course, np.repeat(course[-1:], steps - course.shape[0], axis=0)])
+
+
+def _lowest(model: Model) -> float:
+    """The bound of the bounded state."""
+    return 0.0 if model.clamped is None else model.states[model.clamped].lower or 0.0
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    """Lanes (k,) in which a state comes to a level within a step (k,): their states before and after it (k, n_x)."""
+
+    step: Indices
+    lanes: Indices
+    before: Array
+    free: Array
+
+
+@dataclass(frozen=True)
+class _Stride:
+    """STRIDE steps of lanes (k,), each (k, STRIDE, n_x): states before and after every step, `free` those after it
+    without the bound, rates at its start; in the step `last` (k,) a lane comes to its end and stays there, STRIDE where
+    it goes on; `rests` (k,) whether it came to rest, not out of all numbers."""
+
+    before: Array
+    after: Array
+    free: Array
+    rate: Array
+    last: Indices
+    rests: Bools
+
+    @staticmethod
+    def of(model: Model, given: tuple[Array, ...]) -> _Stride:
+        """From states (k, n_x), parameters (k, n_p), inputs (k, 4) and step lengths (k,)."""
+        lanes, n_x = given[0].shape
+        after, free, rate = (out.reshape(lanes, STRIDE, n_x) for out in _stride(model)(given))
+        before = np.concatenate([given[0][:, None], after[:, :-1]], axis=1)
+        over = stopped = after[..., SPEED] <= 0.0
+        if not np.all(np.isfinite(after)):
+            lost = ~np.all(np.isfinite(after), axis=2)
+            over, stopped = stopped | lost, stopped & ~lost
+            after[lost], rate[lost] = before[lost], 0.0
+        last = np.where(np.any(over, axis=1), np.argmax(over, axis=1), STRIDE)
+        ended = np.flatnonzero(last < STRIDE)
+        rests = np.zeros(last.size, bool)
+        if ended.size:
+            end = last[ended]
+            rests[ended] = stopped[ended, end]
+            beyond = np.arange(STRIDE)[:, None] > end[:, None, None]
+            for course in (after, rate):
+                course[ended] = np.where(beyond, course[ended, end][:, None], course[ended])
+        return _Stride(before, after, free, rate, last, rests)
+
+    def clamps(self, model: Model) -> Bools:
+        """Whether the bounded state comes to its bound within each step (k, STRIDE), of those before the end."""
+        if model.clamped is None:
+            return np.zeros(self.after.shape[:2], bool)
+        low = _lowest(model)
+        falls = (self.free[..., model.clamped] <= low) & (self.before[..., model.clamped] > low)
+        return np.asarray(falls & (np.arange(STRIDE) < self.last[:, None]))
+
+    def crossing(self, first: int, active: Indices, which: Indices, step: Indices) -> _Crossing:
+        """What crosses in a step (c,) of some lanes (c,), which are lanes of all lanes by `active` (k,)."""
+        return _Crossing(first + step, active[which], self.before[which, step], self.free[which, step])
+
+
+def _mark(
+    model: Model, out: Slips, crossings: list[_Crossing], component: int, level: float, time: Array, state: Array
+) -> None:
+    """Record when a component comes to its level, time (n,), and the states there (n, n_x)."""
+    lanes = np.concatenate([c.lanes for c in crossings])
+    old, free = np.concatenate([c.before for c in crossings]), np.concatenate([c.free for c in crossings])
+    s = np.concatenate([c.step for c in crossings])
+    rate = out.rates[s, lanes] * out.h[lanes, None]
+    bend = free - old - rate  # the states within the step: old + rate w + bend w^2
+    w = _first_root(old[:, component] - level, rate[:, component], bend[:, component])
+    time[lanes] = (s + w) * out.h[lanes]
+    at = old + rate * w[:, None] + bend * (w**2)[:, None]
+    at[:, component] = level
+    if model.clamped is not None:
+        at[:, model.clamped] = np.maximum(at[:, model.clamped], _lowest(model))
+    state[lanes] = at
+
+
+def _first_root(y: Array, slope: Array, bend: Array) -> Array:
+    """The first root in (0, 1] of y + slope w + bend w^2, which is not negative at 0 and not positive at 1."""
+    root = np.sqrt(np.maximum(slope**2 - 4 * bend * y, 0.0))
+    with np.errstate(all="ignore"):
+        w = np.where(slope < 0, 2 * y / (root - slope), -(slope + root) / (2 * bend))
+    return np.asarray(np.clip(np.where(np.isfinite(w), w, 1.0), 1e-9, 1.0))

@@ -1,0 +1,252 @@
+"""The start of a fit from the data alone: many small least-squares fits of one settled cycle per log.
+
+Unknowns of each: the search variables, and per log the arrest force and a time shift. One cycle is simulated
+from the arrest force; that it ends at the same force is one more residual, so no limit cycle is iterated.
+Levenberg-Marquardt runs for all starts at once; all their perturbations are lanes of one batch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.logs.unknowns import Unknowns
+from identify.shooting import lanes
+from identify.shooting.features import Features
+from identify.shooting.sliding_lanes import slip
+from identify.shooting.waveform import Waves, middle_of_fall
+
+Array = NDArray[np.float64]
+
+PER_HALF_PERIOD = 24  # steps of a slip in the start fit
+ITERATIONS = 14
+CLOSURE = 0.01  # of the drop: how well arrest forces must agree
+GOOD = 1.0  # cost per residual of a start that is right
+KEPT = 3  # candidates that are followed to the end; as soon as so many leave nothing to explain, the others no further
+NOTHING_LEFT = 0.4  # cost per residual: where an effect lacks, candidates differ in what they make up for it with
+BAD_RESIDUAL = 30.0  # what a cycle that never comes to rest counts as, in standard deviations
+
+
+@dataclass(frozen=True)
+class Start:
+    """One candidate: theta (n_p,), and its cost per residual (0.5 when right, above 20 when wrong)."""
+
+    theta: Array
+    cost: float
+
+
+class _Fold:
+    """The residuals of all features as functions of the unknowns, for many candidates at once."""
+
+    def __init__(self, unknowns: Unknowns, features: list[Features], bases: list[Array]) -> None:
+        self.unknowns, self.features = unknowns, features
+        self.free = np.flatnonzero(unknowns.free)
+        self.base = np.stack(bases)  # (L, n_p)
+        self.n_theta, self.n_logs = self.free.size, len(features)
+        prior = np.isfinite(unknowns.prior_sd[self.free])
+        self.mean = np.where(prior, unknowns.prior_mean[self.free], 0.0)
+        self.prior_sd = np.where(prior, unknowns.prior_sd[self.free], np.inf)
+        self.drops = np.array([f.drop for f in features])
+        self.width = max(f.times.size for f in features)
+        shape = (self.n_logs, self.width)
+        self.times, self.wave, self.weight = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        for i, f in enumerate(features):
+            self.times[i, : f.times.size], self.wave[i, : f.times.size] = f.times, f.waveform
+            self.weight[i, : f.times.size] = 1.0 / f.sd
+        self.period = np.array([f.period if np.isfinite(f.period_sd) else 0.0 for f in features])
+        self.period_weight = np.array([1.0 / f.period_sd for f in features])
+        self.u = np.stack([[f.drive_speed, f.normal_force, 1.0, f.time] for f in features])
+
+    @property
+    def count(self) -> int:
+        """Number of residuals that count."""
+        return int(np.count_nonzero(self.weight)) + 2 * self.n_logs
+
+    def residuals(self, theta: Array, arrest: Array, shift: Array) -> tuple[Array, Array]:
+        """theta (S, n_p), arrest (S, L) [N], shift (S, L) [s] -> residuals (S, L, width + 2), and the slope
+        of the waveform part with respect to the shift, same shape."""
+        model = self.unknowns.model
+        s = theta.shape[0]
+        p = self.unknowns.values(theta[:, None, :], self.base[None]).reshape(s * self.n_logs, -1)
+        u = np.tile(self.u, (s, 1))
+        x = lanes.at_force(model, arrest.ravel(), p, u)
+        stick, at_onset = lanes.stick(model, x, p, u)
+        slips = slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
+        steps = slips.states.shape[0]
+        flat = slips.states.transpose(1, 0, 2).reshape(-1, x.shape[1])
+        force = lanes.load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(
+            -1, steps
+        )
+        end_force = lanes.load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
+        ok = slips.rested & np.isfinite(stick)
+        duration = np.where(ok, slips.arrest, slips.h)
+        k = p[:, model.parameter_names.index("stiffness")]
+        # The middle of the simulated fall is the origin; its position is found on the simulated steps.
+        middle = middle_of_fall(force, slips.h, duration)
+        t = np.tile(self.times, (s, 1)) + shift.reshape(-1, 1) + middle[:, None]
+        value, slope = Waves.of(force, slips.h, duration, end_force, k * u[:, 0]).with_rates(t)
+        out = np.empty((s * self.n_logs, self.width + 2))
+        d_shift = np.zeros_like(out)
+        weight = np.tile(self.weight, (s, 1))
+        out[:, :-2] = (value - np.tile(self.wave, (s, 1))) * weight
+        d_shift[:, :-2] = slope * weight
+        out[:, -2] = (stick + duration - np.tile(self.period, s)) * np.tile(self.period_weight, s)
+        out[:, -1] = (end_force - arrest.ravel()) / (CLOSURE * np.tile(self.drops, s))
+        bad = ~ok
+        out[bad, :-2] = np.where(weight[bad] > 0, BAD_RESIDUAL, 0.0)
+        out[bad, -2:], d_shift[bad] = BAD_RESIDUAL, 0.0
+        shape = (s, self.n_logs, self.width + 2)
+        return np.clip(np.nan_to_num(out, nan=BAD_RESIDUAL), -1e4, 1e4).reshape(shape), d_shift.reshape(shape)
+
+
+def candidates(unknowns: Unknowns, features: list[Features], bases: list[Array]) -> Array:
+    """Starts (S, n_p) from the levels of the data: strength, drop, period; a grid over what levels do not tell."""
+    names = unknowns.names
+    load = np.array([f.normal_force for f in features])
+    drop = np.array([f.drop for f in features])
+    top = max((f.arrest + f.drop) / f.normal_force for f in features)
+    largest = int(np.argmax(drop))
+    period = np.array([f.period if np.isfinite(f.period) else 1.0 for f in features])
+    share = drop / load / np.max(drop / load)
+    tellable = (share > 0.05) & (share < 0.97)
+    t_cr = float(np.min(period) / 3)
+    if np.any(tellable):
+        t_cr = float(np.exp(np.mean(np.log(-period[tellable] / np.log1p(-share[tellable])))))
+    value = {n: unknowns.values(unknowns.start, bases[largest])[i] for i, n in enumerate(names)}
+    relative = drop[largest] / load[largest]
+    peak_speed = 0.5 * drop[largest] / np.sqrt(value["stiffness"] * value.get("mass", 0.2))
+    stretch = drop[largest] / value["stiffness"]
+    out = []
+    for a_v in (1.7, 6.0):
+        for share_d in (0.08, 0.18):
+            for weakening in (0.1, 0.27):
+                step = 0.5 * relative * (1 - 0.7 * weakening)
+                out.append(
+                    value
+                    | {
+                        "mu_s": top,
+                        "mu_k0": max(top - step, 0.2 * top),
+                        "delta_mu_k": -weakening * relative,
+                        "a": a_v / peak_speed,
+                        "D": share_d * stretch,
+                        "t_cr": t_cr,
+                    }
+                )
+    made = np.array([[c[n] for n in names] for c in out])
+    return _inside(unknowns, unknowns.theta(made, bases[largest]))
+
+
+def _inside(unknowns: Unknowns, theta: Array) -> Array:
+    """Theta within its bounds, and fixed where it is not free."""
+    finite = np.where(np.isfinite(theta), theta, unknowns.start)
+    return np.where(unknowns.free, np.clip(finite, unknowns.lower, unknowns.upper), unknowns.start)
+
+
+def random_starts(unknowns: Unknowns, around: Array, count: int, seed: int) -> Array:
+    """Starts (count, n_p) scattered by a factor of about three around a candidate (n_p,)."""
+    rng = np.random.default_rng(seed)
+    spread = np.where(unknowns.logarithmic, 1.0, 0.1) * rng.standard_normal((count, around.size))
+    rig = np.isin(unknowns.names, ("mass", "stiffness", "damping"))
+    return _inside(unknowns, around + np.where(rig, 0.1, 1.0) * spread)
+
+
+def fit_features(unknowns: Unknowns, features: list[Features], bases: list[Array], starts: Array) -> list[Start]:
+    """Fit the features from every start at once; the results in order of cost.
+
+    Args:
+        bases: per feature, the base values of its log (n_p,).
+        starts: (S, n_p) theta.
+    """
+    fold = _Fold(unknowns, features, bases)
+    theta = _inside(unknowns, starts)
+    s, n_t, n_l = theta.shape[0], fold.n_theta, fold.n_logs
+    arrest = np.tile([f.arrest for f in features], (s, 1)).astype(float)
+    shift = np.zeros((s, n_l))
+    damping = np.full(s, 1e-2)
+    soft_mean, soft_sd = _soft(fold, starts)
+    point = _linearise(fold, theta, arrest, shift, soft_mean, soft_sd)
+    cost = point[0]
+    for iteration in range(ITERATIONS):
+        _, gradient, curvature = point
+        scale = np.einsum("sii->si", curvature)
+        damped = curvature + (damping[:, None] * scale + 1e-12)[:, :, None] * np.eye(scale.shape[1])
+        move = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+        big = np.max(np.abs(move[:, :n_t]) / (3 * unknowns.spread[fold.free]), axis=1, initial=1.0)
+        move = move / np.maximum(big, 1.0)[:, None]
+        new_theta = theta.copy()
+        new_theta[:, fold.free] += move[:, :n_t]
+        new_theta = _inside(unknowns, new_theta)
+        new_arrest = arrest + move[:, n_t : n_t + n_l]
+        new_shift = shift + move[:, n_t + n_l :]
+        new = _linearise(fold, new_theta, new_arrest, new_shift, soft_mean, soft_sd)
+        better = new[0] < cost
+        theta, arrest, shift = (
+            np.where(better[:, None], a, b) for a, b in ((new_theta, theta), (new_arrest, arrest), (new_shift, shift))
+        )
+        gain = np.where(better, cost - new[0], 0.0)
+        point = (
+            np.where(better, new[0], point[0]),
+            np.where(better[:, None], new[1], point[1]),
+            np.where(better[:, None, None], new[2], point[2]),
+        )
+        cost = point[0]
+        damping = np.clip(np.where(better, damping * 0.2, damping * 5.0), 1e-8, 1e4)
+        right = int(np.count_nonzero(2 * cost < NOTHING_LEFT * fold.count)) >= KEPT
+        if (iteration >= 4 or right) and theta.shape[0] > KEPT:
+            keep = np.argsort(cost)[: KEPT if right else max(KEPT, theta.shape[0] // 3)]
+            theta, arrest, shift, cost, damping = (v[keep] for v in (theta, arrest, shift, cost, damping))
+            soft_mean, gain = soft_mean[keep], gain[keep]
+            point = (point[0][keep], point[1][keep], point[2][keep])
+        if (iteration > 5 or right) and np.all(gain < 1e-3 * cost):
+            break
+    order = np.argsort(cost)
+    return [Start(theta[i], float(2 * cost[i] / fold.count)) for i in order]
+
+
+def _soft(fold: _Fold, starts: Array) -> tuple[Array, Array]:
+    """Weak priors of the start fit: the start itself, within a factor of some five."""
+    sd = 3.0 * fold.unknowns.spread[fold.free]
+    rig = np.isin(np.array(fold.unknowns.names)[fold.free], ("mass", "stiffness", "damping"))
+    return starts[:, fold.free], np.where(rig, 0.3, sd)
+
+
+def _linearise(
+    fold: _Fold, theta: Array, arrest: Array, shift: Array, soft_mean: Array, soft_sd: Array
+) -> tuple[Array, Array, Array]:
+    """Half cost (S,), gradient (S, n) and Gauss-Newton curvature (S, n, n), by lanes with one thing changed each."""
+    s, n_t, n_l = theta.shape[0], fold.n_theta, fold.n_logs
+    steps = 1e-4 * fold.unknowns.spread[fold.free]
+    force_step = 1e-4 * fold.drops
+    lanes_theta, lanes_arrest = [theta], [arrest]
+    for i, column in enumerate(fold.free):
+        moved = theta.copy()
+        moved[:, column] += steps[i]
+        lanes_theta.append(moved)
+        lanes_arrest.append(arrest)
+    lanes_theta.append(theta)
+    lanes_arrest.append(arrest + force_step)
+    all_r, all_d = fold.residuals(
+        np.concatenate(lanes_theta), np.concatenate(lanes_arrest), np.tile(shift, (n_t + 2, 1))
+    )
+    r = all_r.reshape(n_t + 2, s, n_l, -1)
+    base, d_shift = r[0], all_d.reshape(n_t + 2, s, n_l, -1)[0]
+    n = n_t + 2 * n_l
+    gradient, curvature = np.zeros((s, n)), np.zeros((s, n, n))
+    d_theta = (r[1 : n_t + 1] - base) / steps[:, None, None, None]
+    cost = 0.5 * np.sum(base**2, axis=(1, 2))
+    for log in range(n_l):
+        columns = np.concatenate([np.arange(n_t), [n_t + log, n_t + n_l + log]])
+        d_arrest = (r[n_t + 1][:, log] - base[:, log]) / force_step[log]
+        jac = np.concatenate(
+            [d_theta[:, :, log].transpose(1, 0, 2), d_arrest[:, None], d_shift[:, log][:, None]], axis=1
+        )
+        curvature[np.ix_(np.arange(s), columns, columns)] += np.matmul(jac, jac.transpose(0, 2, 1))
+        gradient[:, columns] += np.matmul(jac, base[:, log, :, None])[..., 0]
+    for mean, sd in ((soft_mean, soft_sd), (fold.mean, fold.prior_sd)):
+        off = (theta[:, fold.free] - mean) / sd
+        cost = cost + 0.5 * np.sum(off**2, axis=1)
+        gradient[:, :n_t] += off / sd
+        curvature[:, np.arange(n_t), np.arange(n_t)] += 1.0 / sd**2
+    return cost, gradient, curvature

@@ -1,0 +1,131 @@
+"""What acts on the oscillator from outside: drive speed and normal force over time."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.base.errors import SimulationError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Drive speed, piecewise constant: `speeds[i]` [m/s] holds from `starts[i]` [s] (starts[0] = 0)."""
+
+    starts: tuple[float, ...]
+    speeds: tuple[float, ...]
+
+    @staticmethod
+    def of(speed: float | Drive | tuple[tuple[float, float], ...]) -> Drive:
+        """A constant speed [m/s], or a programme of (start [s], speed [m/s]) pairs.
+
+        Raises:
+            SimulationError: a programme that does not begin at 0 s, whose starts do not rise, or that is not finite.
+        """
+        if isinstance(speed, Drive):
+            return speed
+        if not isinstance(speed, tuple):
+            speed = ((0.0, float(speed)),)
+        starts = tuple(float(pair[0]) for pair in speed)
+        if not starts or starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts)):
+            raise SimulationError(
+                f"the drive programme starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
+            )
+        speeds = tuple(float(pair[1]) for pair in speed)
+        if not np.all(np.isfinite([*starts, *speeds])):
+            raise SimulationError(f"the drive runs at {speeds} m/s from {starts} s; expected finite numbers")
+        return Drive(starts, speeds)
+
+    @property
+    def constant(self) -> bool:
+        """Whether one speed holds throughout."""
+        return len(self.speeds) == 1
+
+    def at(self, t: float) -> float:
+        """Speed [m/s] at time t [s] (at a start: the new speed)."""
+        if len(self.speeds) == 1:
+            return self.speeds[0]
+        return self.speeds[int(np.searchsorted(self.starts, t, side="right")) - 1]
+
+    def changes(self, begin: float, end: float) -> list[float]:
+        """When the speed changes between two times [s], neither of them counted."""
+        return [t for t in self.starts if begin < t < end]
+
+    def within(self, begin: float, end: float) -> list[tuple[float, float]]:
+        """(since [s], speed [m/s]) of what holds at `begin` (before 0 s: the first speed) and from each change on."""
+        return [(begin, self.at(max(begin, 0.0))), *((t, self.at(t)) for t in self.changes(begin, end))]
+
+
+@dataclass(frozen=True)
+class NormalForce:
+    """Normal force, continuous and piecewise linear through (times [s], values [N]), level outside them."""
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    @staticmethod
+    def of(force: float | NormalForce | tuple[ArrayLike, ArrayLike]) -> NormalForce:
+        """A constant force [N], or (times, values).
+
+        Raises:
+            SimulationError: a force that is not positive and finite, or times that do not rise.
+        """
+        if isinstance(force, NormalForce):
+            return force
+        times, values = ((0.0,), (force,)) if not isinstance(force, tuple) else force
+        t, f = np.atleast_1d(np.asarray(times, float)), np.atleast_1d(np.asarray(values, float))
+        if t.shape != f.shape or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
+            raise SimulationError(f"normal force has {f.size} values at {t.size} times; give one value per rising time")
+        if not np.all(np.isfinite(f)):
+            raise SimulationError(
+                f"the normal force holds the value {f[~np.isfinite(f)][0]}; expected finite forces [N]"
+            )
+        if np.any(f <= 0):
+            raise SimulationError(
+                f"the normal force falls to {np.min(f):.3g} N at {t[np.argmin(f)]:.6g} s: lift-off is not simulated; "
+                "give a positive normal force"
+            )
+        return NormalForce(tuple(t.tolist()), tuple(f.tolist()))
+
+    def at(self, t: ArrayLike) -> Array:
+        """Force [N] at times t [s], any shape."""
+        return np.asarray(np.interp(np.asarray(t, float), *self.knots))
+
+    @cached_property
+    def knots(self) -> tuple[Array, Array]:
+        """Times [s] and values [N] as arrays: a measured load has tens of thousands, and is asked as often."""
+        return np.array(self.times), np.array(self.values)
+
+    def between(self, begin: float, end: float) -> tuple[Array, Array]:
+        """Times and values of the knots between two times [s], neither of them counted."""
+        inner = slice(bisect_right(self.times, begin), bisect_left(self.times, end))
+        return self.knots[0][inner], self.knots[1][inner]
+
+    def mean(self, begin: float, end: float) -> float:
+        """Mean force [N] between two times [s], exactly."""
+        if len(self.values) == 1 or end <= begin:
+            return float(self.at(begin))
+        times = np.array([begin, *self.between(begin, end)[0], end])
+        return float(np.trapezoid(self.at(times), times) / (end - begin))
+
+    def line(self, t: float) -> tuple[float, float]:
+        """Force [N] and its slope [N/s] just after t [s]."""
+        if len(self.times) == 1:
+            return self.values[0], 0.0
+        i = bisect_right(self.times, t) - 1
+        if i < 0 or i >= len(self.times) - 1:
+            return float(self.at(t)), 0.0
+        return float(self.at(t)), (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i])
+
+
+def breaks(drive: Drive, normal_force: NormalForce, duration: float) -> Array:
+    """Times [s] within (0, duration) at which a speed or a force slope changes, rising, then the duration."""
+    inner = [t for t in (*drive.starts, *normal_force.times) if 0.0 < t < duration]
+    return np.array([*sorted(set(inner)), duration])

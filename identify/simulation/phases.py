@@ -1,0 +1,293 @@
+"""One phase of motion at a time: rest until the drive overcomes the grip, slide until a guard falls to zero.
+
+Switch times are located on the step function itself (the last step is repeated with the length at
+which its guard is zero), so they are as accurate as the integration, not as its interpolation.
+Time is local to the phase: after 800 s of sticking a slip of microseconds loses no digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from identify.base.errors import SimulationError
+from identify.model.model import ELONGATION, SPEED, Model
+from identify.model.modes import GUARDS, GuardName, ModeName
+from identify.simulation.bursts import MODES, Stop
+from identify.simulation.machine import Machine
+from identify.simulation.methods import Method
+from identify.simulation.resting import Resting
+from identify.simulation.situated import Situated
+from identify.simulation.stepper import Stepper
+from identify.simulation.stepping import N_GUARDS
+
+Array = NDArray[np.float64]
+
+MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
+RUNAWAY = 1e9  # times the speed at which one normal force stops the mass: no bounded friction gets there
+FREEING = 8  # doublings of the last digit of the elongation that set a mass free which only rounding holds
+CREPT = 3  # nodes in a row that are that slow: a mass that is braked to rest passes within one step
+LEAST = 1e-9  # friction coefficients within this of zero are rounding
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of one mode, with its nodes (a stick has its two ends only): local times (s,) [s], states (s, n_x).
+
+    `ended_by` is the guard that ended it, None when its time was up.
+    """
+
+    mode: ModeName
+    start: float
+    situated: Situated
+    times: Sequence[float] | Array
+    states: Sequence[Sequence[float]] | Sequence[Array] | Array
+    ended_by: GuardName | None
+
+    @cached_property
+    def t(self) -> Array:
+        """Node times from its start [s], shape (s,)."""
+        return np.asarray(self.times, float)
+
+    @cached_property
+    def x(self) -> Array:
+        """States at the nodes, shape (s, n_x)."""
+        return np.asarray(self.states, float)
+
+    @property
+    def duration(self) -> float:
+        """Length of the phase [s]."""
+        return float(self.times[-1])
+
+    @property
+    def end(self) -> Array:
+        """State at its end (n_x,)."""
+        return np.asarray(self.states[-1], float)
+
+
+@dataclass(frozen=True)
+class Stick(Phase):
+    """A rest; `pull` is the force of the drive on the mass at its end [N]."""
+
+    pull: float
+
+
+@dataclass(frozen=True)
+class Slide(Phase):
+    """A stretch of sliding, taken by steps of `method` with `tolerances` (rtol, then atol (n_x,))."""
+
+    method: Method
+    tolerances: Array
+
+
+def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> Stick:
+    """Rest from state x until the grip is overcome, or for `limit` [s]."""
+    return rest(Resting(model), x, situated, start, limit)
+
+
+def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: float) -> Stick:
+    """The same with what is compiled for a model and used again."""
+    x = x.copy()
+    x[SPEED] = 0.0
+    onset, after, pull = rests.until(x, situated, limit)
+    end = limit if onset is None else onset
+    times, states = ([0.0, end], [x, after]) if end > 0.0 else ([0.0], [x])
+    return Stick("stick", start, situated, times, states, None if onset is None else "speed", pull)
+
+
+def slide(
+    machine: Machine, mode: ModeName, x: Array, situated: Situated, start: float, limit: float, most: int = MAX_STEPS
+) -> list[Slide]:
+    """Slide from state x, beginning in one mode, until the mass rests, another method is needed, or for `limit` [s].
+
+    Args:
+        most: bound of the steps.
+
+    Returns:
+        one phase per mode, in order: one at least.
+
+    Raises:
+        SimulationError: the integration needs more than `most` steps or meets a state that is not finite; friction
+            pushes; the motion runs away.
+    """
+    stepper, first, through = machine.stepper(mode), machine.first[mode], machine.through
+    stepper.start(mode, x, situated, limit, first, through=through)
+    if x[SPEED] == 0.0 and stepper.speeding < 0.0:
+        x = _freed(machine, stepper, mode, x, situated, limit)
+    track = _Track(machine, stepper, mode, start, situated, x.tolist())
+    tried, creeps = 0, machine.creeps(situated, x)
+    while tried < most:
+        rows = stepper.go_on()
+        tried += len(rows)
+        track.add(rows)
+        if creeps and track.crept():
+            return track.finish("speed")
+        stop = rows[-1][stepper.places.stop]
+        if stop == Stop.NOT_YET and not machine.held_back(mode, tried, rows[-1][stepper.places.t]):
+            continue
+        if stop in (Stop.NOT_YET, Stop.STUCK):
+            break
+        ended_by = None if stop == Stop.TIME_IS_UP else _end(machine, stepper, track, rows[-1])
+        return track.finish(ended_by)
+    if machine.give_over(mode):
+        return slide(machine, mode, x, situated, start, limit, most)
+    raise SimulationError(_unfinished(machine, mode, start, track.times[-1], abs(track.states[-1][SPEED]), most))
+
+
+class _Track:
+    """The nodes of a slide as they come, and its phases as they end."""
+
+    def __init__(
+        self, machine: Machine, stepper: Stepper, mode: ModeName, start: float, situated: Situated, x: list[float]
+    ) -> None:
+        self.machine, self.stepper, self.mode, self.start, self.situated = machine, stepper, mode, start, situated
+        self.times, self.states, self._begun, self._since = [0.0], [x], situated, 0.0
+        self.phases: list[Slide] = []
+        self._fastest = (0.0, mode, x, 0.0)
+
+    def add(self, rows: list[list[float]]) -> None:
+        """The nodes in the rows of a burst; a phase ends where the mode changes."""
+        n, number, times, states = self.stepper.places.n, MODES.index(self.mode), self.times, self.states
+        mode, stop, h = n + 1, n + 2, n + 3
+        if rows[0][n] > 0.0 and rows[0][stop] == Stop.NOT_YET and len(times) == 1 and not self.phases:
+            self.machine.first[self.mode] = min(rows[0][h], self.machine.longest_first)
+        last = times[-1]
+        for row in rows:
+            t = row[n]
+            if t > last:
+                last = t
+                times.append(t)
+                states.append(row[:n])
+            if row[mode] != number:
+                self._close("clearance" if self.mode == "slip" else "release")
+                self._begin_other()
+                number, times, states = 1 - number, self.times, self.states
+
+    def crept(self) -> bool:
+        """Whether the mass has crept to where its speed has no digits left; then the nodes end where it fell so low.
+
+        Under a drive at rest a damped mass only nears its rest, faster than any power of time, and rounding would
+        decide whether and when it is at rest.
+        """
+        limit, last = self.machine.creep, len(self.states) - 1
+        if abs(self.states[-1][SPEED]) >= limit:
+            return False
+        fast = next((i for i in range(last, -1, -1) if abs(self.states[i][SPEED]) >= limit), last)
+        if last - fast < CREPT:
+            return False
+        x, t, direction = self.states[fast], self.times[fast], self.situated.direction
+
+        def above(length: float) -> float:
+            return direction * self.stepper.trial(self.mode, x, t, length)[SPEED] - limit
+
+        whole = self.times[fast + 1] - t
+        length = low = 1e-12 * whole
+        if above(low) > 0.0:
+            length = brentq(above, low, whole, xtol=1e-15 * whole, rtol=1e-14)
+        after = self.stepper.trial(self.mode, x, t, length)[: len(x)]
+        after[SPEED] = 0.0
+        self.times[fast + 1 :], self.states[fast + 1 :] = [t + length], [after]
+        return True
+
+    def finish(self, ended_by: GuardName | None) -> list[Slide]:
+        """All phases, the last one ended so.
+
+        Raises:
+            SimulationError: friction does not brake where the mass slides fastest.
+        """
+        self._close(ended_by)
+        _, mode, x, t = self._fastest
+        coefficient = self.stepper.coefficient(mode, x, t)
+        if coefficient < -LEAST:
+            raise SimulationError(
+                f"friction pushes at {self.start + t:.6g} s (coefficient {coefficient:.3g} at {abs(x[SPEED]):.3g} m/s):"
+                " a law has left its range; let friction fall less with speed and along the track"
+            )
+        return self.phases
+
+    def _begin_other(self) -> None:
+        """The next phase starts at the last node."""
+        t, s = self.times[-1], self.situated
+        self._since, self.times, self.states = t, [t], [self.states[-1]]
+        self.mode = MODES[1 - MODES.index(self.mode)]
+        force = s.normal_force + s.force_slope * t
+        self._begun = Situated(s.p, s.drive_speed, s.direction, force, s.force_slope, s.time + t)
+
+    def _close(self, ended_by: GuardName | None) -> None:
+        times, states, since = self.times, self.states, self._since
+        forwards = self.situated.direction
+        speeds = [forwards * state[SPEED] for state in states]
+        fastest = max(speeds)
+        if fastest > self._fastest[0]:
+            i = speeds.index(fastest)
+            self._fastest = (fastest, self.mode, states[i], times[i])
+        if since:
+            times = [t - since for t in times]
+        method, tolerances = self.stepper.method, self.machine.tolerances
+        begin = self.start + since
+        self.phases.append(Slide(self.mode, begin, self._begun, times, states, ended_by, method, tolerances))
+
+
+def _freed(machine: Machine, stepper: Stepper, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array:
+    """The state from which a slip starts that the last digits of the forces would hold back; x where it is more."""
+    first, through = machine.first[mode], machine.through
+    for moves in range(FREEING):
+        near = x.copy()
+        near[ELONGATION] += situated.direction * 2.0**moves * np.spacing(abs(x[ELONGATION]))
+        stepper.start(mode, near, situated, limit, first, through=through)
+        if stepper.speeding >= 0.0:
+            return near
+    stepper.start(mode, x, situated, limit, first, through=through)
+    return x
+
+
+def _unfinished(machine: Machine, mode: ModeName, start: float, reached: float, speed: float, most: int) -> str:
+    """Why a slide did not end, and what to do."""
+    if not speed < RUNAWAY * machine.scale.state[SPEED]:
+        return (
+            f"the {mode} phase at {start:.6g} s runs away (it reached {speed:.3g} m/s): friction falls with "
+            "speed without a floor; make the slope smaller, or take the law velocity_weakening"
+        )
+    return (
+        f"the {mode} phase at {start:.6g} s did not end within {most} steps (it reached {reached:.3g} s): "
+        "the motion is too stiff to follow; check mass, a and normal force"
+    )
+
+
+def _end(machine: Machine, stepper: Stepper, track: _Track, last: list[float]) -> GuardName:
+    """The guard that ends a slide; its last node lies there, with the guard exactly zero."""
+    mode, at = track.mode, stepper.places
+    if last[at.stop] == Stop.LOCATED:
+        ends = stepper.ends
+        guard = min(machine.exits[mode], key=lambda i: abs(ends[i] / (ends[N_GUARDS + i] or 1e-300)))
+    else:
+        x, t, h = last[: at.n], last[at.t], last[at.h]
+        row = stepper.trial(mode, x, t, h)[at.n + 1 :]
+        fallen = [i for i in machine.exits[mode] if row[i] < 0.0 or (row[i] == 0.0 and t > 0.0)]
+        length, guard = h, fallen[0]
+        if machine.locate:
+            length, guard = min((_from_zero(stepper, mode, x, t, h, i), i) for i in fallen)
+        track.times.append(t + length)
+        track.states.append(stepper.trial(mode, x, t, length)[: at.n] if length > 0.0 else x)
+    after, clamped = track.states[-1], machine.model.clamped
+    if GUARDS[guard] == "speed":
+        after[SPEED] = 0.0
+    elif GUARDS[guard] == "clearance" and clamped is not None:
+        after[clamped] = machine.model.states[clamped].lower or 0.0
+    return GUARDS[guard]
+
+
+def _from_zero(stepper: Stepper, mode: ModeName, x: list[float], t: float, h: float, guard: int) -> float:
+    """The length within (0, h] of a step at which a guard that may start at zero falls to zero."""
+    at = stepper.places.n + 1 + guard
+
+    def value(length: float) -> float:
+        return stepper.trial(mode, x, t, length)[at]
+
+    low = next((f * h for f in np.geomspace(0.5, 1e-12, 20).tolist() if value(f * h) > 0.0), 0.0)
+    return float(brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14)) if low > 0.0 else 0.0

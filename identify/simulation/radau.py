@@ -1,0 +1,128 @@
+"""Radau IIA collocation with three stages: implicit, order 5, stiffly accurate, for motions with fast decays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from identify.simulation.interface import Expression, Method, Scale, largest
+
+# Hairer and Wanner, Solving Ordinary Differential Equations II (2nd ed., 1996), section IV.8.
+S6 = 6**0.5
+NODES = np.array([(4 - S6) / 10, (4 + S6) / 10, 1.0])
+REAL = 3 + 3 ** (2 / 3) - 3 ** (1 / 3)  # the eigenvalues of the inverse coefficient matrix: one real, one pair
+PAIR = 3 + 0.5 * (3 ** (1 / 3) - 3 ** (2 / 3)), -0.5 * (3 ** (5 / 6) + 3 ** (7 / 6))
+FORWARD = np.array(
+    [
+        [0.09443876248897524, -0.14125529502095421, 0.03002919410514742],
+        [0.25021312296533332, 0.20412935229379994, -0.38294211275726192],
+        [1.0, 1.0, 0.0],
+    ]
+)
+BACK = np.array(
+    [
+        [4.17871859155190428, 0.32768282076106237, 0.52337644549944951],
+        [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
+        [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
+    ]
+)
+ERROR = np.array([-13 - 7 * S6, -13 + 7 * S6, -1.0]) / 3
+# Row i: coefficients of share, share^2, share^3 of the polynomial that is one at node i, zero at 0 and the others.
+LAGRANGE = np.linalg.inv(NODES[:, None] ** np.arange(1, 4)).T
+INSIDE = 0.4  # of a step, between two nodes: where its polynomial is farthest from the motion, nearly
+NEWTON_STEPS = 8
+SOLVED = 0.1  # a stage may be wrong by that share of what the step may be
+
+
+@dataclass(frozen=True)
+class Radau(Method):
+    """Three collocation points, the last at the end of the step.
+
+    The stage equations are solved by a fixed number of simplified Newton steps with the exact Jacobian at the start;
+    a step whose last correction is not small against the tolerance is refused like one with a large error.
+    """
+
+    name: str = "radau"
+    order: int = 5
+    measured: int = 4
+    says: str = "implicit collocation, stiffly accurate"
+    source: str = "Radau IIA, Hairer and Wanner II, IV.8"
+    trials: int = 8
+
+    def step(
+        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
+    ) -> tuple[Expression, Expression]:
+        """One step; the error is filtered through the real factor, so that fast decays do not inflate it.
+
+        What follows the drive at once has no such error at the end of a step, but inside it: there the polynomial is
+        held against the motion, so that samples are as good as nodes.
+        """
+        z, move, real_inverse = self._stages(rate, x, constants, t, h)
+        after = x + z[:, 2]
+        tolerated = scale(after)
+        error = real_inverse @ (rate(x, constants, t) + z @ (ERROR / h))
+        inside = x + z @ (LAGRANGE @ INSIDE ** np.arange(1, 4))
+        defect = real_inverse @ (
+            rate(inside, constants, t + INSIDE * h) - z @ (LAGRANGE @ (np.arange(1, 4) * INSIDE ** np.arange(3)) / h)
+        )
+        norm = ca.fmax(largest(error, tolerated), largest(defect, tolerated))
+        return after, ca.fmax(norm, largest(move[:, 2], SOLVED * tolerated))
+
+    def within(
+        self,
+        rate: ca.Function,
+        x: Expression,
+        constants: Expression,
+        t: Expression,
+        h: Expression,
+        part: Expression,
+        scale: Scale,
+        after: Expression,
+    ) -> Expression:
+        """The collocation polynomial of the whole step: a part of an implicit step need not be good, for it may
+        show what the whole one has damped away.
+
+        Newton's steps may find their way in the step itself and, a last digit apart, not find it again: then it is the
+        cubic through both ends, with the rates there.
+        """
+        z, share = self._stages(rate, x, constants, t, h)[0], part / h
+        curve = x + z @ ca.vertcat(*(share * (a + share * (b + share * c)) for a, b, c in LAGRANGE.tolist()))
+        first, last = (h * rate(*at) for at in ((x, constants, t), (after, constants, t + h)))
+        bent = (first + last - 2 * (after - x)) * share
+        cubic = x + share * (first + share * (3 * (after - x) - 2 * first - last + bent))
+        return ca.if_else(largest(x + z[:, 2] - after, scale(after)) <= 1, curve, cubic)
+
+    @staticmethod
+    def _stages(
+        rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression
+    ) -> tuple[Expression, Expression, Expression]:
+        """Moves from x to the three stages (n_x, 3), what the last Newton step moved them by, and the inverse of the
+        real factor."""
+        n, slope = x.numel(), _slope(rate)(x, constants, t)
+        one = ca.SX.eye(n)
+        real = REAL / h * one - slope
+        mixed = ca.vertcat(
+            ca.horzcat(PAIR[0] / h * one - slope, -PAIR[1] / h * one),
+            ca.horzcat(PAIR[1] / h * one, PAIR[0] / h * one - slope),
+        )
+        real_inverse, mixed_inverse = ca.inv(real), ca.inv(mixed)
+        z = ca.SX.zeros(n, 3)
+        move = z
+        for _ in range(NEWTON_STEPS):
+            rates = [rate(x + z[:, i], constants, t + NODES[i] * h) for i in range(3)]
+            turned, w = ca.horzcat(*rates) @ BACK.T, z @ BACK.T
+            first = turned[:, 0] - REAL / h * w[:, 0]
+            second = turned[:, 1] - (PAIR[0] * w[:, 1] - PAIR[1] * w[:, 2]) / h
+            third = turned[:, 2] - (PAIR[1] * w[:, 1] + PAIR[0] * w[:, 2]) / h
+            pair = mixed_inverse @ ca.vertcat(second, third)
+            move = ca.horzcat(real_inverse @ first, pair[:n], pair[n:]) @ FORWARD.T
+            z = z + move
+        return z, move, real_inverse
+
+
+def _slope(rate: ca.Function) -> ca.Function:
+    """d rate/dx of (x, constants, t)."""
+    inputs = [ca.SX.sym(name, rate.numel_in(i)) for i, name in enumerate(("x", "c", "t"))]
+    return ca.Function("slope", inputs, [ca.densify(ca.jacobian(rate(*inputs), inputs[0]))])

@@ -1,0 +1,194 @@
+"""How long a resting mass stays at rest: the first time at which the drive overcomes the grip.
+
+Where the spare grip (grip minus pull) is concave in time, as it is for a steady drive and a contact that
+saturates, Newton's method from the far end meets the only zero; anything else is scanned (`crossing`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.compiled import compiled
+from identify.base.crossing import Course, first_zero
+from identify.model.model import Model
+from identify.simulation.situated import Situated
+
+Array = NDArray[np.float64]
+
+LANES = (64, 8, 1)  # times of one call: of many, of some, of the last ones
+_BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
+NEWTON_STEPS = 60
+SPARE, SLOPE, PULL, RESTED = 0, 1, 2, 3  # places in a row
+APART = 4.0  # motions of the drive whose frequencies are closer than that are looked at together
+MARGIN = 1e-12  # of the force of what is left out of a bound
+
+
+@lru_cache(maxsize=32)
+def _functions(model: Model) -> tuple[ca.Function, ca.Function, list[ca.Function], list[ca.Function]]:
+    """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), and the
+    largest second derivative of the spare grip; for each number of LANES, of so many times the spare grip, and that
+    under shares (n_w,) of what oscillates."""
+    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
+    p, drive = c[:-5], c[-5:]
+    u = ca.vertcat(drive[0], drive[2] + drive[3] * t, 1, drive[4] + t)
+    rested = model.rest(x, p, u, t)
+    pull = model.driving_force(rested, p, u)
+    spare = model.grip(rested, p, u) - ca.fabs(pull)
+    slope = ca.jacobian(spare, t)
+    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(spare, slope, pull, rested)))])
+
+    def many(name: str, value: ca.SX, *more: ca.SX) -> list[ca.Function]:
+        one = ca.Function(name, [x, c, t, *more], [ca.cse(ca.densify(value))])
+        return [one.map(lanes, [True, True, False, *(True for _ in more)], [False]) for lanes in LANES]
+
+    shares = ca.SX.sym("shares", model.waves.numel_out(0))
+    partly = model.grip(rested, p, u) - ca.fabs(model.pulled(x, p, u, t, shares))
+    bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(slope, t))])
+    times = ca.SX.sym("times", _BENDS.size)
+    largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
+    bends = ca.Function("bends", [x, c, times], [ca.cse(largest)])
+    return row, bends, many("spare", spare), many("partly", partly, shares)
+
+
+class Resting:
+    """Rests of one model; holds buffers, so one at a time uses it: see `borrowed`."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
+        self._t, self._bends = np.zeros(1), np.zeros(_BENDS.size)
+        self._times, self._shares = [np.zeros(lanes) for lanes in LANES], np.zeros(model.waves.numel_out(0))
+        row, bend, spare, partly = _functions(model)
+        self._row, self._bend = compiled(row), compiled(bend)
+        self._spare, self._partly = [compiled(f) for f in spare], [compiled(f) for f in partly]
+        self._row.bind([self._x, self._c, self._t])
+        self._bend.bind([self._x, self._c, self._bends])
+        for whole, part, times in zip(self._spare, self._partly, self._times, strict=True):
+            whole.bind([self._x, self._c, times])
+            part.bind([self._x, self._c, times, self._shares])
+        self._oscillates = model.vibrates
+
+    def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
+        """Rest from x (n_x,), its speed zero, for at most `limit` [s].
+
+        Returns:
+            when the grip is overcome [s] (0: at once; None: not before the limit), the state then or at the limit
+            (n_x,), the pull of the drive there [N].
+
+        Raises:
+            SimulationError: too fast a vibration to be looked at.
+        """
+        self._x[:] = x
+        self._c[:-5], self._c[-5:] = situated.p, situated.numbers
+        if self._at(0.0)[SPARE] <= 0.0:
+            return 0.0, x, float(self._row()[PULL])
+        onset = None
+        if limit > 0.0:
+            onset = self._by_newton(limit) if self._concave(limit) else self._by_scan(situated.p, limit)
+        row = self._at(limit if onset is None else onset)
+        return onset, row[RESTED:].copy(), float(row[PULL])
+
+    def _at(self, t: float) -> Array:
+        self._t[0] = t
+        return self._row()
+
+    def _concave(self, limit: float) -> bool:
+        """Whether the spare grip bends downwards throughout."""
+        if self._oscillates:
+            return False
+        np.multiply(_BENDS, limit, out=self._bends)
+        return bool(self._bend()[0] <= 0.0)
+
+    def _by_newton(self, limit: float) -> float | None:
+        """The only zero of a concave function that is positive at time zero, from the right."""
+        t, last = limit, np.inf
+        for _ in range(NEWTON_STEPS):
+            row = self._at(t)
+            value, slope = float(row[SPARE]), float(row[SLOPE])
+            if t == limit and value > 0.0:
+                return None
+            step = value / slope if slope < 0.0 else 0.0
+            # Beyond the last digits the steps no longer shrink, or change sign.
+            if step <= 1e-15 * t or (step >= last and step <= 1e-12 * limit):
+                return max(t - max(step, 0.0), 0.0)
+            t, last = max(t - step, 0.0), step
+        return t
+
+    def _by_scan(self, p: Array, limit: float) -> float | None:
+        *below, whole = courses(self.model, p, self._spares)
+        return first_zero(whole, limit, below)
+
+    def _spares(self, times: Array, shares: Array | None) -> Array:
+        """Spare grip [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
+        calls, out, first = self._spare if shares is None else self._partly, np.empty(times.size), 0
+        if shares is not None:
+            self._shares[:] = shares
+        for lanes, call, buffer in zip(LANES, calls, self._times, strict=True):
+            while times.size - first >= lanes:
+                buffer[:] = times[first : first + lanes]
+                out[first : first + lanes] = call()
+                first += lanes
+        return out
+
+
+_IDLE: dict[Model, list[Resting]] = {}
+
+
+def borrowed(model: Model) -> Resting:
+    """Rests nobody uses: some that were given back, or new ones."""
+    idle = _IDLE.get(model)
+    return idle.pop() if idle else Resting(model)
+
+
+def give_back(rests: Resting) -> None:
+    """Let others use them."""
+    _IDLE.setdefault(rests.model, []).append(rests)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The spare grip under shares (n_w,) of what oscillates, less the forces [N] of the rest of it; its period [s]."""
+
+    shares: Array
+    less: float
+    period: float
+
+
+def bounds(model: Model, p: Array) -> list[Bound]:
+    """Bounds of the spare grip from below: without what oscillates, then with more and more of it, slow first."""
+    if not model.vibrates:
+        return []
+    forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
+    order = [i for i in np.argsort(omegas).tolist() if forces[i] > 0.0]
+    out, shares, period = [], np.zeros(forces.size), np.inf
+    for before, i in zip([None, *order], order, strict=False):
+        if before is None or omegas[i] > APART * omegas[before]:
+            less = (1.0 + MARGIN) * float(np.sum(forces[shares == 0.0]))
+            out.append(Bound(shares.copy(), less, period))
+        shares[i], period = 1.0, 2.0 * np.pi / float(omegas[i])
+    return out
+
+
+def courses(model: Model, p: Array, spares: Callable[[Array, Array | None], Array]) -> list[Course]:
+    """The spare grip and its bounds, the smooth one first, itself last.
+
+    Args:
+        spares: (times [s], shares (n_w,) of what oscillates, None for all) -> spare grip [N].
+    """
+    below = [Course(lambda t, b=b: spares(t, b.shares) - b.less, b.period) for b in bounds(model, p)]  # type: ignore[misc]
+    return [*below, Course(lambda t: spares(t, None), swing(model, p)[0])]
+
+
+def swing(model: Model, p: Array) -> tuple[float, float]:
+    """Shortest period [s] of what oscillates in the drive (infinite without), bound of its force on the contact [N]."""
+    if not model.vibrates:
+        return np.inf, 0.0
+    forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
+    moving = forces > 0.0
+    return (2.0 * np.pi / float(np.max(omegas[moving])), float(np.sum(forces))) if moving.any() else (np.inf, 0.0)

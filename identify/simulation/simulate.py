@@ -1,0 +1,204 @@
+"""Run the hybrid model forward: stick, slip and saturated contact with located switches, no smoothing.
+
+The friction law is used as it stands (eqs. 1, 2, 5, 6): a mass at rest stays at rest until the drive
+overcomes the grip, and the sign function is never smoothed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.base.errors import SimulationError
+from identify.model.model import SPEED, Model
+from identify.model.modes import ModeName
+from identify.simulation.admission import admit
+from identify.simulation.drive import Drive, NormalForce, breaks
+from identify.simulation.initial import initial_states
+from identify.simulation.machine import Machine
+from identify.simulation.methods import Method
+from identify.simulation.phases import MAX_STEPS, Phase, rest, slide
+from identify.simulation.plan import ACCURACY, SAFETY, Plan, accuracy_for, only, plan
+from identify.simulation.quasistatic import balanced
+from identify.simulation.scales import scales
+from identify.simulation.situated import Situated
+from identify.simulation.trajectory import Second, Trajectory
+
+if TYPE_CHECKING:
+    from identify.scene import Scene
+
+Array = NDArray[np.float64]
+
+MAX_PHASES = 2_000_000
+STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
+STALLED = 1000  # rests and slides within one natural time: chatter, refused by name
+
+
+def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: float, x: Array) -> Iterator[Phase]:
+    """The phases of the motion from state x (n_x,), one by one, until `duration` [s].
+
+    Raises:
+        SimulationError: chatter (stick and slip without time passing), or a slip that cannot be integrated.
+    """
+    model, p = machine.model, machine.p
+    ends = breaks(drive, normal_force, duration)
+    t, segment, steps, marked, longest = 0.0, 0, MAX_STEPS, -np.inf, 0.0
+    mode: ModeName = "stick"
+    direction = float(np.sign(x[SPEED])) or 1.0
+    if x[SPEED] != 0.0:
+        force, slope = normal_force.line(0.0)
+        mode = machine.begins(Situated(p, drive.at(0.0), direction, force, slope), x)
+    made: Sequence[Phase]
+    for number in range(MAX_PHASES):
+        force, slope = normal_force.line(t)
+        situated = Situated(p, drive.at(t), direction, force, slope, t)
+        limit = max(float(ends[segment]) - t, 0.0)
+        if mode == "stick":
+            stick = rest(machine.rests, x, situated, t, limit)
+            direction, made = -1.0 if stick.pull < 0.0 else 1.0, (stick,)
+        else:
+            made = slide(machine, mode, x, situated, t, limit, most=steps)
+            steps = min(MAX_STEPS, steps - sum(len(phase.times) for phase in made) + STEPS_PER_PHASE)
+        phase = made[-1]
+        end, longest = phase.start + phase.duration, max(longest, phase.duration)
+        if number % STALLED == STALLED - 1:
+            if t - marked < machine.scale.time:
+                raise SimulationError(_chatter(t, longest))
+            marked, longest = t, 0.0
+        yield from (phase for phase in made if phase.duration > 0.0)
+        t, x, mode = end, phase.end, phase.mode
+        if phase.ended_by is None:
+            t, segment = float(ends[segment]), segment + 1
+            if segment == ends.size:
+                return
+        elif mode == "stick":
+            mode = "slip"
+        else:
+            mode = machine.following[mode][phase.ended_by]
+            if mode == "stick" and model.jumps:
+                x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
+    raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+
+
+def _chatter(t: float, longest: float) -> str:
+    """Why time does not pass at t [s], where no phase is longer than that [s], and what to do."""
+    if longest > 0.0 and t + longest == t:
+        return (
+            f"at {t:.6g} s slips of {longest:.3g} s are less than the last digit of the time: the rest before them is "
+            "too long for their forces to be told; start shortly before the onset, with the elongation it has there"
+        )
+    return (
+        f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
+        "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
+    )
+
+
+def run(
+    model: Model,
+    values: dict[str, float],
+    drive: float | Drive | tuple[tuple[float, float], ...],
+    normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike],
+    duration: float,
+    *,
+    start: dict[str, float] | None = None,
+    accuracy: float = ACCURACY,
+    rtol: float | None = None,
+    method: Method | None = None,
+    locate: bool = True,
+) -> Trajectory:
+    """Simulate a model for `duration` [s].
+
+    Args:
+        values: every parameter of the model by name, SI.
+        drive: drive speed [m/s], or a programme of (start [s], speed [m/s]).
+        normal_force: [N], or (times [s], values [N]), piecewise linear.
+        start: initial states by name; left out: at rest, spring unloaded, fresh contact.
+        accuracy: relative error of switch times and forces that is tolerated; method and steps follow from it.
+        rtol: relative tolerance of one step, instead of what follows from `accuracy`.
+        method: one method for all sliding, with `rtol`; for comparisons.
+        locate: see `Machine`.
+
+    Raises:
+        SimulationError: what the model refuses, by name.
+    """
+    admit(model, values, duration, start or {})
+    if not 0.0 < accuracy < 1.0:
+        raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
+    p = np.array([values[name] for name in model.parameter_names])
+    initial = start or {}
+    x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
+    programme, load = Drive.of(drive), NormalForce.of(normal_force)
+    if model.balance is not None:
+        step = rtol or accuracy / SAFETY
+        return balanced(model, p, programme, load, duration, x, rtol=step, accuracy=accuracy, locate=locate)
+    scale = scales(model, p, float(load.at(0.0)))
+    steps = plan(model, p, scale, accuracy, steady=len(load.times) == 1)
+    if rtol is not None:
+        steps = replace(steps, rtol=rtol)
+    if method is not None:
+        steps = only(model, method, steps.rtol)
+
+    def motion(steps: Plan) -> tuple[Phase, ...]:
+        machine = Machine(model, p, scale, steps, locate=locate)
+        try:
+            return tuple(phases(machine, programme, load, duration, x))
+        finally:
+            machine.close()
+
+    def made(steps: Plan) -> Trajectory:
+        other, share = steps.other()
+        second = Second(lambda: made(other), share, other.rtol < steps.rtol)
+        return Trajectory(model, motion(steps), duration, accuracy, second)
+
+    return made(steps)
+
+
+def simulate(
+    scene: Scene,
+    duration: float,
+    *,
+    drive: float | Drive | tuple[tuple[float, float], ...] | None = None,
+    normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
+    accuracy: float | None = None,
+    noise: float | None = None,
+    rtol: float | None = None,
+) -> Trajectory:
+    """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
+
+    The course of the normal force counts where the effect varying_normal_force is on, else its mean over the
+    duration.
+
+    Args:
+        drive, normal_force: replace those of the scene's rig; units and forms as in `run`.
+        accuracy: relative error of switch times and forces that is tolerated; None: an order below the noise,
+            `ACCURACY` where there is none.
+        noise: that the record is to carry [N]; None: what the scene says.
+
+    Raises:
+        SimulationError: no drive speed or normal force is given, or what the model refuses.
+        SceneError: the effects are still to be chosen, or one of them is outside its measured range.
+    """
+    speed = scene.rig.drive_speed if drive is None else drive
+    force = scene.rig.normal_force if normal_force is None else normal_force
+    if speed is None:
+        raise SimulationError("the scene has no drive speed; give drive_speed under [rig]")
+    if force is None:
+        raise SimulationError("the scene has no normal force; give normal_force under [rig]")
+    model, values = scene.model, scene.values()
+    course, programme = NormalForce.of(force), Drive.of(speed)
+    load = course if model.follows_load else NormalForce.of(course.mean(0.0, duration))
+    scene.check_ranges(
+        None, tuple(zip(programme.starts, programme.speeds, strict=True)), (min(load.values), max(load.values))
+    )
+    u = np.array([programme.at(0.0), float(load.at(0.0)), 1.0, 0.0])
+    p = np.array([values[name] for name in model.parameter_names])
+    start = initial_states(model, p, u, asdict(scene.initial))
+    if accuracy is None:
+        accuracy = accuracy_for(
+            scene.rig.noise if noise is None else noise, max(values["mu_s"], values["mu_k0"]) * max(load.values)
+        )
+    return run(model, values, programme, load, duration, start=start, accuracy=accuracy, rtol=rtol)

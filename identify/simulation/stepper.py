@@ -1,0 +1,190 @@
+"""Steps of one scene with one method: the compiled trials and bursts with their buffers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base import native
+from identify.base.compiled import Compiled, compiled
+from identify.model.model import Model
+from identify.model.modes import GUARDS, ModeName, sliding_modes
+from identify.simulation.bursts import DIPS, MODES, Pace, burst
+from identify.simulation.methods import Method
+from identify.simulation.situated import Situated
+from identify.simulation.stepping import N_GUARDS, coefficient, ends, trial
+
+Array = NDArray[np.float64]
+
+SOME = 100  # bursts: before them nobody looks for machine code
+MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
+
+
+class _Bursts:
+    """The bursts of one model and method, bound to the buffers of a stepper."""
+
+    def __init__(self, model: Model, method: Method, steady: bool, buffers: Sequence[Array]) -> None:
+        self._kind, self._buffers = (model, method, steady), buffers
+        self._function = burst(model, method, steady)
+        self._call = self._bound(self._function)
+        self._count, self._ask = 0, SOME
+        self.hastened = False
+
+    def _bound(self, function: ca.Function) -> Compiled:
+        made = compiled(function)
+        made.bind(self._buffers)
+        return made
+
+    def __call__(self) -> Array:
+        self._count += 1
+        return self._call()
+
+    def hasten(self) -> None:
+        """Take the machine code of the bursts where it is there, and have it made where they are used much: the same
+        numbers sooner.
+        """
+        if self.hastened or self._count < self._ask:
+            return
+        key = _key(*self._kind)
+        found = None if key is None else native.find(key, self._function.name())
+        if found is not None:
+            self._call = self._bound(found)
+        elif key is not None and self._count >= MUCH and not native.busy():
+            native.start([(self._function, key)])
+        self.hastened = found is not None or key is None
+        self._ask = MUCH if self._count < MUCH else self._count + MUCH
+
+
+class Stepper:
+    """Steps one model with one method; holds buffers, so one at a time uses it: see `borrowed`."""
+
+    def __init__(self, model: Model, method: Method) -> None:
+        self.model, self.method = model, method
+        self.places = Pace(len(model.states))
+        n = self.places.n
+        self._z, self._xth = np.zeros(self.places.size), np.zeros(n + 2)
+        self._bounds, self._constants = np.zeros(6), np.zeros(len(model.parameters) + 5)
+        self._tolerances = np.zeros(n + 1)
+        x, t = self._xth[:-2], self._xth[-2:-1]
+        self._trials: dict[ModeName, Compiled] = {}
+        self._ends: dict[ModeName, Compiled] = {}
+        self._coefficients: dict[ModeName, Compiled] = {}
+        for mode in sliding_modes(model.clamped is not None):
+            self._trials[mode] = compiled(trial(model, method, mode))
+            self._trials[mode].bind([self._xth, self._constants, self._tolerances])
+            self._ends[mode] = compiled(ends(model, mode))
+            self._ends[mode].bind([self._z[:n], self._constants, np.zeros(1)])
+            self._coefficients[mode] = compiled(coefficient(model, mode))
+            self._coefficients[mode].bind([x, self._constants, t])
+        self._bursts: dict[bool, _Bursts] = {}  # under a normal force that stands still, and under one that changes
+        self._at_work: _Bursts  # those of the slide that was begun last
+
+    def _bursts_for(self, *, steady: bool) -> _Bursts:
+        if steady not in self._bursts:
+            bound = [self._z, self._bounds, self._constants, self._tolerances]
+            self._bursts[steady] = _Bursts(self.model, self.method, steady, bound)
+        return self._bursts[steady]
+
+    def hasten(self) -> None:
+        """See `_Bursts.hasten`."""
+        for bursts in self._bursts.values():
+            bursts.hasten()
+
+    def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
+        """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
+        [s], farthest way [m], whether switches are located (else a burst stops at the step that passes one).
+        """
+        self._constants[:-5] = p
+        self._tolerances[:] = tolerances
+        longest, shortest, farthest, locate = bounds
+        self._bounds[1:5] = longest, shortest, float(locate), farthest
+
+    def start(
+        self, mode: ModeName, x: Array | list[float], situated: Situated, limit: float, h: float, *, through: bool
+    ) -> None:
+        """Begin to slide in a mode from x (n_x,) with a step of length h [s]; it may last `limit` [s].
+
+        Args:
+            through: whether to go on in the other mode of sliding.
+        """
+        self._constants[-5:] = situated.numbers
+        self._at_work = self._bursts_for(steady=situated.force_slope == 0.0)
+        self._bounds[0], self._bounds[-1] = limit, through
+        z, n = self._z, self.places.n
+        z[:n] = x
+        ends = self._ends[mode]().tolist()
+        z[n:] = [0.0, MODES.index(mode), 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS, *ends, 2 * MODES.index(mode)]
+
+    @property
+    def speeding(self) -> float:
+        """How fast the speed along the direction of slip rises at the last node [m/s^2]."""
+        return self.ends[N_GUARDS + GUARDS.index("speed")]
+
+    def go_on(self) -> list[list[float]]:
+        """Several trials from where the last call stopped: rows of state, time, mode, stop and h as in `Pace`, the last
+        one where it stopped."""
+        rows = self._at_work().reshape(self.method.trials, -1)
+        self._z[:] = rows[-1]
+        stopped = int(np.count_nonzero(rows[:, self.places.stop]))
+        return rows[: len(rows) - stopped + 1, : self.places.n + 4].tolist()
+
+    @property
+    def ends(self) -> list[float]:
+        """Guards and their slopes at the last node."""
+        return self._z[self.places.ends].tolist()
+
+    def trial(self, mode: ModeName, x: list[float], t: float, h: float) -> list[float]:
+        """A step of length h [s] from x at time t [s]: state after, error norm, guards, their slopes."""
+        n = self.places.n
+        self._xth[:n], self._xth[n], self._xth[n + 1] = x, t, h
+        return self._trials[mode]().tolist()
+
+    def coefficient(self, mode: ModeName, x: list[float], t: float) -> float:
+        """Friction coefficient in state x at time t [s], positive where friction brakes."""
+        self._xth[:-2], self._xth[-2] = x, t
+        return float(self._coefficients[mode]()[0])
+
+
+_IDLE: dict[tuple[Model, Method], list[Stepper]] = {}
+
+
+def borrowed(model: Model, method: Method) -> Stepper:
+    """A stepper nobody uses: one that was given back, or a new one."""
+    idle = _IDLE.get((model, method))
+    return idle.pop() if idle else Stepper(model, method)
+
+
+def give_back(stepper: Stepper) -> None:
+    """Let others use it."""
+    stepper.hasten()
+    _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)
+
+
+@lru_cache(maxsize=64)
+def _key(model: Model, method: Method, steady: bool) -> str | None:
+    return native.key(burst(model, method, steady))
+
+
+def forget() -> None:
+    """Let go of the steppers nobody uses: new ones look again for machine code."""
+    _IDLE.clear()
+    _key.cache_clear()
+
+
+def hastened(model: Model, method: Method, *, steady: bool = True) -> bool:
+    """Wait until the bursts of a model and a method are machine code; False where there is no compiler.
+
+    Args:
+        steady: those under a normal force that stands still.
+    """
+    function, key = burst(model, method, steady), _key(model, method, steady)
+    if key is None:
+        return False
+    native.start([(function, key)])
+    native.wait()
+    _IDLE.pop((model, method), None)
+    return native.find(key, function.name()) is not None

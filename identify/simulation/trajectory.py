@@ -1,0 +1,152 @@
+"""A simulated motion, and its samples at any times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identify.base.errors import SimulationError
+from identify.model.model import Model
+from identify.simulation.averaging import averaged, rest_edges
+from identify.simulation.phases import Phase, Slide
+from identify.simulation.samples import moments
+
+Array = NDArray[np.float64]
+
+LAST_DIGITS = 1e-13  # no estimate says less
+COMPARED = 2000  # times at which forces are compared
+
+
+@dataclass(frozen=True)
+class Achieved:
+    """Estimated relative errors: of switch times, against the mean time between onsets (the duration, with fewer than
+    two); of forces, against the largest one. Infinite where another tolerance leads to other switches."""
+
+    switches: float
+    forces: float
+
+
+@dataclass(frozen=True)
+class Second:
+    """Another run of the same scene, the share of the distance to it that is the first one's error, and whether it is
+    the finer one of the two."""
+
+    run: Callable[[], Trajectory]
+    share: float
+    finer: bool
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated motion: its phases in order, and everything that can be sampled from them.
+
+    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for.
+    """
+
+    model: Model
+    phases: Sequence[Phase]
+    duration: float
+    accuracy: float | None = None
+    second: Second | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def achieved(self) -> Achieved | None:
+        """The error as far as it can be told without a truth: from a second run with another tolerance, made when
+        this is first asked for. None where no second run is known."""
+        if self.second is None:
+            return None
+        apart = distance(self, self._other)
+        share = self.second.share
+        return Achieved(share * apart.switches + LAST_DIGITS, share * apart.forces + LAST_DIGITS)
+
+    @cached_property
+    def _other(self) -> Trajectory:
+        assert self.second is not None
+        return self.second.run()
+
+    def refined(self) -> Trajectory:
+        """The same scene as finely as its accuracy asks for: this motion where its estimated errors are within the
+        accuracy, else one with tighter tolerances; where none gets there the tightest, whose `achieved` says so.
+
+        A motion that nearly does two things needs more than a plan can know beforehand.
+        """
+        found = self.achieved
+        if found is None or self.accuracy is None or self.second is None or not self.second.finer:
+            return self
+        enough = found.switches <= self.accuracy and found.forces <= self.accuracy
+        return self if enough else self._other.refined()
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the integration methods at work, in the order in which they came into play."""
+        return tuple(dict.fromkeys(phase.method.name for phase in self.phases if isinstance(phase, Slide)))
+
+    @cached_property
+    def onsets(self) -> Array:
+        """Times at which a resting mass is set in motion [s]."""
+        return np.array([p.start + p.duration for p in self.phases if p.mode == "stick" and p.ended_by])
+
+    @cached_property
+    def arrests(self) -> Array:
+        """Times at which a sliding mass comes to rest [s]."""
+        return np.array([p.start + p.duration for p in self.phases if p.mode != "stick" and p.ended_by == "speed"])
+
+    @cached_property
+    def saturations(self) -> Array:
+        """Times at which the bounded state (gamma) reaches its lower bound [s]."""
+        return np.array([p.start + p.duration for p in self.phases if p.ended_by == "clearance"])
+
+    def sample(self, times: ArrayLike) -> dict[str, Array]:
+        """The motion at rising `times` (n,) [s] within the simulation.
+
+        Returns:
+            arrays (n,): "force" (what the load cell shows, averaged where it averages) [N], one per state of the model
+            ("elongation" [m], "sliding_speed" [m/s], "gamma"), "normal_force" [N], "coefficient" (friction force of
+            the contact over normal force), "sliding" (1 in slip, 0 in stick).
+
+        Raises:
+            SimulationError: times outside the simulation.
+        """
+        t = np.atleast_1d(np.asarray(times, float))
+        if t.size and (t[0] < 0.0 or t[-1] > self.duration * (1 + 1e-12)):
+            raise SimulationError(f"asked for {t[0]:.6g} to {t[-1]:.6g} s of a simulation of {self.duration:.6g} s")
+        out = self._moments(t)
+        span = float(np.array(self.model.averaging(self.phases[0].situated.p)).item())
+        if span > 0.0:
+            out["force"] = averaged(lambda at: self._moments(at)["force"], self._edges, t, span)
+        return out
+
+    @cached_property
+    def _edges(self) -> Array:
+        """Times between which the force is smooth [s]."""
+        p = self.phases[0].situated.p
+        rates, omegas = (np.array(f(p)).ravel() for f in (self.model.decays, self.model.waves))
+        inner = [p.start + (rest_edges(p.duration, rates, omegas) if p.mode == "stick" else p.t) for p in self.phases]
+        return np.unique(np.concatenate([[0.0, self.duration], *inner]))
+
+    def _moments(self, t: Array) -> dict[str, Array]:
+        """The samples at rising times t (n,) [s], the force of the moment."""
+        return moments(self.model, self.phases, t)
+
+
+def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
+    """How far two motions of the same scene are apart, as `Achieved` measures it."""
+    period = trajectory.duration / max(trajectory.onsets.size, 1)
+    kinds = ("onsets", "arrests", "saturations")
+    pairs = [(getattr(trajectory, kind), getattr(other, kind)) for kind in kinds]
+    if any(ours.size != theirs.size for ours, theirs in pairs):
+        return Achieved(np.inf, np.inf)
+    apart = max((float(np.max(np.abs(a - b))) for a, b in pairs if a.size), default=0.0)
+    # Where a drive speed or a switch makes the force jump or bend, a shift in time is not an error of the force.
+    starts = np.array([phase.start for phase in trajectory.phases[1:]])
+    times = np.linspace(0.0, trajectory.duration, COMPARED)
+    beside = np.searchsorted(starts, times)
+    edges = np.concatenate([[-np.inf], starts, [np.inf]])
+    times = times[np.minimum(times - edges[beside], edges[beside + 1] - times) > 2.0 * apart]
+    ours, theirs = (motion.sample(times)["force"] for motion in (trajectory, other))
+    largest = float(np.max(np.abs(ours), initial=0.0)) or 1.0
+    return Achieved(apart / period, float(np.max(np.abs(ours - theirs), initial=0.0)) / largest)

@@ -1,0 +1,275 @@
+"""What each group does at the common operating points: stick-slip, its probability and size, the way to its end.
+
+The nonlinear model is asked at the pooled means. Intervals of the mean carry the covariance of the pooled parameters,
+widened as Student's t asks for few people; what one more run of one more person would do carries the scatter between
+people and runs as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.level import LEVEL, NORMAL
+from identify.base.quantiles import student, student_below
+from identify.prediction.outlook import OperatingPoint, outlooks
+from identify.prediction.sliding import slidings
+from identify.studies.compare import Comparison
+from identify.studies.joint import Joint, Together
+from identify.studies.points import Common
+from identify.studies.pooled import predictive
+
+Array = NDArray[np.float64]
+Document = Mapping[str, Any]
+
+MOST_GROUPS = 12
+LEAST_DF = 1.0
+CURVE_POINTS = 41
+AMPLITUDE_POINTS = 15
+STEP = 1e-5
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of a group: value in SI, interval of the mean and interval of 95 % of people and runs (None: open
+    or none), and what there is to say."""
+
+    value: float | None
+    interval: tuple[float, float] | None = None
+    people: tuple[float, float] | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class AtSpeed:
+    """A group at one drive speed [m/s]: outcome in words of the model, fall of the force from peak to valley [N],
+    period [s], probability that one more run of one more person sticks and slips, and drive speed at which stick-slip
+    ends over this one."""
+
+    speed: float
+    outcome: str
+    fall: Figure
+    period: Figure
+    probability: float | None
+    margin: Figure
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve over drive speed [m/s] with the band of its mean and the band of people and runs, NaN where none."""
+
+    speed: Array
+    value: Array
+    low: Array
+    high: Array
+    people_low: Array
+    people_high: Array
+
+
+@dataclass(frozen=True)
+class GroupAnswer:
+    """What a group does; `reason` says why where there is no answer."""
+
+    group: str
+    critical_speed: Figure
+    at: tuple[AtSpeed, ...]
+    friction: Curve | None
+    amplitude: Curve | None
+    reason: str = ""
+
+
+NOTHING = Figure(None)
+
+
+def group_answers(comparison: Comparison, ground: Common) -> tuple[GroupAnswer, ...]:
+    """The answers of every group, in natural order; the first MOST_GROUPS of them are calculated."""
+    names = [name for name in comparison.answered if name in ground.model.parameter_names]
+    pooled = [comparison.answered[name] for name in names]
+    index = [k for k, q in enumerate(comparison.values.quantities) if q.name in names]
+    noise = comparison.values.covariance[:, index][:, :, index]
+    together = Together(pooled, comparison.taken.setting, noise) if pooled else None
+    out = []
+    for place, group in enumerate(comparison.groups):
+        reason = "" if place < MOST_GROUPS else f"only the first {MOST_GROUPS} groups are calculated"
+        reason = reason or _lacking(comparison, ground, group, names)
+        if reason or together is None:
+            out.append(GroupAnswer(group, NOTHING, (), None, None, reason))
+            continue
+        out.append(_answer(comparison, ground, group, names, together.group(group)))
+    return tuple(out)
+
+
+def _lacking(comparison: Comparison, ground: Common, group: str, names: Sequence[str]) -> str:
+    """Why a group has no answer: parameters of the model that its fits neither tell nor fix, or that its fits tell and
+    nobody could pool."""
+    missing = [name for name in names if group not in comparison.answered[name].design.groups]
+    entries = comparison.taken.entries
+    tried = {name for entry in entries for name in (*entry.document["parameters"], *entry.elsewhere)}
+    lost = [n for n in tried if n in ground.values and n not in names and not _is_fixed(comparison, n)]
+    lost = [n for n in lost if n in ground.model.parameter_names]
+    reasons = {q.quantity.name: q.reason for q in comparison.quantities if q.pooled is None}
+    mine = [e for e, g in zip(entries, comparison.taken.setting.group, strict=True) if g == group]
+    by, common = comparison.question.by, {name for entry in mine for name in entry.elsewhere}
+    apart: dict[str, list[str]] = {}
+    for name in sorted(set(missing + lost)):
+        why = reasons.get(name) if _told_in(comparison, group, name) else None
+        why = why or (f"its fits tell one value for several {by}s" if name in common else "")
+        apart.setdefault(why, []).append(name)
+    sentences = [
+        f"{', '.join(found)} {'is' if len(found) == 1 else 'are'} not pooled: {why}"
+        if why
+        else f"its fits do not tell {', '.join(found)}"
+        for why, found in apart.items()
+    ]
+    return "; ".join(sentences)
+
+
+def _told_in(comparison: Comparison, group: str, name: str) -> bool:
+    """Whether a fit of the group tells the parameter."""
+    index = next((k for k, q in enumerate(comparison.values.quantities) if q.name == name), None)
+    mine = [i for i, g in enumerate(comparison.taken.setting.group) if g == group]
+    return index is not None and bool(np.any(np.isfinite(comparison.values.y[mine, index])))
+
+
+def _is_fixed(comparison: Comparison, name: str) -> bool:
+    told = [p for e in comparison.taken.entries if (p := e.document["parameters"].get(name)) is not None]
+    return bool(told) and all(isinstance(p, Mapping) and p.get("verdict") == "fixed" for p in told)
+
+
+@dataclass(frozen=True)
+class _Spreads:
+    """Values [SI] of a group and the covariances (m, m) [SI] of its mean and of one more person's run."""
+
+    values: dict[str, float]
+    names: tuple[str, ...]
+    mean: Array
+    people: Array
+    df: float
+
+
+def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence[str], found: Joint) -> _Spreads:
+    quantities = {q.name: q for q in comparison.values.quantities}
+    values = dict(ground.values)
+    slope = np.ones(len(names))
+    for k, name in enumerate(names):
+        values[name] = quantities[name].shown(float(found.mean[k]))
+        slope[k] = values[name] if quantities[name].logarithmic else 1.0
+    normal = NORMAL
+    wide = student(0.5 + LEVEL / 2, np.maximum(found.df, LEAST_DF)) / normal
+    ahead = [predictive(comparison.answered[name], group) for name in names]
+    further = student(0.5 + LEVEL / 2, np.maximum([a[2] for a in ahead], LEAST_DF)) / normal
+    mean = found.covariance * np.outer(slope * wide, slope * wide)
+    people = (found.covariance + found.scatter) * np.outer(slope * further, slope * further)
+    return _Spreads(values, tuple(names), mean, people, float(max(min(a[2] for a in ahead), LEAST_DF)))
+
+
+def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[str], found: Joint) -> GroupAnswer:
+    spreads = _spreads(comparison, ground, group, names, found)
+    curve = _amplitude_speeds(ground)
+    speeds = (*ground.speeds, *curve)
+    mean = _ask(ground, spreads, speeds, spreads.mean)
+    people = _ask(ground, spreads, speeds, spreads.people)
+    if "stability" not in mean[0]:
+        reason = str(mean[0].get("text", "no answer"))
+        return GroupAnswer(group, NOTHING, (), _friction(ground, spreads), None, reason)
+    critical = _figure(mean[0]["stability"]["critical_speed"], people[0]["stability"]["critical_speed"])
+    count = len(ground.speeds)
+    at = tuple(
+        _at(speed, m, p, spreads.df) for speed, m, p in zip(ground.speeds, mean[:count], people[:count], strict=True)
+    )
+    amplitude = _amplitude(curve, mean[count:], people[count:])
+    return GroupAnswer(group, critical, at, _friction(ground, spreads), amplitude)
+
+
+def _ask(ground: Common, spreads: _Spreads, speeds: Sequence[float], covariance: Array) -> list[dict[str, Any]]:
+    points = [OperatingPoint(spreads.values, speed, ground.normal_force, covariance) for speed in speeds]
+    return outlooks(ground.model, points, spreads.names)
+
+
+def _pair(entry: Mapping[str, Any]) -> tuple[float, float] | None:
+    ends = entry.get("interval")
+    if not ends or ends[0] is None or ends[1] is None:
+        return None
+    return float(ends[0]), float(ends[1])
+
+
+def _figure(mean: Mapping[str, Any], people: Mapping[str, Any]) -> Figure:
+    reason = str(mean.get("reason") or (mean.get("validity") if mean.get("value") is None else "") or "")
+    return Figure(mean.get("value"), _pair(mean), _pair(people), reason)
+
+
+def _at(speed: float, mean: Mapping[str, Any], people: Mapping[str, Any], df: float) -> AtSpeed:
+    if "stability" not in mean or "stability" not in people:
+        return AtSpeed(speed, str(mean.get("text", "no answer")), NOTHING, NOTHING, None, NOTHING)
+    end = mean["stability"]["critical_speed"]
+    spread = people["stability"]["critical_speed"]
+    limit = end.get("value")
+    margin = NOTHING
+    if limit is not None:
+        scaled = [None if pair is None else (pair[0] / speed, pair[1] / speed) for pair in (_pair(end), _pair(spread))]
+        margin = Figure(limit / speed, scaled[0], scaled[1])
+    return AtSpeed(
+        speed,
+        str(mean["stability"]["outcome"]),
+        _figure(mean["amplitude"]["peak_to_valley"], people["amplitude"]["peak_to_valley"]),
+        _figure(mean["amplitude"]["period"], people["amplitude"]["period"]),
+        probability(speed, limit, _pair(spread), df),
+        margin,
+    )
+
+
+def probability(speed: float, limit: float | None, people: tuple[float, float] | None, df: float) -> float | None:
+    """That the drive speed at which stick-slip ends lies above `speed` for one more run of one more person.
+
+    `people`: its 95 % interval over people and runs; the logarithm follows Student's t. None without an interval.
+    """
+    if limit is None or people is None or not 0.0 < people[0] < people[1]:
+        return None
+    half = 0.5 * float(np.log(people[1] / people[0]))
+    quantile = float(student(0.5 + LEVEL / 2, df))
+    return student_below(quantile * float(np.log(limit / speed)) / half, df)
+
+
+def _amplitude_speeds(ground: Common) -> tuple[float, ...]:
+    """Speeds of the curve of amplitudes: a decade around the common ones."""
+    low, high = min(ground.speeds) / 3.0, max(ground.speeds) * 10.0
+    return tuple(np.geomspace(low, high, AMPLITUDE_POINTS).tolist())
+
+
+def _amplitude(
+    speeds: Sequence[float], mean: Sequence[Mapping[str, Any]], people: Sequence[Mapping[str, Any]]
+) -> Curve:
+    rows = []
+    for m, p in zip(mean, people, strict=True):
+        if "amplitude" not in m or "amplitude" not in p:
+            rows.append([np.nan] * 5)
+            continue
+        figure = _figure(m["amplitude"]["peak_to_valley"], p["amplitude"]["peak_to_valley"])
+        rows.append([figure.value or np.nan, *(figure.interval or [np.nan] * 2), *(figure.people or [np.nan] * 2)])
+    return Curve(np.array(speeds), *np.array(rows, dtype=float).T)
+
+
+def _friction(ground: Common, spreads: _Spreads) -> Curve:
+    """Friction coefficient of steady sliding over drive speed."""
+    low, high = min(ground.speeds) / 30.0, max(ground.speeds) * 30.0
+    speeds = np.geomspace(low, high, CURVE_POINTS)
+    names = ground.model.parameter_names
+    p = np.array([spreads.values[name] for name in names])
+    places = [names.index(name) for name in spreads.names]
+    steps = STEP * np.where(p[places] == 0.0, 1e-3, np.abs(p[places]))
+    moved = np.repeat(p[None, :], 1 + 2 * len(places), axis=0)
+    for k, place in enumerate(places):
+        moved[1 + 2 * k, place] += steps[k]
+        moved[2 + 2 * k, place] -= steps[k]
+    everything = np.repeat(moved, len(speeds), axis=0)
+    load = np.full(len(everything), ground.normal_force)
+    found = slidings(ground.model, everything, np.tile(speeds, len(moved)), load)
+    mu = np.array([s.force for s in found]).reshape(len(moved), len(speeds)) / ground.normal_force
+    slopes = (mu[1::2] - mu[2::2]) / (2.0 * steps[:, None])
+    half = NORMAL
+    bands = [half * np.sqrt(np.einsum("kv,kl,lv->v", slopes, C, slopes)) for C in (spreads.mean, spreads.people)]
+    return Curve(speeds, mu[0], mu[0] - bands[0], mu[0] + bands[0], mu[0] - bands[1], mu[0] + bands[1])

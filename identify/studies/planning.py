@@ -1,0 +1,252 @@
+"""The whole check before the first fit: every row and every group becomes a job, or a complaint."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from data_io.digest import file_sha256
+from identify.base.errors import SceneError
+from identify.base.progress import Progress, to_nobody
+from identify.scene import Scene
+from identify.scene.toml import put, read_toml
+from identify.studies.job import Job, LogFile
+from identify.studies.key import content_key, numerics
+from identify.studies.listing import Listing, Row, read_source
+from identify.studies.naming import folder_names
+from identify.studies.refusal import BatchError
+
+PER_LOG = ("mass", "stiffness", "damping", "normal_force", "noise", "drive_speed")  # of [rig]; a log may have its own
+NAMED = 5  # groups or rows that a complaint names before it counts
+
+Document = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked batch: where it comes from, its jobs in the order of the source, label columns, notes."""
+
+    source: Path
+    scene: Path
+    overrides: tuple[str, ...]
+    numerics: str
+    jobs: tuple[Job, ...]
+    labels: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progress = to_nobody) -> Plan:
+    """Check everything that can be checked without fitting, and make the jobs.
+
+    Args:
+        source: manifest or folder. scene: the scene file of defaults. overrides: KEY=VALUE each, for all groups.
+        told: called as told(stage, share) while logs are hashed.
+
+    Raises:
+        BatchError: everything that is wrong, one sentence each.
+    """
+    told("checking the manifest", None)
+    try:
+        defaults = read_toml(scene, overrides)
+    except SceneError as error:
+        raise BatchError([f"{scene}: {error}"]) from None
+    listing = read_source(source)
+    groups: dict[str, list[Row]] = {}
+    for row in listing.rows:
+        groups.setdefault(row.group, []).append(row)
+    checked = _Check(scene, defaults)
+    folders = folder_names(list(groups))
+    scenes = {group: checked.scene_of(group, folders[group], rows) for group, rows in groups.items()}
+    missing = [f"{r.where}: there is no log {r.path}; check its path" for r in listing.rows if not r.path.is_file()]
+    complaints = missing + checked.complaints()
+    if complaints:
+        raise BatchError(complaints)
+    documents = {group: made.as_document() for group, made in scenes.items() if made is not None}
+    digests = _hashed(listing, told)
+    jobs = tuple(_job(group, folders[group], document, digests) for group, document in documents.items())
+    return Plan(
+        source.absolute(),
+        scene.absolute(),
+        tuple(overrides),
+        numerics(),
+        jobs,
+        listing.labels,
+        (*listing.notes, *_unused(defaults, scene, listing)),
+    )
+
+
+class _Check:
+    """Builds the scene of every group and gathers what is wrong, the same complaint once for all whom it concerns."""
+
+    def __init__(self, scene: Path, defaults: Mapping[str, Any]) -> None:
+        self._scene, self._defaults = scene, defaults
+        self._said: dict[str, list[str]] = {}
+        listed = defaults.get("logs", [])
+        self._listed = [log for log in listed if isinstance(log, Mapping)] if isinstance(listed, list) else []
+        self._of_all = [log for log in self._listed if "path" not in log]
+
+    def complaints(self) -> list[str]:
+        """One sentence per thing to mend."""
+        return [f"{_named(places)}: {sentence}" for sentence, places in self._said.items()]
+
+    def scene_of(self, group: str, name: str, rows: Sequence[Row]) -> Scene | None:
+        """The scene of a group; None, and complaints, where it cannot be built."""
+        rows = sorted(rows, key=lambda row: (str(row.path), sorted(row.overrides.items())))
+        try:
+            return self._build(name, rows)
+        except SceneError as error:
+            said, sentence = len(self._said), str(error)
+        # Each row on its own, so that all wrong rows are told and not the first alone.
+        wrong = [row for row in rows if self._wrong(name, row)] if len(rows) > 1 else []
+        if not wrong and len(self._said) == said:
+            places = rows[0].where if len(rows) == 1 else f"group {group!r}"
+            self._say(sentence, places)
+        return None
+
+    def _wrong(self, name: str, row: Row) -> bool:
+        try:
+            self._build(name, [row])
+        except SceneError as error:
+            self._say(str(error), row.where)
+            return True
+        return False
+
+    def _say(self, sentence: str, place: str) -> None:
+        self._said.setdefault(sentence, []).append(place)
+
+    def _build(self, name: str, rows: Sequence[Row]) -> Scene:
+        document: Document = copy.deepcopy({key: value for key, value in self._defaults.items() if key != "logs"})
+        own = _own_of_logs(rows)
+        for key, text in _shared(rows, own).items():
+            put(document, f"{key}={text}")
+        document |= {"name": name, "logs": [entry for row in rows for entry in self._entries(row, own)]}
+        scene = Scene.from_document(document, self._scene.parent)
+        _refuse_no_drive(scene)
+        return scene
+
+    def _entries(self, row: Row, own: Sequence[str]) -> list[Document]:
+        """The [[logs]] of a row: what the scene says of all logs (a table without a path), what it lists for that file,
+        if it does, and what the row says otherwise."""
+        path = row.path.absolute()
+        same = [log for log in self._listed if _place(log, self._scene) == path.resolve()]
+        common = {key: value for log in self._of_all for key, value in log.items()}
+        made: list[Document] = [copy.deepcopy({**common, **log}) for log in same or [{}]]
+        for entry in made:
+            for key, text in row.overrides.items():
+                top, _, rest = key.partition(".")
+                if top == "logs" or key in own:
+                    put(entry, f"{rest}={text}")
+            said = entry.get("labels", {})
+            entry["labels"] = {**(said if isinstance(said, Mapping) else {}), **row.labels}
+            entry["path"] = str(path)
+        return made
+
+
+def _refuse_no_drive(scene: Scene) -> None:
+    """Refuse a log without a drive speed that does not name the column that tells it: before hours, not after.
+
+    Raises:
+        SceneError: there is one.
+    """
+    for number, log in enumerate(scene.logs, 1):
+        if scene.rig_for(log).drive_speed is None and not {"drive_speed", "position"} & set(log.columns or {}):
+            which = f"log {number} ({log.path.name}) has" if len(scene.logs) > 1 else "has"
+            raise SceneError(
+                f"{which} no drive speed; give drive_speed in the manifest or under [rig], or name the column that has"
+                ' it: columns = { drive_speed = "…" } or { position = "…" } in [[logs]] (without a path: of all logs)'
+            )
+
+
+def _place(log: Mapping[str, Any], scene: Path) -> Path | None:
+    """Where the file of a [[logs]] table of the scene lies."""
+    path = log.get("path")
+    return (scene.parent / Path(path).expanduser()).resolve() if isinstance(path, str) and "\0" not in path else None
+
+
+def _own_of_logs(rows: Sequence[Row]) -> tuple[str, ...]:
+    """The keys of [rig] that become the logs' own, because not all rows of the group say the same."""
+    keys = [f"rig.{name}" for name in PER_LOG]
+    return tuple(key for key in keys if len({row.overrides.get(key) for row in rows}) > 1)
+
+
+def _shared(rows: Sequence[Row], own: Sequence[str]) -> dict[str, str]:
+    """What all rows of a group say of its one scene.
+
+    Raises:
+        SceneError: they say different things.
+    """
+    out: dict[str, str] = {}
+    for key in dict.fromkeys(key for row in rows for key in row.overrides):
+        if key in own or key.startswith("logs."):
+            continue
+        texts = list(dict.fromkeys(row.overrides.get(key, "nothing") for row in rows))
+        if len(texts) > 1:
+            raise SceneError(
+                f"the rows say {' and '.join(texts[:3])} for {key}; expected one value for logs that are fitted "
+                "jointly: make them equal, or split the group"
+            )
+        out[key] = texts[0]
+    return out
+
+
+def _named(places: Sequence[str]) -> str:
+    """ "a.csv line 2, a.csv line 3 and 17 others"."""
+    shown = ", ".join(places[:NAMED])
+    return shown if len(places) <= NAMED else f"{shown} and {len(places) - NAMED} others"
+
+
+def _hashed(listing: Listing, told: Progress) -> dict[str, tuple[str, int]]:
+    """SHA-256 and bytes of every log, by absolute path.
+
+    Raises:
+        BatchError: logs that cannot be read.
+    """
+    out: dict[str, tuple[str, int]] = {}
+    complaints = []
+    for number, row in enumerate(listing.rows):
+        told("hashing the logs", number / len(listing.rows))
+        path = row.path.absolute()
+        if str(path) in out:
+            continue
+        try:
+            out[str(path)] = (file_sha256(path), path.stat().st_size)
+        except OSError as error:
+            complaints.append(f"{row.where}: {path} cannot be read ({error.strerror}); check its permissions")
+    if complaints:
+        raise BatchError(complaints)
+    return out
+
+
+def _job(group: str, folder: str, document: Document, digests: Mapping[str, tuple[str, int]]) -> Job:
+    paths = [log["path"] for log in document["logs"]]
+    logs = tuple(
+        LogFile(path, digests[path][0], dict(log.get("labels", {})))
+        for path, log in zip(paths, document["logs"], strict=True)
+    )
+    return Job(
+        group=group,
+        folder=folder,
+        key=content_key(document, [log.sha256 for log in logs], numerics()),
+        numerics=numerics(),
+        scene=document,
+        logs=logs,
+        labels=_common([log.labels for log in logs]),
+        size=sum(digests[path][1] for path in dict.fromkeys(paths)),
+    )
+
+
+def _common(labels: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """The labels of a group: what its logs agree on, else their different texts."""
+    names = dict.fromkeys(name for log in labels for name in log)
+    return {name: "; ".join(dict.fromkeys(log[name] for log in labels if name in log)) for name in names}
+
+
+def _unused(defaults: Mapping[str, Any], scene: Path, listing: Listing) -> list[str]:
+    """A note where the scene lists logs that the source does not name."""
+    listed = defaults.get("logs", [])
+    there = {row.path.resolve() for row in listing.rows}
+    gone = [log for log in listed if isinstance(log, Mapping) and "path" in log and _place(log, scene) not in there]
+    return [f"{len(gone)} of the scene's own [[logs]] take no part: the source does not name them"] if gone else []

@@ -1,0 +1,217 @@
+"""Running a checked batch: send what is to be done, put what comes back, keep the tables up to date."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from data_io.atomic import atomic_write
+from identify.studies.batch_store import BATCH, INDEX, Store, complete, discard, is_full, utc, write_document
+from identify.studies.batch_tables import Ended, batch_document, index_csv
+from identify.studies.job import CONVERGED, UNWRITTEN, Job
+from identify.studies.lock import locked
+from identify.studies.pace import Pace
+from identify.studies.planning import Plan
+from identify.studies.refusal import BatchError
+from identify.studies.workers import Answer, Workers, WorkersLostError, answers
+
+EVERY = 5.0  # s between two versions of index.csv
+
+
+class Teller(Protocol):
+    """Who is told how far a batch is."""
+
+    def begins(self, total: int, kept: int) -> None:
+        """So many groups in all, of which `kept` had ended before."""
+
+    def ended(self, group: str, end: Ended, done: int, total: int, remaining: float | None) -> None:
+        """A group has ended; `remaining` is the expected time to the end [s]."""
+
+    def tick(self) -> None:
+        """Some time has passed."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How a batch ended: status and sentence as in batch.json, ends by group, groups kept from before, seconds."""
+
+    status: str
+    message: str
+    ended: dict[str, Ended]
+    kept: int
+    seconds: float
+
+
+class _StopError(Exception):
+    """Going on makes no sense; the text says why and what to do."""
+
+
+def run_batch(
+    plan: Plan,
+    out: Path,
+    workers: Workers,
+    *,
+    resume: bool,
+    limit: float,
+    teller: Teller,
+    scheduler: str | None = None,
+) -> Summary:
+    """Fit every group of a plan that has not ended yet in `out`.
+
+    Args:
+        resume: go on in a folder that holds a batch already. limit: seconds for one fit.
+
+    Raises:
+        BatchError: the folder holds something else, or another batch runs there. OSError: it cannot be made.
+    """
+    check_place(out, resume)
+    out = out.absolute()  # a cluster stands elsewhere
+    out.mkdir(parents=True, exist_ok=True)
+    with locked(out):
+        check_place(out, resume)
+        store = Store(out)
+        _check_foreign(store, plan.jobs)
+        return _Run(plan, store, workers, teller, {"jobs": workers.count, "scheduler": scheduler}).go(limit)
+
+
+def check_place(out: Path, resume: bool) -> None:
+    """Refuse a folder that this batch must not write to.
+
+    Raises:
+        BatchError: a file, a batch without `resume`, or something that is no batch.
+    """
+    if out.exists() and not out.is_dir():
+        raise BatchError([f"--out {out} is a file; expected a folder: choose another name"])
+    items = {item.name for item in out.iterdir() if not item.name.startswith(".")} if out.is_dir() else set()
+    if not items:
+        return
+    if BATCH not in items:
+        raise BatchError([f"--out {out} exists and holds no batch of ours; choose another folder or empty it"])
+    if not resume:
+        raise BatchError(
+            [f"--out {out} holds a batch already; add --resume to go on with it, or choose another folder"]
+        )
+
+
+def _check_foreign(store: Store, jobs: Sequence[Job]) -> None:
+    found = [(job, store.foreign(job)) for job in jobs if store.ended(job) is None]
+    complaints = [
+        f"{store.folder / job.folder} holds {name!r}, which is not part of a result; move it away"
+        for job, name in found
+        if name is not None
+    ]
+    if complaints:
+        raise BatchError(complaints)
+
+
+def _full(words: str) -> _StopError:
+    return _StopError(f"{words}; make room, then go on with --resume")
+
+
+class _Run:
+    """One run of a batch, while its folder is locked."""
+
+    def __init__(self, plan: Plan, store: Store, workers: Workers, teller: Teller, about: dict[str, Any]) -> None:
+        self._plan, self._store, self._workers, self._teller = plan, store, workers, teller
+        self._about = about | {"started": utc()}
+        self._began = time.monotonic()
+        self._ended: dict[str, Ended] = {}
+        self._written = -EVERY
+
+    def go(self, limit: float) -> Summary:
+        """Recover, fit, and leave the tables behind, whatever happens."""
+        self._gather()
+        kept = len(self._ended)
+        todo = [job for job in self._plan.jobs if job.group not in self._ended]
+        self._tables("running", "the batch is running")
+        self._teller.begins(len(self._plan.jobs), kept)
+        try:
+            with self._stopping():
+                self._fit(todo, limit)
+        except _StopError as error:
+            return self._end("stopped", f"stopped, and what has ended is kept: {error}", kept)
+        failures = [end for end in self._ended.values() if end.status != CONVERGED]
+        message = f"{len(self._ended)} groups: {len(self._ended) - len(failures)} converged, {len(failures)} did not"
+        return self._end("failures" if failures else "done", message, kept)
+
+    def _gather(self) -> None:
+        """What has ended for good, also what was written whole and not yet put; the rest of the unfinished goes."""
+        self._store.recover(self._plan.jobs)
+        for job in self._plan.jobs:
+            document = self._store.ended(job)
+            if document is not None:
+                self._ended[job.group] = Ended.of(document)
+
+    def _fit(self, todo: Sequence[Job], limit: float) -> None:
+        pace = Pace(sum(job.size for job in todo))
+        if not todo:
+            return
+        with self._workers as workers:
+            for arrived in answers(workers, todo, self._store.folder, limit):
+                if arrived is None:
+                    self._teller.tick()
+                    continue
+                job, answer = arrived
+                self._ended[job.group] = self._put(job, answer)
+                pace.add(job.size)
+                self._teller.ended(
+                    job.group,
+                    self._ended[job.group],
+                    len(self._ended),
+                    len(self._plan.jobs),
+                    pace.remaining(),
+                )
+                if time.monotonic() - self._written > EVERY:
+                    self._index()
+
+    def _put(self, job: Job, answer: Answer) -> Ended:
+        """Put what a job left, whole, or the record of why it left nothing."""
+        end, part = answer
+        document = complete(part)  # even of a process that died just after it had written the last file
+        if document is not None and document["key"] == job.key:
+            self._store.put(part, job.folder)
+            return Ended.of(document)
+        discard(part)
+        if end.status == UNWRITTEN:
+            raise _full(end.message)
+        return Ended.of(self._store.put_without_result(job, end))
+
+    @contextmanager
+    def _stopping(self) -> Iterator[None]:
+        """Turn a full disk into the end of the batch; say in the tables that an interrupted batch has stopped."""
+        try:
+            yield
+        except OSError as error:
+            if not is_full(error):
+                raise
+            raise _full(f"{error.filename or self._store.folder}: {error.strerror}") from None
+        except WorkersLostError as error:
+            raise _StopError(str(error)) from None
+        except KeyboardInterrupt:
+            self._end("stopped", "the batch was interrupted; go on with --resume", 0)
+            raise
+
+    def _end(self, status: str, message: str, kept: int) -> Summary:
+        """Write the tables a last time and remove what is unfinished."""
+        try:
+            self._gather()
+            self._tables(status, message, utc())
+        except OSError as error:
+            if not is_full(error):
+                raise
+        return Summary(status, message, dict(self._ended), kept, time.monotonic() - self._began)
+
+    def _tables(self, status: str, message: str, finished: str | None = None) -> None:
+        seconds = time.monotonic() - self._began
+        run = {"status": status, "message": message, **self._about, "finished": finished, "seconds": seconds}
+        write_document(self._store.folder / BATCH, batch_document(self._plan, self._ended, run))
+        self._index()
+
+    def _index(self) -> None:
+        with atomic_write(self._store.folder / INDEX) as handle:
+            handle.write(index_csv(self._plan, self._ended))
+        self._written = time.monotonic()
