@@ -19,7 +19,6 @@ from identify.effects.quantities import Effect
 from identify.effects.typical import fall, slip_time, stick_time
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.scene.values import ParameterSpec
 from identify.simulation.initial import initial_states
 from identify.simulation.simulate import run
 
@@ -81,21 +80,10 @@ def choose_from_numbers(scene: Scene, tolerance: float = TOLERANCE) -> Choice:
     return Choice(names, tuple(reasons[e.name] for e in ALL))
 
 
-def _said(spec: ParameterSpec | None, default: float) -> bool:
-    """Whether the scene gives a number of this parameter."""
-    if spec is None:
-        return False
-    told = (spec.start, spec.prior_mean, None if spec.fixed == default else spec.fixed)
-    return any(value is not None for value in told)
-
-
 def _called(scene: Scene) -> tuple[str, ...]:
     """The paper's effects, and those of which the scene gives a number; of rival laws the one it speaks of."""
-    spoken = {
-        e.name
-        for e in ALL
-        if any(p.kind != "rig" and _said(scene.parameters.get(p.name), p.default) for p in e.parameters)
-    }
+    stated = {name for name, spec in scene.parameters.items() if spec.states_value}
+    spoken = {e.name for e in ALL if any(p.kind != "rig" and p.name in stated for p in e.parameters)}
     if scene.rig.damping == 0.0:
         spoken.discard("hysteresis_damping")
     wanted = set(MAIN) | spoken

@@ -90,7 +90,7 @@ def _given_elsewhere(said: ParameterSpec, p: Parameter, where: str, number: floa
         raise SceneError(
             f"{where} is {number:g} {p.unit}; the model admits {p.lower:g} to {p.upper:g} {p.unit}: move it there"
         )
-    return replace(said, fixed=number)
+    return replace(said, fixed=number, stated=True)
 
 
 def _parameter(value: Any, p: Parameter) -> ParameterSpec:
@@ -121,6 +121,7 @@ def _parameter(value: Any, p: Parameter) -> ParameterSpec:
         prior_sd=_sd(prior, p),
         per=table.text("per"),
         tie=_tie(table, p),
+        stated=True,
     )
 
 

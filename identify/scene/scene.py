@@ -129,7 +129,9 @@ class Scene:
                 specs[p.name] = self.parameters[p.name]
             elif p.kind != "rig":
                 spec = default_spec(p)
-                specs[p.name] = replace(spec, fixed=elsewhere[p.name][1]) if p.name in elsewhere else spec
+                if p.name in elsewhere:
+                    spec = replace(spec, fixed=elsewhere[p.name][1], stated=True)
+                specs[p.name] = spec
         allowed = tuple(name for name in self.extrapolate if name in effects)
         return replace(self, effects=effects, parameters=specs, extrapolate=allowed)
 

@@ -153,6 +153,7 @@ class ParameterSpec:
     """What a scene says of one parameter, SI. `start` and `fixed` are None where the user gave none.
 
     `per`: None for one value over all logs, "log" for one per log, else the label whose values have one each.
+    `stated`: whether the scene names the parameter, whatever the value; what it leaves out has the documented default.
 
     Raises:
         SceneError: values that contradict each other.
@@ -167,6 +168,12 @@ class ParameterSpec:
     prior_sd: float | None = None
     per: str | None = None
     tie: Tie | None = None
+    stated: bool = field(default=False, compare=False)
+
+    @property
+    def states_value(self) -> bool:
+        """Whether the scene gives a number of the parameter, equal to its default or not."""
+        return self.stated and any(value is not None for value in (self.start, self.fixed, self.prior_mean))
 
     def __post_init__(self) -> None:
         bounds = f"its bounds {self.lower:g} to {self.upper:g}"

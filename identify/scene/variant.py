@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.scene.parameters import default_spec
 from identify.scene.scene import Scene
 
 
@@ -21,10 +20,9 @@ def scene_with(scene: Scene, effects: Sequence[str], starts: Mapping[str, float]
     """
     made = scene.with_effects(tuple(effects))
     parameters = dict(made.parameters)
-    silent = {p.name: default_spec(p) for p in made.declared}
     for name, value in starts.items():
         spec = parameters.get(name)
-        if spec is None or (spec.start, spec.fixed) != (silent[name].start, silent[name].fixed):
+        if spec is None or spec.states_value:
             continue
         if spec.fixed is not None:
             parameters[name] = replace(spec, fixed=value)

@@ -50,7 +50,9 @@ def _contact(scene: Scene) -> dict[str, Any]:
 
 
 def document_of(scene: Scene) -> dict[str, Any]:
-    """The tables of the scene, JSON-able, SI; what is not said is absent."""
+    """The tables of the scene, JSON-able, SI; what is not said is absent. Where the effects are still to be chosen that
+    goes for every parameter the scene does not name: a default written down would be read back as stated."""
+    listed = not isinstance(scene.effects, str)
     return {
         "name": scene.name,
         "effects": scene.effects if isinstance(scene.effects, str) else list(scene.effects),
@@ -59,6 +61,6 @@ def document_of(scene: Scene) -> dict[str, Any]:
         "contact": _contact(scene),
         **({"quality": dict(scene.thresholds.own)} if scene.thresholds.own else {}),
         "initial": asdict(scene.initial),
-        "parameters": {name: _parameter(spec) for name, spec in scene.parameters.items()},
+        "parameters": {name: _parameter(spec) for name, spec in scene.parameters.items() if listed or spec.stated},
         "logs": [_log(entry) for entry in scene.logs],
     }
