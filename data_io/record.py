@@ -14,6 +14,7 @@ from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Frozen, Scalar, St
 
 if TYPE_CHECKING:  # 0.3 s: imported only where it is used
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,21 @@ class Record:
         frame = pd.DataFrame(dict(self.columns()))
         frame.attrs["stickslip"] = self.about()
         return frame
+
+    def plot(self) -> Figure:
+        """Return a figure of both forces over time, and of the drive speed where the record has one that changes."""
+        import matplotlib.pyplot  # noqa: F401 - lets a notebook show figures
+        from matplotlib.figure import Figure
+
+        panels = [("friction force (N)", self.friction_force), ("normal force (N)", self.normal_force)]
+        if isinstance(self.drive_speed, np.ndarray):
+            panels.append(("drive speed (mm/s)", 1e3 * self.drive_speed))
+        figure = Figure(figsize=(9.0, 2.0 + 1.4 * len(panels)), layout="constrained")
+        for axes, (label, values) in zip(figure.subplots(len(panels), 1, sharex=True), panels, strict=True):
+            axes.plot(self.time, values, linewidth=0.8)
+            axes.set_ylabel(label)
+        axes.set_xlabel("time (s)")
+        return figure
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame, metadata: Mapping[str, Scalar] | None = None) -> Record:

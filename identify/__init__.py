@@ -6,18 +6,43 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from identify.base.errors import FitError, IdentifyError, SceneError, SimulationError
     from identify.identification import fit
     from identify.prediction import ageing, amplitude, stability
     from identify.prediction.mapping import continue_over, stability_map
+    from identify.report.finished import Fit
     from identify.scene import Scene
     from identify.shooting.fit_options import Asked
     from identify.simulation.simulate import simulate
 
-__all__ = ["Asked", "Scene", "ageing", "amplitude", "continue_over", "fit", "simulate", "stability", "stability_map"]
+    __version__: str
+
+__all__ = [
+    "Asked",
+    "Fit",
+    "FitError",
+    "IdentifyError",
+    "Scene",
+    "SceneError",
+    "SimulationError",
+    "__version__",
+    "ageing",
+    "amplitude",
+    "continue_over",
+    "fit",
+    "simulate",
+    "stability",
+    "stability_map",
+]
 
 _HOMES = {
     "Asked": "identify.shooting.fit_options",
+    "Fit": "identify.report.finished",
+    "FitError": "identify.base.errors",
+    "IdentifyError": "identify.base.errors",
     "Scene": "identify.scene",
+    "SceneError": "identify.base.errors",
+    "SimulationError": "identify.base.errors",
     "continue_over": "identify.prediction.mapping",
     "fit": "identify.identification",
     "simulate": "identify.simulation.simulate",
@@ -31,4 +56,12 @@ def __getattr__(name: str) -> Any:
         return getattr(importlib.import_module(_HOMES[name]), name)
     if name in ("ageing", "amplitude", "stability"):
         return importlib.import_module(f"identify.prediction.{name}")
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("stick-slip-workbench")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

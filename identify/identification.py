@@ -12,7 +12,7 @@ from data_io import Record
 from identify.answering import Task, answered
 from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
-from identify.base.outcome import Fit, LogCurves, Status
+from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Progress, to_nobody
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
@@ -29,6 +29,7 @@ from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.scene_records import with_records
 from identify.logs.unknowns import Unknowns, from_scene, user_start
+from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import document
 from identify.scene import Scene

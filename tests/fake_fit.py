@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.outcome import Fit, LogCurves, SlipDetail
+from identify.base.outcome import LogCurves, SlipDetail
+from identify.report.finished import Fit
+from identify.scene import Scene
 
 MASS, STIFFNESS, DAMPING, LOAD, NOISE = 0.2, 1470.0, 147.0, 1.0, 0.005
 MU_S, MU_K0, DELTA, A, LENGTH, CREEP = 0.62, 0.43, -0.13, 300.0, 37.4e-6, 0.5
@@ -21,6 +23,9 @@ PARAMETERS = (
     ("D", 37.42e-6, 0.21e-6, "m", "identified", ""),
     ("t_cr", 0.5013, 0.0042, "s", "identified", ""),
 )
+TRUTH = {name: value for name, value, *_ in PARAMETERS}
+EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+RIG = {"mass": "0.2 kg", "stiffness": "1.47 N/mm", "zeta": 0.05, "normal_force": "1 N"}
 Array = NDArray[np.float64]
 
 
@@ -100,6 +105,18 @@ def fake_fit(samples: int = 8000, logs: int = 4, scatter: float = 0.0) -> Fit:
     """A converged fit of so many logs with so many samples each."""
     curves = tuple(log_curves(SPEEDS[i % 4], samples, scatter=scatter, seed=i) for i in range(logs))
     return Fit(result=_document(curves), logs=curves)
+
+
+def fit_of_a_scene() -> Fit:
+    """The same with a scene that can be simulated: four logs at 1 N, `RIG` and `EFFECTS`."""
+    fit = fake_fit(samples=4000)
+    logs = [{"path": f"log_{i}.txt", "drive_speed": speed} for i, speed in enumerate(SPEEDS, 1)]
+    scene = Scene.from_document({"name": "pair", "effects": EFFECTS, "rig": RIG, "logs": logs}).as_document()
+    told = [
+        {**log, "drive_speed_m_per_s": speed, "normal_force_N": 1.0}
+        for log, speed in zip(fit.result["logs"], SPEEDS, strict=True)
+    ]
+    return replace(fit, result={**fit.result, "provenance": {**fit.result["provenance"], "scene": scene}, "logs": told})
 
 
 def with_verdicts(fit: Fit) -> Fit:

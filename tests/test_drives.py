@@ -11,11 +11,12 @@ from batch_case import SCENE
 from data_io import Record
 from identify import Scene, identification
 from identify.base.errors import FitError
-from identify.base.outcome import Fit, Status
+from identify.base.outcome import Status
 from identify.cli.common import Terminal
 from identify.cli.fit import fit_and_report
 from identify.logs.drives import with_drives
 from identify.logs.scene_records import with_records
+from identify.report.finished import Fit
 from identify.studies.planning import plan
 from identify.studies.refusal import BatchError
 

@@ -12,11 +12,11 @@ from data_io import Record, write_csv
 from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
 from identify.base.log_numbers import numbers_of, places_of
-from identify.base.outcome import Fit
 from identify.cli import counsel
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records
 from identify.prediction import tested
+from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
 from identify.studies.making import make
 from identify.studies.planning import plan

@@ -14,12 +14,13 @@ import h5py
 import numpy as np
 import pytest
 
-from identify.base.outcome import Fit, Status
+from identify.base.outcome import Status
 from identify.diagnosis.choice import Choice, Reason, document_of
 from identify.effects import ALL
 from identify.report import write_report
 from identify.report.document import as_json
 from identify.report.envelope import envelope, extremes
+from identify.report.finished import Fit
 from identify.report.quantity_text import DASH, decimals, ends_text, number, quantity, speed
 from identify.report.report_figures import Picture, pictures
 from identify.report.report_page import LARGEST, render_page

@@ -8,6 +8,7 @@ import pytest
 from identify import examples, identification
 from identify.cli import main as cli
 from identify.cli import verify
+from identify.report import stored_result
 from identify.scene import Scene
 from tests.fake_fit import failed, fake_fit
 
@@ -97,8 +98,8 @@ def test_verify_searches_from_the_recorded_starts(monkeypatch, recorded, taken):
         return SimpleNamespace(result=result)
 
     monkeypatch.setattr(identification, "fit", fit)
-    monkeypatch.setattr(verify, "read_result", lambda _: result)
-    monkeypatch.setattr(verify, "scene_of", lambda *_: scene)
+    monkeypatch.setattr(stored_result, "read_result", lambda _: result)
+    monkeypatch.setattr(stored_result, "scene_of", lambda *_: scene)
     monkeypatch.setattr(verify, "unchanged", lambda path, *_: path)
     monkeypatch.setattr(verify, "places_of", lambda *_: [0])
     assert cli.main(["verify", "result.json"]) == 0

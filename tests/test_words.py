@@ -6,16 +6,14 @@ from dataclasses import replace
 import pytest
 
 from identify.base.number_words import three_figures, told_apart
-from identify.base.outcome import Fit
 from identify.cli import main as cli
-from identify.cli.common import Terminal
-from identify.cli.summary import say_fit
 from identify.prediction.outlook_words import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
 from identify.report.quantity_text import quantity
 from identify.report.report_page import render_page
 from identify.report.report_tables import Cell, classical_tables
 from identify.report.report_wording import plain_symbol
+from identify.report.summary import summary
 from tests.fake_fit import failed, fake_fit
 
 
@@ -137,13 +135,11 @@ def test_a_refused_fit_shows_no_green_badge():
 
 
 def test_logs_that_took_no_part_are_named_in_the_terminal(capsys):
-    import sys
 
     fit = fake_fit()
     logs = [{**log, "reason_left_out": None} for log in fit.result["logs"]]
     logs[1]["reason_left_out"] = "fast.csv shows no complete stick-slip cycle"
-    say_fit(Fit({**fit.result, "logs": logs}, fit.logs), Terminal(sys.stdout, sys.stderr))
-    out = capsys.readouterr().out
+    out = summary({**fit.result, "logs": logs})
     assert "log 2 took no part: fast.csv shows no complete stick-slip cycle" in out and "log 1 took" not in out
 
 

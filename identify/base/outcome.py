@@ -1,11 +1,9 @@
-"""What a fit gives back: the status, the document of result.json, and the curves behind the report."""
+"""How a fit ended, and the curves behind its report."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,25 +66,3 @@ class LogCurves:
     slip: SlipDetail | None
     raw_force: Array | None = None
     cuts: tuple[tuple[str, float, float], ...] = ()
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A finished identification.
-
-    result: the document of result.json (names, units and verdicts as the interface promises);
-    logs: the curves, one per log, in the order of result["logs"].
-    """
-
-    result: Mapping[str, Any]
-    logs: tuple[LogCurves, ...]
-
-    @property
-    def status(self) -> Status:
-        """How the fit ended."""
-        return Status(self.result["status"])
-
-    @property
-    def converged(self) -> bool:
-        """Whether the fit passed its gate."""
-        return self.status is Status.CONVERGED

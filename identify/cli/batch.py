@@ -117,7 +117,7 @@ def _workers(arguments: Namespace, out: Path) -> Workers:
 
 def _say(summary: Summary, terminal: Terminal) -> None:
     """The groups that did not converge with their reasons, then how many there were."""
-    from identify.cli.summary import wrapped
+    from identify.base.plain_text import wrapped
     from identify.studies.pace import in_words
 
     for group, end in summary.ended.items():

@@ -8,13 +8,13 @@ from typing import Any
 
 from identify.base.errors import SimulationError
 from identify.base.log_numbers import numbers_of
-from identify.base.outcome import Fit
 from identify.cli.point import Point
 from identify.cli.points import points_of
 from identify.prediction.advice import advise
 from identify.prediction.pairs import groups_of
 from identify.prediction.sureness import sureness
 from identify.prediction.tested import Tested
+from identify.report.finished import Fit
 from identify.scene import Scene
 
 DRAWS = 100  # some milliseconds each

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, Terminal
 
 if TYPE_CHECKING:
-    from identify.base.outcome import Fit
+    from identify.report.finished import Fit
 
 NAME = "demo"
 HELP = "the main job on example logs: fit, summary, report"
@@ -32,9 +32,9 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify import examples
     from identify.cli.folder import check_replaceable, result_folder
     from identify.cli.progress import Progress
-    from identify.cli.summary import say_fit
     from identify.identification import fit
     from identify.report import write_report
+    from identify.report.summary import summary
     from identify.scene import Scene
 
     scene, second = Scene.from_toml(examples.SCENE), Scene.from_toml(examples.SCENE_AT_50_HZ)
@@ -48,12 +48,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         write_report(joint, folder)
         write_report(slow, folder / SECOND)
     terminal.say("Four simulated example logs, 0.1 mm/min to 5 mm/s, fitted together")
-    say_fit(joint, terminal)
+    terminal.say(summary(joint.result))
     _say_truth(joint, json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"], terminal)
     terminal.say(f"report: {out / 'report.html'}")
     terminal.say()
     terminal.say("The same pair, one speed, sampled at 50 Hz: about four samples in each slip")
-    say_fit(slow, terminal)
+    terminal.say(summary(slow.result))
     terminal.say(f"report: {out / SECOND / 'report.html'}")
     both = joint.converged and slow.converged
     return Answer(DONE if both else NOT_SUCCEEDED, {**joint.result, SECOND: slow.result})
@@ -63,7 +63,7 @@ def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None
     """How far the estimates are from what was simulated."""
     if not fit.converged:
         return
-    from identify.cli.summary import columns
+    from identify.base.plain_text import columns
     from identify.report.quantity_text import quantity
 
     rows = [["", "truth", "estimate off by", ""]]

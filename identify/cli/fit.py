@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from data_io.whereabouts import log_is_at
 from identify.base.errors import SceneError
 from identify.cli.common import (
     DONE,
@@ -22,7 +21,7 @@ from identify.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from identify.base.outcome import Fit
+    from identify.report.finished import Fit
     from identify.scene import Scene
     from identify.shooting.fit_options import Asked
 
@@ -122,6 +121,7 @@ def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) 
     Raises:
         CommandLineError: no log, or no such log. SceneError: no scene file.
     """
+    from data_io.whereabouts import log_is_at
     from identify.scene.toml import read_toml
 
     try:
@@ -159,6 +159,8 @@ def check_there(path: Path) -> None:
     Raises:
         CommandLineError: no such file, or a folder without logs.
     """
+    from data_io.whereabouts import log_is_at
+
     if log_is_at(path):
         return
     if path.is_dir():
@@ -172,10 +174,10 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | N
     from identify.cli.counsel import with_counsel
     from identify.cli.folder import result_folder
     from identify.cli.progress import Progress
-    from identify.cli.results import scene_of
-    from identify.cli.summary import say_files, say_fit
     from identify.identification import fit
     from identify.report import write_report
+    from identify.report.stored_result import scene_of
+    from identify.report.summary import summary
     from identify.shooting.fit_options import NOTHING_MORE
 
     with Progress(terminal.notes) as progress:
@@ -186,6 +188,6 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | N
             progress("writing the report")
             write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled
-    say_fit(outcome, terminal)
-    say_files(out, terminal)
+    terminal.say(summary(outcome.result))
+    terminal.say(f"report: {out / 'report.html'}")
     return outcome

@@ -10,10 +10,10 @@ import numpy as np
 
 from data_io import Record, Step
 from data_io.thresholds import DEFAULTS, Thresholds
+from identify.base.plain_text import columns, wrapped
 from identify.base.speeds import programme_text
 from identify.cli.common import Terminal
 from identify.cli.scene import only
-from identify.cli.summary import columns, wrapped
 from identify.logs.classical import classical_table
 from identify.logs.judgement import Judgement, judge
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation, segment

@@ -6,12 +6,12 @@ from argparse import Namespace
 from collections.abc import Sequence
 from typing import Any
 
+from identify.base.plain_text import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
 from identify.cli.further import asked_further
 from identify.cli.groups import one_pair
 from identify.cli.point import Point
 from identify.cli.points import operating_points, tested_range
-from identify.cli.summary import wrapped
 from identify.prediction.outlook import OperatingPoint, outlook, outlooks
 from identify.prediction.tested import Tested
 

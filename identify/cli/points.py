@@ -15,13 +15,13 @@ from identify.base.log_numbers import places_of
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
 from identify.cli.point import Point
-from identify.cli.results import read_result, scene_of
 from identify.diagnosis.selection_numbers import choose_from_numbers
 from identify.prediction.calculable import check_calculable
 from identify.prediction.pairs import Pair, groups_of, pair_of, ties_of, with_tied
 from identify.prediction.scatter import pooled_result
 from identify.prediction.stated import stated
 from identify.prediction.tested import Tested
+from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
 from identify.scene.checks import check_ranges
 from identify.scene.tables import nearest

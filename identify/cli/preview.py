@@ -27,8 +27,8 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
         SceneError, FitError, LogError, CommandLineError, OSError: one sentence each.
     """
     from data_io.atomic import atomic_path
+    from identify.base.plain_text import columns, wrapped
     from identify.cli.progress import Progress
-    from identify.cli.summary import columns, wrapped
     from identify.diagnosis.selection import LOOKED_AT
     from identify.estimation.preview import preview
     from identify.logs.drives import with_drives

@@ -6,21 +6,29 @@ import json
 from argparse import ArgumentParser, Namespace
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from identify.base.speeds import speed_text
 from identify.cli.common import MEASURED, Answer, CommandLineError, Terminal, file_to_write, new_file, quantity
 
 if TYPE_CHECKING:
     from identify.scene import Scene
 
 NAME = "simulate"
-HELP = "run the model of a scene forward and write a log"
+HELP = "run the model of a scene or of a fit forward and write a log"
 MOST_SAMPLES = 2e7  # half a gigabyte of columns
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The arguments of this command."""
-    parser.add_argument("--scene", required=True, metavar="SCENE.toml", help="the scene to simulate")
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--scene", metavar="SCENE.toml", help="the scene to simulate: fixed, else start, else default")
+    source.add_argument(
+        "--result",
+        metavar="result.json",
+        help="the estimates of a fit, with rig, speed and mean load of one of its logs",
+    )
+    parser.add_argument("--log", type=int, default=1, metavar="N", help="which log of the fit, from 1 (default: 1)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help='such as rig.mass="0.3 kg"')
     parser.add_argument("--duration", required=True, metavar="T", help="how long [s]")
     parser.add_argument("--rate", required=True, metavar="HZ", help="samples per second [Hz]")
@@ -53,12 +61,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     import numpy as np
 
     from data_io import Record, write_csv, write_hdf5
+    from identify.base.plain_text import wrapped
     from identify.diagnosis.choice import document_of
     from identify.diagnosis.selection_numbers import choose_from_numbers
-    from identify.scene import Scene
     from identify.simulation.simulate import simulate
 
-    scene = Scene.from_toml(arguments.scene, arguments.set)
+    scene, words = _scene_of(arguments)
     choice = choose_from_numbers(scene) if scene.effects == "auto" else None
     if choice is not None:
         scene = scene.with_effects(choice.effects)
@@ -76,8 +84,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     )
     (write_csv if out.suffix.lower() == ".csv" else write_hdf5)(record, out)
     slips = motion.onsets.size
+    terminal.say(wrapped(words or taken_by_default(scene)))
     terminal.say(f"{out}: {time.size} samples, {slips} slips, noise {noise:g} N (seed {seed}), simulated")
-    document = {"status": "done", "out": str(out), "rows": time.size, "slips": slips}
+    document: dict[str, Any] = {"status": "done", "out": str(out), "rows": time.size, "slips": slips}
+    document["parameters"] = dict(sorted(scene.values().items()))
     if motion.achieved is not None:
         found = {name: error if np.isfinite(error) else None for name, error in asdict(motion.achieved).items()}
         asked = motion.accuracy or 0.0
@@ -86,6 +96,46 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     if choice is not None:
         document["effects"] = document_of(choice, auto=True)
     return Answer(document=document)
+
+
+def _scene_of(arguments: Namespace) -> tuple[Scene, str]:
+    """The scene to simulate, and what was taken of a fit, in words ("" of a scene file).
+
+    Raises:
+        SceneError, FitError, CommandLineError: one sentence each.
+    """
+    from identify.report.finished import Fit
+    from identify.scene import Scene
+    from identify.scene.toml import put
+
+    if arguments.result is None:
+        return Scene.from_toml(arguments.scene, arguments.set), ""
+    fit = Fit.from_json(arguments.result)
+    scene = fit.scene(arguments.log)
+    document = scene.as_document()
+    for override in arguments.set:
+        put(document, override)
+    scene = Scene.from_document(document)
+    name, speed = Path(fit.result["logs"][arguments.log - 1]["path"]).name, scene.rig.drive_speed
+    drive = speed_text(speed) if isinstance(speed, float) else "the programme of the log"
+    return (
+        scene,
+        f"the estimates of the fit, at {drive} and {scene.rig.normal_force:.3g} N (log {arguments.log}, {name})",
+    )
+
+
+def taken_by_default(scene: Scene) -> str:
+    """Which friction is simulated: what the scene says, and of which parameters it takes the documented default."""
+    from identify.report.quantity_text import quantity as shown
+
+    values, units = scene.values(), {p.name: p.unit for p in scene.declared}
+    silent = [
+        name for name, spec in scene.parameters.items() if (spec.fixed, spec.start, spec.tie) == (None, None, None)
+    ]
+    if not silent:
+        return "the friction is that of the scene"
+    listed = ", ".join(f"{name} {shown(values[name], units[name])}" for name in silent)
+    return f"the scene gives no value of these, so documented defaults are taken: {listed}"
 
 
 def _simulated(path: Path) -> bool:

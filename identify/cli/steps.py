@@ -6,10 +6,9 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from identify.base.plain_text import columns, wrapped
 from identify.cli.common import Answer, Terminal, add_log_options, log_options
 from identify.cli.common import quantity as quantity_given
-from identify.cli.summary import columns, wrapped
-from identify.report.quantity_text import DASH, quantity
 
 if TYPE_CHECKING:
     from data_io import StepSummary
@@ -46,6 +45,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
 
 
 def _say(path: str, steps: Sequence[StepSummary], load: float | None, terminal: Terminal) -> None:
+    from identify.report.quantity_text import DASH, quantity
+
     terminal.say(path if load is None else f"{path}, under {quantity(load, 'N')} as given")
     rows = [["run", "step", "rows", "duration", "started"]]
     for step in steps:

@@ -9,11 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-from data_io.digest import file_sha256
-from data_io.whereabouts import digest_of, log_is_at
 from identify.base.log_numbers import places_of
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
-from identify.cli.results import read_result, scene_of
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
@@ -35,14 +32,15 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, SceneError, LogError: the result or its inputs are not there as they were.
     """
-    path = Path(arguments.result)
-    stored = read_result(path)
-
+    from data_io.whereabouts import digest_of
     from identify.cli.progress import Progress
     from identify.estimation.starts import Sources
     from identify.identification import fit
+    from identify.report.stored_result import read_result, scene_of
     from identify.shooting.fit_options import Asked
 
+    path = Path(arguments.result)
+    stored = read_result(path)
     scene = scene_of(stored, path)
     check_unedited(path)
     moved = {digest_of(there(Path(log))): Path(log) for log in arguments.logs}
@@ -79,6 +77,8 @@ def check_unedited(path: Path) -> None:
     Raises:
         CommandLineError: it was edited.
     """
+    from data_io.digest import file_sha256
+
     try:
         job = json.loads((path.parent / "job.json").read_text(encoding="utf-8"))
         written = job["result_sha256"]
@@ -97,6 +97,8 @@ def unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
     Raises:
         CommandLineError: gone or changed.
     """
+    from data_io.whereabouts import digest_of, log_is_at
+
     if sha256 in moved:
         return moved[sha256]
     if not log_is_at(path):
@@ -112,6 +114,8 @@ def there(path: Path) -> Path:
     Raises:
         CommandLineError: it is not.
     """
+    from data_io.whereabouts import log_is_at
+
     if not log_is_at(path):
         raise CommandLineError(f"{path}: there is no log; give a file, a folder of them, or a pattern in quotes")
     return path

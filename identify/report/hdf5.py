@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
-from identify.base.outcome import Fit, LogCurves, SlipDetail
+from identify.base.outcome import LogCurves, SlipDetail
 from identify.report.document import as_json, plain
+
+if TYPE_CHECKING:
+    from identify.report.finished import Fit
+
 
 FORMAT_VERSION = 1
 CURVE_UNITS = {

@@ -6,11 +6,10 @@ import io
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.base.outcome import Fit
 from identify.report.draw_correlation import draw_correlation
 from identify.report.draw_cycles import draw_cycles
 from identify.report.draw_force import draw_force
@@ -19,6 +18,10 @@ from identify.report.draw_slip import draw_phase_plane, draw_slip
 from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import Drawing, drawing_style, printable
 from identify.report.table_csv import Columns
+
+if TYPE_CHECKING:
+    from identify.report.finished import Fit
+
 
 PNG_DPI = 130
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from data_io.atomic import atomic_path, atomic_write
-from identify.base.outcome import Fit
 from identify.report.document import as_json
 from identify.report.table_csv import classical_csv, figure_csv
+
+if TYPE_CHECKING:
+    from identify.report.finished import Fit
+
 
 FIGURES = "figures"
 FIGURE_ENDINGS = (".png", ".svg", ".csv")

@@ -6,12 +6,10 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from identify.base.outcome import Fit
 from identify.report.advice_table import advice_table
 from identify.report.answers import answer_table, of_record, said_once, sentences
 from identify.report.depth import (
@@ -22,12 +20,17 @@ from identify.report.depth import (
     interval_table,
 )
 from identify.report.document import plain
+from identify.report.first_screen import first_screen_views, templates
 from identify.report.quantity_text import finite, quantity
 from identify.report.report_figures import Picture
-from identify.report.report_tables import Cell, classical_tables, effects_table, held_table, sensitivity_table
-from identify.report.report_views import banner, last_iterate_rows, log_views, parameter_views
+from identify.report.report_tables import Cell, effects_table, held_table, sensitivity_table
+from identify.report.report_views import log_views
 from identify.report.report_wording import EFFECTS_CHOSEN, TIMING_WORDS, with_group
 from identify.report.svg import inline_svg
+
+if TYPE_CHECKING:
+    from identify.report.finished import Fit
+
 
 LARGEST = 3_000_000  # bytes of report.html
 FOR_FIGURES = 2_300_000  # of which figures may take
@@ -46,15 +49,9 @@ class FigureView:
 
 def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
     """The text of report.html for the fit and its rendered figures; at most 3 MB."""
-    environment = Environment(
-        loader=PackageLoader("identify.report", "templates"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
+    environment = templates()
     result = plain(fit.result)
-    logs = log_views(fit)
+    logs = log_views(result)
     heads = [
         (Cell(f"log {view.number}", dict(view.facts).get("drive speed", "")), log)
         for view, log in zip(logs, result.get("logs", ()), strict=True)
@@ -67,11 +64,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
         title=_title(result, logs),
-        notes=result.get("notes") or [],
-        converged=fit.converged,
-        banner=banner(fit),
-        parameters=parameter_views(result.get("parameters", {})),
-        level=_level(result.get("parameters", {})),
+        **first_screen_views(result),
         logs=logs,
         shared_labels=[label for label in logs[0].labels if all(label in log.labels for log in logs)] if logs else [],
         figures_of={view.number: [f for p, f in figures if p.log == view.number] for view in logs},
@@ -82,7 +75,6 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         directions=direction_lines(result),
         accuracy=accuracy_rows(result),
         compared=comparison_table(result),
-        classical=classical_tables(result.get("logs", ())),
         derived=[
             table
             for table in (
@@ -107,7 +99,6 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         held=held_table(result["rig_against_data"]) if result.get("rig_against_data") else None,
         sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
         timings=_timings(result.get("timing_s") or {}),
-        last_iterate=last_iterate_rows(result.get("last_iterate")),
         provenance=_provenance(result.get("provenance") or {}),
         scene=_scene(result.get("provenance") or {}),
     )
@@ -139,11 +130,6 @@ def _title(result: Mapping[str, Any], logs: Sequence[Any]) -> str:
     scene = (result.get("provenance") or {}).get("scene") or {}
     name = scene.get("name") if isinstance(scene, Mapping) else None
     return str(name) if name else f"{len(logs)} log{'s' * (len(logs) != 1)}"
-
-
-def _level(parameters: Mapping[str, Mapping[str, Any]]) -> str:
-    levels = {finite(entry.get("level")) for entry in parameters.values()} - {None}
-    return f"{100 * next(iter(levels)):g} %" if len(levels) == 1 else "stated"  # type: ignore[operator]
 
 
 def _timings(timings: Mapping[str, Any]) -> list[tuple[str, str]]:

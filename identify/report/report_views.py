@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from identify.base.outcome import Fit
+from identify.base.outcome import Status
 from identify.prediction.outlook_words import listed
 from identify.report.quantity_text import (
     DASH,
@@ -93,19 +93,20 @@ class LogView:
     corrections: tuple[str, ...] = ()
 
 
-def banner(fit: Fit) -> Banner:
+def banner(result: Mapping[str, Any]) -> Banner:
     """The answer to "can it be trusted?" in plain words."""
-    words = STATUS[fit.status]
-    kind, headline = ("good", words.headline) if fit.converged else ("bad", words.headline)
+    words = STATUS[Status(result["status"])]
+    converged = result["status"] == "converged"
+    kind, headline = ("good", words.headline) if converged else ("bad", words.headline)
     doubtful = [
         name
-        for name, entry in fit.result.get("parameters", {}).items()
+        for name, entry in result.get("parameters", {}).items()
         if entry.get("verdict") in ("not identifiable", "at bound")
     ]
-    if fit.converged and doubtful:
+    if converged and doubtful:
         kind = "fair"
         headline += f" These logs do not tell {listed([plain_symbol(n) for n in doubtful])}."
-    return Banner(kind, words.badge, headline, str(fit.result.get("message", "")), _tiles(fit.result))
+    return Banner(kind, words.badge, headline, str(result.get("message", "")), _tiles(result))
 
 
 def parameter_views(parameters: Mapping[str, Mapping[str, Any]]) -> tuple[ParameterView, ...]:
@@ -115,9 +116,10 @@ def parameter_views(parameters: Mapping[str, Mapping[str, Any]]) -> tuple[Parame
     return tuple(replace(view, reason=reason) for view, reason in zip(views, reasons, strict=True))
 
 
-def log_views(fit: Fit) -> tuple[LogView, ...]:
+def log_views(result: Mapping[str, Any]) -> tuple[LogView, ...]:
     """One view per log of the document."""
-    return tuple(_log(number_, log, fit.converged) for number_, log in enumerate(fit.result.get("logs", ()), start=1))
+    converged = result["status"] == "converged"
+    return tuple(_log(number_, log, converged) for number_, log in enumerate(result.get("logs", ()), start=1))
 
 
 def last_iterate_rows(last: Any) -> tuple[tuple[str, str], ...]:

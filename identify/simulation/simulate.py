@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
+from identify.scene.tables import quantity
 from identify.simulation.admission import admit
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.initial import initial_states
@@ -159,18 +160,18 @@ def run(
 
 def simulate(
     scene: Scene,
-    duration: float,
+    duration: float | str,
     *,
-    drive: float | Drive | tuple[tuple[float, float], ...] | None = None,
-    normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
+    drive: float | str | Drive | tuple[tuple[float, float], ...] | None = None,
+    normal_force: float | str | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
     accuracy: float | None = None,
-    noise: float | None = None,
+    noise: float | str | None = None,
     rtol: float | None = None,
 ) -> Trajectory:
     """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
 
     The course of the normal force counts where the effect varying_normal_force is on, else its mean over the
-    duration.
+    duration. Every quantity may be a number in SI or text with a unit, such as "20 s".
 
     Args:
         drive, normal_force: replace those of the scene's rig; units and forms as in `run`.
@@ -180,10 +181,15 @@ def simulate(
 
     Raises:
         SimulationError: no drive speed or normal force is given, or what the model refuses.
-        SceneError: the effects are still to be chosen, or one of them is outside its measured range.
+        SceneError: the effects are still to be chosen, or one of them is outside its measured range; text that is no
+            quantity.
     """
+    duration = quantity(duration, "s", "the duration")
     speed = scene.rig.drive_speed if drive is None else drive
     force = scene.rig.normal_force if normal_force is None else normal_force
+    speed = quantity(speed, "m/s", "the drive speed") if isinstance(speed, str) else speed
+    force = quantity(force, "N", "the normal force") if isinstance(force, str) else force
+    noise = quantity(noise, "N", "the noise") if isinstance(noise, str) else noise
     if speed is None:
         raise SimulationError("the scene has no drive speed; give drive_speed under [rig]")
     if force is None:

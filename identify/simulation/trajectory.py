@@ -5,20 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
+from identify.scene.tables import quantity
 from identify.simulation.averaging import averaged, rest_edges
 from identify.simulation.phases import Phase, Slide
 from identify.simulation.samples import moments
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
 LAST_DIGITS = 1e-13  # no estimate says less
 COMPARED = 2000  # times at which forces are compared
+EVEN = 2001  # times of a table beside those of the solver
 
 
 @dataclass(frozen=True)
@@ -40,7 +47,7 @@ class Second:
     finer: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """A simulated motion: its phases in order, and everything that can be sampled from them.
 
@@ -99,6 +106,42 @@ class Trajectory:
     def saturations(self) -> Array:
         """Times at which the bounded state (gamma) reaches its lower bound [s]."""
         return np.array([p.start + p.duration for p in self.phases if p.ended_by == "clearance"])
+
+    def __repr__(self) -> str:
+        slips = f"{self.onsets.size} slip{'s' * (self.onsets.size != 1)}"
+        return f"simulated motion of {self.duration:g} s with {slips}: {', '.join(self.model.effects)}"
+
+    def to_frame(self, rate: float | str | None = None) -> pd.DataFrame:
+        """The motion as a table in SI: time and what `sample` gives.
+
+        Args:
+            rate: samples per second [Hz], number or text with a unit; None: where the solver stepped (densely in
+                slips), and `EVEN` times between.
+        """
+        import pandas as pd
+
+        if rate is None:
+            times = np.union1d(self._edges, np.linspace(0.0, self.duration, EVEN))
+        else:
+            clock = quantity(rate, "1/s", "the rate")
+            if not clock > 0.0:
+                raise SimulationError(f"the rate is {clock:g} Hz; expected a positive number: correct it")
+            times = np.arange(int(self.duration * clock * (1 + 1e-12)) + 1) / clock
+        return pd.DataFrame({"time": times, **self.sample(times)})
+
+    def plot(self) -> Figure:
+        """Friction force at the load cell and sliding speed over time."""
+        import matplotlib.pyplot  # noqa: F401 - lets a notebook show figures
+        from matplotlib.figure import Figure
+
+        frame = self.to_frame()
+        figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+        force, speed = figure.subplots(2, 1, sharex=True)
+        force.plot(frame["time"], frame["force"])
+        force.set_ylabel("friction force (N)")
+        speed.plot(frame["time"], 1e3 * frame["sliding_speed"])
+        speed.set(xlabel="time (s)", ylabel="sliding speed (mm/s)")
+        return figure
 
     def sample(self, times: ArrayLike) -> dict[str, Array]:
         """The motion at rising `times` (n,) [s] within the simulation.

@@ -5,47 +5,42 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from identify.base.errors import SceneError
+from identify.base.errors import FitError, SceneError
 from identify.base.log_numbers import numbers_of
-from identify.cli.common import CommandLineError
-
-if TYPE_CHECKING:
-    from identify.scene import Scene
+from identify.scene import Scene
 
 
 def read_result(path: Path) -> dict[str, Any]:
     """The document of a stored result.
 
     Raises:
-        CommandLineError: no such file, or no result of ours.
+        FitError: no such file, or no result of ours.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise CommandLineError(f"{path}: no such file; give the result.json of a fit") from None
+        raise FitError(f"{path}: no such file; give the result.json of a fit") from None
     except IsADirectoryError:
-        raise CommandLineError(f"{path}: this is a folder; give the result.json in it") from None
+        raise FitError(f"{path}: this is a folder; give the result.json in it") from None
     except (ValueError, RecursionError):
-        raise CommandLineError(f"{path}: this is not JSON; give the result.json of a fit") from None
+        raise FitError(f"{path}: this is not JSON; give the result.json of a fit") from None
     if not _is_result(document):
-        raise CommandLineError(f"{path}: this is no result of a fit; give a result.json that stickslip fit wrote")
+        raise FitError(f"{path}: this is no result of a fit; give a result.json that stickslip fit wrote")
     return dict(document)
 
 
-def scene_of(document: Mapping[str, Any], path: Path) -> Scene:
+def scene_of(document: Mapping[str, Any], path: Path | str) -> Scene:
     """The scene that a result was fitted with.
 
     Raises:
-        CommandLineError: what is recorded there is no scene any more.
+        FitError: what is recorded there is no scene any more.
     """
-    from identify.scene import Scene
-
     try:
         return Scene.from_document(document["provenance"]["scene"])
     except SceneError as error:
-        raise CommandLineError(f"{path}: the scene recorded there: {error}") from None
+        raise FitError(f"{path}: the scene recorded there: {error}") from None
 
 
 def _is_result(document: Any) -> bool:

@@ -1,0 +1,249 @@
+"""A finished fit in Python: its document, its tables as data frames, its pictures, and what it predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identify.base.errors import FitError
+from identify.base.log_numbers import numbers_of
+from identify.base.outcome import LogCurves, Status
+from identify.base.plain_text import wrapped
+from identify.model.model import RIG_PARAMETERS
+from identify.prediction.outlook import outlook
+from identify.prediction.pairs import pair_of
+from identify.report.first_screen import first_screen
+from identify.report.stored_result import read_result, scene_of
+from identify.report.summary import summary
+from identify.report.table_csv import classical_rows
+from identify.scene import Scene
+from identify.scene.parameters import default_spec
+from identify.scene.tables import quantity
+from identify.simulation.simulate import simulate
+from identify.simulation.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+CYCLE_COLUMNS = ("onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "misfit_z")
+Quantity = float | str  # SI, or text with a unit
+
+
+@dataclass(frozen=True, repr=False)
+class Fit:
+    """A finished identification; in a notebook it shows its first screen, elsewhere its summary.
+
+    result: the document of result.json (names, units and verdicts as the interface promises);
+    logs: the curves, one per log, in the order of result["logs"]; empty where only the document was read.
+    """
+
+    result: Mapping[str, Any]
+    logs: tuple[LogCurves, ...] = ()
+
+    @staticmethod
+    def from_json(path: str | Path) -> Fit:
+        """The fit that a result.json tells of; without curves, so without `cycles` and `plot`.
+
+        Raises:
+            FitError: no such file, or no result of a fit.
+        """
+        return Fit(read_result(Path(path)))
+
+    @property
+    def status(self) -> Status:
+        """How the fit ended."""
+        return Status(self.result["status"])
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fit passed its gate."""
+        return self.status is Status.CONVERGED
+
+    def __repr__(self) -> str:
+        return summary(self.result)
+
+    def _repr_html_(self) -> str:
+        return first_screen(self.result)
+
+    @property
+    def parameters(self) -> pd.DataFrame:
+        """One row per parameter, SI: value, standard_error, lower and upper end of the interval, unit, verdict, reason.
+
+        `lower_with_tolerances` and `upper_with_tolerances`: the interval that rig and sensors widen.
+        """
+        import pandas as pd
+
+        rows = {}
+        for name, entry in self.result["parameters"].items():
+            (lower, upper), (least, most) = (
+                (entry.get(key) or (None, None)) for key in ("interval", "interval_with_tolerances")
+            )
+            rows[name] = {
+                "value": entry["value"],
+                "standard_error": entry["standard_error"],
+                "lower": lower,
+                "upper": upper,
+                "lower_with_tolerances": least,
+                "upper_with_tolerances": most,
+                "unit": entry["unit"],
+                "verdict": entry["verdict"],
+                "reason": entry["reason"],
+            }
+        frame = pd.DataFrame.from_dict(rows, orient="index")
+        numbers = [column for column in frame.columns if column not in ("unit", "verdict", "reason")]
+        return frame.astype(dict.fromkeys(numbers, float))
+
+    @property
+    def classical(self) -> pd.DataFrame:
+        """The classical table of all logs, as classical.csv holds it: SI, units in the column names."""
+        import pandas as pd
+
+        logs = self.result.get("logs", ())
+        rows = [{"log": number, "path": logs[number - 1]["path"], **row} for number, row in classical_rows(logs)]
+        return pd.DataFrame(rows)
+
+    @property
+    def cycles(self) -> pd.DataFrame:
+        """One row per cycle of every log: onset and arrest [s], the forces there [N], their difference [N], the time at
+        rest before the onset [s] (NaN of the first one), misfit in standard deviations (NaN where nothing was fitted).
+        """
+        import pandas as pd
+
+        self._check_curves()
+        frames = []
+        for number, curves in enumerate(self.logs, 1):
+            frame = pd.DataFrame(curves.cycles, columns=list(CYCLE_COLUMNS))
+            frame["drop_N"] = frame["onset_force_N"] - frame["arrest_force_N"]
+            frame["hold_s"] = frame["onset_s"] - frame["arrest_s"].shift()
+            frame.insert(0, "cycle", np.arange(1, len(frame) + 1))
+            frame.insert(0, "log", number)
+            frames.append(frame)
+        return pd.concat(frames, ignore_index=True)
+
+    def plot(self, log: int = 1) -> Figure:
+        """Measured and fitted force of a log (from 1) with residuals and normal force, as in the report.
+
+        Raises:
+            FitError: no such log, or a fit without curves.
+        """
+        self._check_curves()
+        self._check_log(log)
+        import matplotlib.pyplot  # noqa: F401 - lets a notebook show figures
+
+        from identify.report.draw_force import draw_force
+        from identify.report.style import drawing_style
+
+        with drawing_style():
+            figure: Figure = draw_force(self.logs[log - 1], log, self.converged).figure
+        return figure
+
+    def predict(
+        self, *, drive_speed: Quantity | None = None, normal_force: Quantity | None = None, log: int = 1
+    ) -> Prediction:
+        """What this pair does at another drive speed or normal force on the rig of a log: stability and amplitude.
+
+        Args:
+            drive_speed: [m/s]; normal_force: [N]; numbers or text with a unit; None: those of the log.
+            log: whose rig and group, from 1.
+
+        Raises:
+            FitError: the fit has no values. SimulationError: no answer there.
+        """
+        scene = self.scene(log)
+        speed = scene.rig.drive_speed if drive_speed is None else quantity(drive_speed, "m/s", "drive_speed")
+        load = scene.rig.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
+        if not isinstance(speed, float) or load is None:
+            raise FitError(f"log {log} has no single drive speed or normal force; give drive_speed and normal_force")
+        pair = pair_of(self.result, scene, log - 1)
+        return Prediction(outlook(scene.model, scene.values(), speed, load, pair.covariance, pair.names))
+
+    def simulate(
+        self,
+        duration: Quantity,
+        *,
+        drive_speed: Quantity | None = None,
+        normal_force: Quantity | None = None,
+        log: int = 1,
+    ) -> Trajectory:
+        """The fitted model run forward for `duration` [s] from rest; arguments and errors as `predict`."""
+        return simulate(self.scene(log), duration, drive=drive_speed, normal_force=normal_force)
+
+    def scene(self, log: int = 1) -> Scene:
+        """The scene with the estimates as values, and the rig, drive speed and mean load of a log (from 1).
+
+        Raises:
+            FitError: no such log, or no values to use.
+        """
+        self._check_log(log)
+        if not self.converged:
+            raise FitError(f"this fit has no values ({self.result['status']}): {self.result['message']}")
+        return fitted_scene(self.result, log)
+
+    def _check_curves(self) -> None:
+        if not self.logs:
+            raise FitError(
+                "only the document of this fit is here, without curves; they stand in result.h5, or fit again"
+            )
+
+    def _check_log(self, log: int) -> None:
+        count = len(self.result.get("logs", ()))
+        if not 1 <= log <= count:
+            raise FitError(f"log {log} was asked for; this fit has {count}, counted from 1: choose one of them")
+
+
+@dataclass(frozen=True, repr=False)
+class Prediction:
+    """Stability and amplitude at one operating point; shows itself in words.
+
+    document: as `stickslip stability --json` has it, every number with unit, interval and validity.
+    """
+
+    document: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return "\n".join(wrapped(line) for line in str(self.document["text"]).splitlines())
+
+    def to_frame(self) -> pd.DataFrame:
+        """The amplitude as a table, SI: value, lower and upper end (95 %), unit; one row per quantity."""
+        import pandas as pd
+
+        rows = {}
+        for name, entry in (self.document.get("amplitude") or {}).items():
+            if isinstance(entry, Mapping) and "value" in entry:
+                lower, upper = entry.get("interval") or (None, None)
+                rows[name] = {"value": entry["value"], "lower": lower, "upper": upper, "unit": entry["unit"]}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "lower", "upper", "unit"])
+
+
+def fitted_scene(result: Mapping[str, Any], log: int) -> Scene:
+    """The scene of a converged result with the estimates that hold for a log (from 1) as values, and its rig.
+
+    Raises:
+        FitError: the logs tell nothing of that log's group, or one of its parameters.
+    """
+    scene = scene_of(result, "the result")
+    if scene.effects == "auto":
+        scene = scene.with_effects(result["effects"]["names"])
+    pair = pair_of(result, scene, log - 1)
+    missing = [name for name, entry in result["parameters"].items() if entry["value"] is None]
+    if pair.untold or (missing and not pair.values):
+        raise FitError(
+            pair.untold or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
+        )
+    told, entry = result["logs"][log - 1], scene.logs[numbers_of(result["logs"])[log - 1]]
+    values = {**scene.values(entry), **pair.values}
+    measured: dict[str, Any] = {name: values[name] for name in RIG_PARAMETERS if name in values}
+    rig, speed, load = scene.rig_for(entry), told.get("drive_speed_m_per_s"), told.get("normal_force_N")
+    rig = replace(
+        rig,
+        drive_speed=rig.drive_speed if speed is None else float(speed),
+        normal_force=rig.normal_force if load is None else float(load),
+        **measured,
+    )
+    specs = {p.name: replace(default_spec(p), fixed=values[p.name]) for p in scene.declared if p.kind != "rig"}
+    return replace(scene, rig=rig, parameters=specs, logs=())

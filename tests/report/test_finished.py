@@ -1,0 +1,114 @@
+"""A fit in Python: what it shows of itself, its tables, its predictions, and the door `identify`."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import identify
+from identify import Fit, FitError, Scene, SceneError, simulate
+from identify.report.document import as_json
+from tests.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fit_of_a_scene()
+
+
+def test_a_fit_shows_its_summary_on_one_screen(fit):
+    text = repr(fit)
+    assert len(text) < 3000 and len(text.splitlines()) < 30 and max(map(len, text.splitlines())) <= 79
+    assert "mu_s" in text and "0.6200" in text and "identified" in text
+    refused = repr(failed(fit, "model_misfit", "the model does not follow log 2"))
+    assert refused == "model misfit: the model does not follow log 2"
+
+
+def test_a_notebook_gets_the_first_screen_with_styles_that_stay_inside(fit):
+    page = fit._repr_html_()
+    assert "fit accepted" in page and 'class="parameters"' in page and "<html" not in page and "<script" not in page
+    style = page[page.index("<style>") : page.index("</style>")]
+    assert style.replace("<style>", "").strip().startswith("@scope (.stickslip)")
+    assert ":root" not in style and "\nbody" not in style
+
+
+def test_tables_hold_the_numbers_of_the_document(fit):
+    frame = fit.parameters
+    assert list(frame.index) == list(fit.result["parameters"])
+    assert frame.loc["D", "value"] == fit.result["parameters"]["D"]["value"]
+    assert frame.loc["D", "lower"] < frame.loc["D", "value"] < frame.loc["D", "upper"]
+    assert np.isnan(failed(fit, "model_misfit", "no").parameters["value"]).all()
+    assert len(fit.classical) == 4 and set(fit.classical["log"]) == {1, 2, 3, 4}
+    cycles = fit.cycles
+    first = cycles[cycles["log"] == 1]
+    assert np.allclose(first["onset_s"], fit.logs[0].cycles[:, 0])
+    assert np.allclose(first["hold_s"].iloc[1:], first["onset_s"].iloc[1:].to_numpy() - first["arrest_s"].iloc[:-1])
+    assert np.allclose(cycles["drop_N"], cycles["onset_force_N"] - cycles["arrest_force_N"])
+
+
+def test_a_stored_fit_predicts_and_has_no_curves(fit, tmp_path):
+    (tmp_path / "result.json").write_text(as_json(fit.result), encoding="utf-8")
+    again = Fit.from_json(tmp_path / "result.json")
+    assert repr(again) == repr(fit) and again.result == json.loads(as_json(fit.result))
+    for curves in (lambda: again.cycles, again.plot):
+        with pytest.raises(FitError, match="without curves"):
+            curves()
+    assert again.predict(drive_speed="1 mm/s").document == again.predict(log=3).document  # log 3 ran at 1 mm/s
+    with pytest.raises(FitError, match="this fit has 4, counted from 1"):
+        again.predict(log=5)
+    (tmp_path / "other.json").write_text("{}")
+    with pytest.raises(FitError, match="no result of a fit"):
+        Fit.from_json(tmp_path / "other.json")
+
+
+def test_a_prediction_is_that_of_the_scene_with_these_values(fit):
+    """Against the forward simulation of a scene that was written by hand with the estimates."""
+    parameters = {name: {"fixed": value} for name, value in TRUTH.items()}
+    rig = {**RIG, "drive_speed": "2 mm/s"}
+    by_hand = simulate(Scene.from_document({"effects": EFFECTS, "rig": rig, "parameters": parameters}), "4 s")
+    predicted = fit.predict(drive_speed="2 mm/s")
+    period = np.diff(by_hand.onsets)[-1]
+    assert predicted.document["amplitude"]["period"]["value"] == pytest.approx(period, rel=1e-4)
+    assert predicted.to_frame().loc["period", "value"] == pytest.approx(period, rel=1e-4)
+    other = fit.predict(drive_speed="1 mm/s").document["amplitude"]["period"]["value"]
+    assert other != pytest.approx(period, rel=1e-2)  # the speed that was asked for decides
+    assert "2 mm/s" in repr(predicted) and max(map(len, repr(predicted).splitlines())) <= 79
+    moved = fit.simulate("4 s", drive_speed=0.002)
+    assert moved.onsets == pytest.approx(by_hand.onsets, rel=1e-6)
+
+
+def test_what_a_refused_fit_cannot_do_is_said(fit):
+    refused = failed(fit, "model_misfit", "the model does not follow log 2")
+    with pytest.raises(FitError, match=r"no values \(model_misfit\): the model does not follow log 2"):
+        refused.predict(drive_speed="1 mm/s")
+
+
+def test_a_motion_is_a_table_and_a_picture():
+    scene = Scene.from_document({"effects": EFFECTS, "rig": {**RIG, "drive_speed": "1 mm/s"}})
+    motion = simulate(scene, "2 s", drive="3 mm/s", normal_force="2 N")
+    same = simulate(scene, 2.0, drive=0.003, normal_force=2.0)
+    assert np.array_equal(motion.onsets, same.onsets) and motion.onsets.size > 3
+    assert str(motion).startswith("simulated motion of 2 s with") and len(str(motion)) < 200
+    even, dense = motion.to_frame("1 kHz"), motion.to_frame()
+    assert len(even) == 2001 and np.allclose(np.diff(even["time"]), 1e-3)
+    assert np.allclose(even["force"], motion.sample(even["time"])["force"])
+    assert set(motion.onsets) <= set(dense["time"])  # no slip is between two rows
+    assert motion.plot().axes[0].get_ylabel() == "friction force (N)"
+    with pytest.raises(SceneError, match="drive speed"):
+        simulate(scene, "2 s", drive="3 kg")
+
+
+def test_a_figure_of_a_log(fit):
+    figure = fit.plot(2)
+    assert figure.axes[0].get_ylabel() == "friction force (N)"
+    with pytest.raises(FitError, match="counted from 1"):
+        fit.plot(0)
+
+
+def test_the_door_lists_what_is_public_and_opens_quickly():
+    assert {"Scene", "fit", "Fit", "simulate", "SceneError", "FitError", "IdentifyError"} <= set(dir(identify))
+    assert all(getattr(identify, name) is not None for name in dir(identify))
+    code = "import sys, identify; identify.__version__; print([m for m in ('numpy', 'casadi') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
