@@ -18,6 +18,7 @@ from data_io.true_runs import longest_run
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _TIME = re.compile(r"(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?")
 _WORD_DATE = re.compile(r"\b(\d{1,2})[ .-]+([A-Za-z]{3})[a-z]*\.?[ ,-]+(\d{4})\b")
+_ISO_DATE = re.compile(r"\b(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})\b")
 _NUMBER_DATE = re.compile(r"\b(\d{1,2})/(\d{1,2})/(\d{2,4})\b")
 _REPEATS_ALLOWED: Final = 0.01
 
@@ -39,7 +40,7 @@ class StepClock:
 
 
 def read_date(text: str) -> datetime | None:
-    """Read `12:21:58.029 12 May 2022` or `05/12/22 14:43:46` (month first), None where no such date stands."""
+    """Read `12:21:58.029 12 May 2022`, `2022-05-12 12:21:58` or `05/12/22 14:43:46` (month first); None elsewhere."""
     clock = _TIME.search(text)
     if clock is None:
         return None
@@ -47,6 +48,8 @@ def read_date(text: str) -> datetime | None:
     day, month, year = 1, 1, 2000
     if (word := _WORD_DATE.search(text)) and word[2].lower() in _MONTHS:
         day, month, year = int(word[1]), _MONTHS.index(word[2].lower()) + 1, int(word[3])
+    elif iso := _ISO_DATE.search(text):
+        year, month, day = int(iso[1]), int(iso[2]), int(iso[3])
     elif number := _NUMBER_DATE.search(text):
         month, day, year = int(number[1]), int(number[2]), int(number[3])
         year += 2000 if year < 100 else 0
@@ -94,7 +97,13 @@ def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[n
     """Return which rows do not repeat the time of the row before; a clock that falls or mostly stands is an error."""
     change = np.diff(time, prepend=-np.inf)
     if (change < 0).any():
-        row = int(np.argmax(change < 0))
+        row, falls = int(np.argmax(change < 0)), int(np.count_nonzero(change < 0))
+        if falls > 1:
+            raise source.error(
+                f"the clock{of_step} restarts {falls} times in {time.size} rows, first in row {row + 1} of the numbers "
+                f"({time[row - 1]:.9g} s, then {time[row]:.9g} s); one rising clock was expected; if the rows follow each "
+                'other evenly, give their rate, as in --rate "100 Hz", else export again with a clock that goes on'
+            )
         raise source.error(
             f"the clock{of_step} falls from {time[row - 1]:.9g} s to {time[row]:.9g} s in row {row + 1} of the "
             "numbers; a rising clock was expected, restarting only below a step header; cut or repair the log there"

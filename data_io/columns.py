@@ -43,6 +43,11 @@ class Name:
     name: str
     unit: str | None
 
+    @property
+    def key(self) -> str:
+        """The name without case, blanks, punctuation, and the number that tells columns of one name apart."""
+        return _key(self.name)
+
 
 @dataclass(frozen=True)
 class Header:
@@ -61,6 +66,8 @@ def parse_name(text: str) -> Name:
     something else.
     """
     text = text.strip().strip('"').strip()
+    if again := re.fullmatch(r"(.*[)\]}])\.\d{1,3}", text):  # Time [s].1, as pandas writes it
+        return replace(parse_name(again[1]), raw=text)
     match = _BRACKETS.fullmatch(text)
     if match and match[1]:
         return Name(text, match[1].rstrip(" ,_"), match[2].strip())
@@ -72,6 +79,7 @@ def parse_name(text: str) -> Name:
 
 @functools.lru_cache(maxsize=4096)
 def _key(name: str) -> str:
+    name = re.sub(r"\.\d{1,3}$", "", name.strip())  # pandas writes names that stand there twice as Time, Time.1
     return re.sub(r"[\W_]+", "", name.rsplit(".", 1)[-1].casefold())
 
 
@@ -83,7 +91,11 @@ def role_of(name: str) -> str | None:
 
 def match_header(fields: Sequence[str], wanted: Mapping[str, str]) -> Header:
     """Give roles to columns: those the user named first, the rest by alias. Missing roles are simply absent."""
-    names = tuple(parse_name(field) for field in fields)
+    return match_names(tuple(parse_name(field) for field in fields), wanted)
+
+
+def match_names(names: tuple[Name, ...], wanted: Mapping[str, str]) -> Header:
+    """Give roles to columns whose names are read already, as `match_header` does."""
     roles: dict[str, int] = {}
     passed_over: dict[str, tuple[int, ...]] = {}
     for role, column in wanted.items():

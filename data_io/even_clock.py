@@ -1,11 +1,14 @@
-"""A clock for tables that state their sampling interval above the rows instead of holding a time column."""
+"""Even clocks for logs without a time column: the sampling interval stands above the rows, or the user gave the rate."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from data_io.columns import Header, Name
+from data_io.frozen import Finding
 from data_io.opened_table import Table
+from data_io.part import Contents
+from data_io.source import Request, Source
 
 
 def with_even_clock(table: Table, start: float, interval: float, name: str) -> Table:
@@ -19,3 +22,23 @@ def with_even_clock(table: Table, start: float, interval: float, name: str) -> T
         names = (*header.names, Name(name, name, "s"))
         header = Header(names, {**header.roles, "time": index}, header.passed_over)
     return replace(table, header=header, columns={**table.columns, index: time})
+
+
+def with_clock_of_rate(source: Source, request: Request, contents: Contents) -> Contents:
+    """Return contents whose clock the user made by the sampling rate; a time column of the file becomes a channel."""
+    if request.rate is None:
+        return contents
+    if "time" in request.columns:
+        raise source.error("a time column and a sampling rate were given; one clock was expected; leave one of them out")
+    interval = 1.0 / request.rate
+    parts = []
+    for part in contents.parts:
+        index = len(part.header.names)
+        names = (*part.header.names, Name("rate", "given rate", "s"))
+        passed = {role: others for role, others in part.header.passed_over.items() if role != "time"}
+        header = Header(names, {**part.header.roles, "time": index}, passed)
+        columns = {**part.columns, index: interval * np.arange(part.rows, dtype=np.float64)}
+        parts.append(replace(part, header=header, columns=columns, clocks={}))
+    text = f"the clock was made from the rate of {request.rate:g} Hz that was given"
+    findings = [*contents.findings, Finding("clock_from_rate", "info", text)]
+    return replace(contents, parts=parts, findings=findings)

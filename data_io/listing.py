@@ -21,6 +21,7 @@ MOST_NAMED: Final = 8
 class StepSummary:
     """One step of a log: its run and number, rows, duration [s] (None: not told), when it was started, columns.
 
+    restarts: how often its clock falls back, which then tells no duration.
     columns: name by name the unit, None where the file does not say one. parameters: as the file has them, as text.
     """
 
@@ -31,17 +32,20 @@ class StepSummary:
     started: datetime | None
     columns: Mapping[str, str | None]
     parameters: Mapping[str, str]
+    restarts: int = 0
 
 
 def summaries(contents: Contents, request: Request) -> tuple[StepSummary, ...]:
     """Return every step that a reader found, empty ones included."""
-    return tuple(
-        StepSummary(
-            part.run, part.number, part.rows, _duration(part, request), part.started,
-            {name.name: name.unit for name in part.header.names}, dict(part.parameters),
+    found = []
+    for part in contents.parts:
+        duration, restarts = _duration(part, request)
+        columns = {name.name: name.unit for name in part.header.names}
+        parameters = dict(part.parameters)
+        found.append(
+            StepSummary(part.run, part.number, part.rows, duration, part.started, columns, parameters, restarts)
         )
-        for part in contents.parts
-    )  # fmt: skip
+    return tuple(found)
 
 
 def chosen_steps(
@@ -57,16 +61,20 @@ def chosen_steps(
     raise LogError(f"{path}: {asked} was asked for; the log holds {held}{more}; choose one of them")
 
 
-def _duration(part: Part, request: Request) -> float | None:
+def _duration(part: Part, request: Request) -> tuple[float | None, int]:
+    """Return how long a step lasts [s], None where nothing tells, and how often its clock falls back."""
+    if request.rate is not None:
+        return max(part.rows - 1, 0) / request.rate, 0
     index = part.header.roles.get("time")
     values = part.columns.get(-1 if index is None else index)
     if index is None or values is None:
-        return None
+        return None, 0
     finite = values[np.isfinite(values)]
+    restarts = int(np.count_nonzero(np.diff(finite) < 0))
     unit = request.units.get("time") or part.header.names[index].unit
-    if not unit or finite.size < 2:
-        return None
+    if not unit or finite.size < 2 or restarts:
+        return None, restarts
     try:
-        return to_si(float(finite[-1] - finite[0]), unit, "time")
+        return to_si(float(finite[-1] - finite[0]), unit, "time"), 0
     except UnitError:
-        return None
+        return None, 0

@@ -11,9 +11,11 @@ from typing import Final
 from data_io.assemble import assemble
 from data_io.digest import sha256_of_several
 from data_io.errors import LogError, UnitError
+from data_io.even_clock import with_clock_of_rate
 from data_io.frozen import COLUMN_ROLES
 from data_io.listing import StepSummary, chosen_steps, summaries
 from data_io.motion import strokes_as_steps, take_step
+from data_io.own_clocks import on_one_clock
 from data_io.part import Contents
 from data_io.readers import READERS
 from data_io.record import Record, within
@@ -45,6 +47,7 @@ def read_log(
     window: tuple[float, float] | None = None,
     strokes: bool = False,
     stroke: int | None = None,
+    rate: float | str | None = None,
 ) -> Record:
     """Read a log as one record in SI.
 
@@ -52,7 +55,8 @@ def read_log(
     units: unit by role (time, normal_force, friction_force) or column name, e.g. {"friction_force": "N"}; overrides
     the file. columns: column (or HDF5 dataset) by role, e.g. {"time": "T"}; `drive_speed` and `position` are roles too.
     normal_force: a constant load [N] or "3 N", instead of a column. channels: names of the other columns to keep; None
-    keeps all. window: the (start, stop) [s] to keep, in the clock of the file; of an HDF5 file nothing else is read.
+    keeps all. rate: the sampling rate [Hz] or "4 Hz" of a log whose rows follow each other evenly: it makes the clock,
+    whatever the file has for one. window: the (start, stop) [s] to keep, in the clock of the file; of an HDF5 file nothing else is read.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
     A folder or a pattern (`stroke_*.txt`) is read as one test whose strokes or steps were exported to files of their
@@ -63,6 +67,7 @@ def read_log(
     request = replace(
         _request(path, step, run, units, columns, normal_force, channels, progress),
         window=_checked_window(path, window),
+        rate=_rate(path, rate),
     )
     record = _read_series(path, request) if is_series(path) else _read_one(path, request)
     if strokes or stroke is not None:
@@ -91,6 +96,7 @@ def list_steps(
     step: int | None = None,
     run: int | None = None,
     normal_force: float | str | None = None,
+    rate: float | str | None = None,
 ) -> tuple[StepSummary, ...]:
     """Return the steps of every run of a log (or of a series of files), whether or not they can be used.
 
@@ -99,6 +105,7 @@ def list_steps(
     """
     path = Path(path)
     request = _request(path, None, None, units, columns, normal_force, None, no_progress)
+    request = replace(request, rate=_rate(path, rate))
     if is_series(path):
         contents = joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)])
     else:
@@ -110,7 +117,7 @@ def contents_of(source: Source, request: Request) -> Contents:
     """Return what the first reader that knows a log finds in it. Raises `LogError`."""
     for reader in READERS:
         if reader.can_read(source.head):
-            return reader.read(source, request)
+            return on_one_clock(source, request, with_clock_of_rate(source, request, reader.read(source, request)))
     for mark, words in REFUSED:
         if mark.match(source.head):
             raise source.error(f"the file is {words}")
@@ -170,6 +177,18 @@ def _checked_window(path: Path, window: tuple[float, float] | None) -> tuple[flo
     if not start < stop:
         raise LogError(f"{path}: the window runs from {start:g} to {stop:g} s; a start before its stop was expected")
     return start, stop
+
+
+def _rate(path: Path, given: float | str | None) -> float | None:
+    if given is None:
+        return None
+    try:
+        rate = parse_quantity(given, "Hz")
+    except UnitError as error:
+        raise LogError(f"{path}: the sampling rate given: {error}") from error
+    if not (math.isfinite(rate) and rate > 0):
+        raise LogError(f"{path}: a sampling rate of {given} was given; one above 0 Hz was expected; correct it")
+    return rate
 
 
 def _load_force(path: Path, given: float | str | None) -> float | None:

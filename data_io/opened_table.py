@@ -87,6 +87,7 @@ def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -
     if request.channels is None:
         return None
     named = (find_column(header.names, name) for name in (*request.channels, *request.columns.values(), *keep))
-    own = {header.names[index] for index in header.roles.values()}
+    clocks = header.passed_over.get("time", ())
+    own = {header.names[index] for index in (*header.roles.values(), *clocks)}
     twins = {index for index, name in enumerate(header.names) if name in own}
     return frozenset(twins | {index for index in named if index is not None})

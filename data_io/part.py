@@ -11,7 +11,10 @@ from data_io.source import Request, Source
 
 @dataclass(frozen=True)
 class Part:
-    """One step as its reader found it: columns by index of the header, raw, all of one length; items of its run."""
+    """One step as its reader found it: columns by index of the header, raw, all of one length; items of its run.
+
+    clocks: where channels bring clocks of their own, the time column of each; empty: the places of columns tell.
+    """
 
     run: int
     number: int
@@ -20,6 +23,7 @@ class Part:
     parameters: Mapping[str, str] = field(default_factory=dict)
     started: datetime | None = None
     run_items: Mapping[str, str] = field(default_factory=dict)
+    clocks: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -51,7 +55,10 @@ def of_run(source: Source, request: Request, parts: Sequence[Part]) -> list[Part
     if request.run is not None and request.run not in runs:
         raise source.error(f"run {request.run} was asked for; the log holds run {_listed(runs)}; choose one of them")
     if request.run is None and len(runs) > 1:
-        raise source.error(f"the log holds the runs {_listed(runs)}; one was expected; choose one with --run")
+        places = {part.run: part.run_items["table"] for part in parts if "table" in part.run_items}
+        named = [f"{run} ({places[run]})" if run in places else str(run) for run in runs]
+        beside = ", tables that stand side by side" if places else ""
+        raise source.error(f"the log holds the runs {_listed(named)}{beside}; one was expected; choose one with --run")
     run = [part for part in parts if part.run == (runs[0] if request.run is None else request.run)]
     if not any(part.rows for part in run):
         raise source.error("no rows of numbers were found below the header; at least two were expected; export again")
@@ -88,5 +95,5 @@ def check_request(source: Source, request: Request, header: Header) -> None:
             )
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _listed(numbers: Sequence[int] | Sequence[str]) -> str:
     return ", ".join(map(str, numbers[:20])) + (", ..." if len(numbers) > 20 else "")

@@ -101,6 +101,7 @@ def add_log_options(parser: ArgumentParser) -> None:
     group.add_argument("--columns", metavar="NAME=COLUMN,…", help="such as time=T,friction_force=Fx,normal_force=Fz")
     group.add_argument("--units", metavar="NAME=UNIT,…", help="such as friction_force=N,time=s")
     group.add_argument("--normal-force", metavar="FORCE", help='constant, where the log has none: "3 N"')
+    group.add_argument("--rate", metavar="HZ", help='sampling rate, where the log has no clock: "4 Hz"')
 
 
 def add_part_options(parser: ArgumentParser) -> None:
@@ -160,6 +161,7 @@ def log_options(arguments: Namespace) -> dict[str, Any]:
         "columns": pairs(arguments.columns, "--columns", "time=T,friction_force=Fx"),
         "units": pairs(arguments.units, "--units", "friction_force=N,time=s"),
         "normal_force": arguments.normal_force,
+        "rate": arguments.rate,
     }
 
 

@@ -58,6 +58,9 @@ def _say(path: str, steps: Sequence[StepSummary], load: float | None, terminal: 
         given = ", ".join(f"{key} = {value}" for key, value in list(step.parameters.items())[:MOST_PARAMETERS])
         names = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in step.columns.items())
         terminal.say(wrapped(f"run {step.run} step {step.number}: {given or 'no parameters'}; columns {names}", "  "))
+        if step.restarts:
+            text = f"run {step.run} step {step.number}: the clock restarts {step.restarts} times and tells no duration"
+            terminal.say(wrapped(text + '; if the rows follow each other evenly, give --rate, such as "100 Hz"', "  "))
     terminal.say()
 
 
@@ -67,6 +70,7 @@ def _document(step: StepSummary) -> dict[str, Any]:
         "step": step.number,
         "rows": step.rows,
         "duration_s": step.duration,
+        "clock_restarts": step.restarts,
         "started": None if step.started is None else step.started.isoformat(),
         "columns": dict(step.columns),
         "parameters": dict(step.parameters),

@@ -1,0 +1,181 @@
+"""Columns that bring a clock of their own: forces sampled apart are put on one clock, tables side by side are told.
+
+Loggers write a time column beside every channel (NI, LabVIEW with `X_Columns Multi`, spreadsheets pasted together).
+Row by row such channels do not belong together; by time they do.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from data_io.columns import Header, match_names, role_of, shown
+from data_io.errors import UnitError
+from data_io.frozen import LONGEST_GAP, Finding, FloatArray
+from data_io.part import Contents, Part
+from data_io.source import Request, Source
+from data_io.thinned import thinned_steps
+from data_io.units import factor
+
+
+def on_one_clock(source: Source, request: Request, contents: Contents) -> Contents:
+    """Return contents whose parts have one clock each: channels paired by time, tables side by side as runs.
+
+    The clock is that of the friction force. Other columns are interpolated to it, no further than `LONGEST_GAP` of
+    their rows apart; rows for which the clock of the normal force does not tell it are cut off with a finding.
+    Raises the source's `LogError` where clocks do not meet or do not rise.
+    """
+    if contents.settled or "time" in request.columns or request.rate is not None:
+        return contents
+    apart = [_side_by_side(part) for part in contents.parts]
+    findings = list(contents.findings)
+    parts: list[Part] = []
+    if any(len(tables) > 1 for tables in apart):
+        runs = max(part.run for part in contents.parts)
+        for part, tables in zip(contents.parts, apart, strict=True):
+            for beside, table in enumerate(tables):
+                parts.append(replace(table, run=part.run + beside * runs))
+        names = [shown((n.raw for n in tables[1].header.names), most=4) for tables in apart if len(tables) > 1]
+        most = max(map(len, apart))
+        text = f"{most} tables stand side by side ({names[0]} again); each is a run of its own: choose one with --run"
+        findings.append(Finding("tables_side_by_side", "warning", text))
+    else:
+        parts = list(contents.parts)
+    paired = []
+    for part in parts:
+        part, notes = _paired(source, part)
+        paired.append(part)
+        findings += notes
+    return replace(contents, parts=paired, findings=findings)
+
+
+def clocks_by_place(header: Header, columns: Mapping[int, FloatArray]) -> dict[int, int]:
+    """Return for every column the index of the time column that stands before it; empty where one clock serves all.
+
+    Clocks are the columns of one name for the time (`Time [s]`, `Time [s]`, or `X_Value`, `X_Value.1`), each followed by
+    columns of another kind; time columns of different names (`Time`, `Test time`) tell the time of the same rows.
+    """
+    first = header.roles.get("time")
+    if first is None or "time" not in header.passed_over:
+        return {}
+    key = header.names[first].key
+    starts = [i for i in sorted((first, *header.passed_over["time"])) if header.names[i].key == key and i in columns]
+    ends = [*starts[1:], len(header.names)]
+    filled = [i for i in columns if i not in starts and role_of(header.names[i].name) != "time"]
+    starts = [a for a, b in zip(starts, ends, strict=True) if any(a < i < b for i in filled)]
+    if len(starts) < 2:
+        return {}
+    own = {i: max((a for a in starts if a <= i), default=starts[0]) for i in columns}
+    return own if len({id(columns[a]) for a in starts}) > 1 else {}
+
+
+def _side_by_side(part: Part) -> list[Part]:
+    """Return the tables of a part that holds several beside each other, each with all its columns; else the part."""
+    own = {} if part.clocks else clocks_by_place(part.header, part.columns)
+    friction = part.header.roles.get("friction_force")
+    if not own or friction is None:
+        return [part]
+    key = part.header.names[friction].key
+    twins = [i for i, name in enumerate(part.header.names) if name.key == key and i in own]
+    starts = sorted({own[i] for i in twins})
+    if len(starts) < 2 or all(_same(part.columns[twins[0]], part.columns[i]) for i in twins[1:]):
+        return [part]
+    tables = []
+    for a, b in pairwise([0, *starts[1:], len(part.header.names)]):
+        kept = [i for i, values in part.columns.items() if a <= i < b and np.isfinite(values).any()]
+        names = tuple(part.header.names[i] for i in kept)
+        columns = {place: part.columns[i] for place, i in enumerate(kept)}
+        told = np.any([np.isfinite(values) for values in columns.values()], axis=0)
+        rows = int(np.flatnonzero(told)[-1]) + 1 if told.any() else 0
+        columns = {place: values[:rows].copy() for place, values in columns.items()}
+        place = {"table": f"columns {kept[0] + 1} to {kept[-1] + 1}"}
+        header = match_names(names, {})
+        tables.append(replace(part, header=header, columns=columns, clocks={}, run_items={**part.run_items, **place}))
+    return tables
+
+
+def _paired(source: Source, part: Part) -> tuple[Part, list[Finding]]:
+    """Return a part with every column on the clock of its friction force, and what was done."""
+    roles = part.header.roles
+    own = part.clocks or clocks_by_place(part.header, part.columns)
+    if not own or "friction_force" not in roles or roles["friction_force"] not in own:
+        return part, []
+    clock = own[roles["friction_force"]]
+    others = sorted({own[i] for i in own} - {clock})
+    others = [i for i in others if not _same(part.columns[i], part.columns[clock])]
+    if not others:
+        return replace(part, clocks={}), []
+    times = {i: _like(source, part, i, clock) for i in (clock, *others)}
+    rows = np.flatnonzero(np.isfinite(times[clock]))
+    time = times[clock][rows]
+    columns = {i: values[rows] for i, values in part.columns.items() if own.get(i, clock) not in others}
+    moved = []
+    for i, values in part.columns.items():
+        if own.get(i, clock) in others and i not in others:
+            columns[i] = _at(time, times[own[i]], values)
+            moved.append(i)
+    inside = np.ones(time.size, bool)
+    for role in ("normal_force", "drive_speed"):
+        if roles.get(role) in moved:
+            known = np.flatnonzero(np.isfinite(columns[roles[role]]))
+            if known.size < 2:
+                raise source.error(_no_overlap(part, roles[role], clock, times, own))
+            inside[: known[0]] = inside[known[-1] + 1 :] = False
+    names = part.header.names
+    text = (
+        f"{shown((names[i].raw for i in moved), most=6)} {'has' if len(moved) == 1 else 'have'} a clock apart from that "
+        f"of {names[roles['friction_force']].raw!r}; paired by time, between the samples by straight lines"
+    )
+    notes = [Finding("own_clocks", "info", text)]
+    if not inside.all():
+        columns = {i: values[inside] for i, values in columns.items()}
+        text = f"{np.count_nonzero(~inside)} rows of the friction force lie outside the time of the normal force; left out"
+        notes.append(Finding("rows_without_partner", "warning", text))
+    passed = {r: tuple(i for i in left if i not in others) for r, left in part.header.passed_over.items()}
+    header = replace(part.header, roles={**roles, "time": clock}, passed_over={r: i for r, i in passed.items() if i})
+    return replace(part, header=header, columns=dict(sorted(columns.items())), clocks={}), notes
+
+
+def _like(source: Source, part: Part, index: int, other: int) -> FloatArray:
+    """Return a clock in the unit of another one; NaN rows at its end stay. Raises where it does not rise."""
+    unit, name = part.header.names[other].unit, part.header.names[index]
+    values = part.columns[index]
+    try:
+        if name.unit and unit and name.unit != unit:
+            values = values * factor(name.unit, "s") / factor(unit, "s")
+    except UnitError as error:
+        raise source.error(f"column {shown([name.raw])}: {error}") from error
+    finite = values[np.isfinite(values)]
+    if finite.size < 2 or not (np.diff(finite) >= 0).all():
+        raise source.error(
+            f"column {index + 1} ({shown([name.raw])}) is one of several clocks, and it does not rise; rising clocks were "
+            "expected, so that the columns can be paired by time; repair it, or export the channels on one clock"
+        )
+    return values
+
+
+def _at(time: FloatArray, clock: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the values (n,) sampled at `clock` (n,) at other times (m,); NaN outside, and in long gaps."""
+    known = np.flatnonzero(np.isfinite(clock) & np.isfinite(values))
+    if known.size < 2:
+        return np.full(time.size, np.nan)
+    stamps = clock[known]
+    found = np.interp(time, stamps, values[known], left=np.nan, right=np.nan)
+    place = np.clip(np.searchsorted(stamps, time), 1, stamps.size - 1)
+    usual = float(np.median(thinned_steps(clock[np.isfinite(clock)])))
+    return np.where(stamps[place] - stamps[place - 1] > (LONGEST_GAP + 1.5) * usual, np.nan, found)
+
+
+def _no_overlap(part: Part, index: int, clock: int, times: Mapping[int, FloatArray], own: Mapping[int, int]) -> str:
+    spans = [(float(np.nanmin(times[i])), float(np.nanmax(times[i]))) for i in (clock, own[index])]
+    names = part.header.names
+    return (
+        f"the clock of {names[part.header.roles['friction_force']].raw!r} runs from {spans[0][0]:.6g} to "
+        f"{spans[0][1]:.6g}, that of {names[index].raw!r} from {spans[1][0]:.6g} to {spans[1][1]:.6g}; clocks that "
+        "overlap were expected; export the channels together, or give a constant load with --normal-force"
+    )
+
+
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    return one is other or np.array_equal(one, other, equal_nan=True)
