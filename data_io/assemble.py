@@ -9,7 +9,7 @@ from data_io.clock import StepClock, joined
 from data_io.convert import SiStep, convert, origin
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
 from data_io.part import Contents, Part, check_request, chosen, of_run
-from data_io.record import Record
+from data_io.record import WINDOW_START, Record
 from data_io.source import Request, Source
 from data_io.thinned import thinned
 from data_io.units import rescaled
@@ -80,6 +80,9 @@ def _account(source: Source, request: Request, part: Part, contents: Contents, s
     about: dict[str, Scalar] = {f"{role}_source": origin(request, part, role) for role in COLUMN_ROLES[:3]}
     about |= {**contents.metadata, **part.run_items}
     about |= {"path": str(source.path), "sha256": cast(str, source.later_sha256), "format": contents.form}
+    about.pop(WINDOW_START, None)  # of the log that the file was made from
+    if contents.skipped:
+        about[WINDOW_START] = contents.skipped
     if start != 0:
         about["file_time_start"] = start + float(contents.metadata.get("file_time_start", 0.0))
     return about

@@ -98,7 +98,7 @@ def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[n
     change = np.diff(time, prepend=-np.inf)
     if (change < 0).any():
         row, falls = int(np.argmax(change < 0)), int(np.count_nonzero(change < 0))
-        if falls > 1:
+        if 1 < falls <= np.count_nonzero(change > 0):
             raise source.error(
                 f"the clock{of_step} restarts {falls} times in {time.size} rows, first in row {row + 1} of the numbers "
                 f"({time[row - 1]:.9g} s, then {time[row]:.9g} s); one rising clock was expected; if the rows follow each "

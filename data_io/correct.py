@@ -10,7 +10,7 @@ import numpy.typing as npt
 from data_io.both_ways import BothWays, crosstalk, levelled, tilt
 from data_io.errors import LogError
 from data_io.frozen import Finding, FloatArray
-from data_io.record import Record
+from data_io.record import Record, zero_of_times
 
 Span = tuple[float, float]
 STROKES: Final = "strokes"
@@ -132,7 +132,7 @@ def _tared(record: Record, state: _State, tare: float | Span | None, which: str,
             raise _error(
                 record,
                 f"the tare interval {tare[0]:g} to {tare[1]:g} s holds no sample; the record runs from 0 to "
-                f"{record.time[-1]:g} s: move it inside",
+                f"{record.time[-1]:g} s{zero_of_times(record)}: move it inside",
             )
         zero, error = float(np.mean(at_rest[rows])), float(np.std(at_rest[rows]) / np.sqrt(np.count_nonzero(rows)))
         text = f"{zero:.4g} N taken off the {name}: its mean from {tare[0]:g} to {tare[1]:g} s"

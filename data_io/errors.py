@@ -6,11 +6,7 @@ class LogError(Exception):
 
 
 class LogTooLargeError(LogError):
-    """The columns of a log do not fit into memory; begin [s]: where the clock of its file begins."""
-
-    def __init__(self, sentence: str, begin: float) -> None:
-        super().__init__(sentence)
-        self.begin = begin
+    """The columns of a log do not fit into memory."""
 
 
 class UnitError(ValueError):

@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -72,11 +73,14 @@ def _read_layout(
     place = file if of_run is None or ABOUT not in of_run else of_run
     account = _account(source, place)
     metadata: dict[str, Scalar] = dict(account.metadata)
+    picked = [table for number, step, table in steps if number == run and request.step in (None, step)]
+    request, span = _by_file_clock(request, picked)
     parts = [
         Part(number, step, table.header, _read_if(source, request, table, (number, step), run), table.parameters)
         for number, step, table in steps
     ]
-    return Contents(NAME, parts, metadata, account.findings, ours, _drive_speed(source, place))
+    skipped = _skipped(source, request, parts, span)
+    return Contents(NAME, parts, metadata, account.findings, ours, _drive_speed(source, place), skipped)
 
 
 def _read_groups(source: Source, request: Request, file: Any) -> Contents:
@@ -90,13 +94,14 @@ def _read_groups(source: Source, request: Request, file: Any) -> Contents:
     if not found:
         raise source.error(_unknown(file))
     run = _the_run(source, request, found)
+    request, span = _by_file_clock(request, [table for number, _, table in found if number == run])
     parts = [
         Part(
             number, 1, table.header, _read_if(source, request, table, (number, 1), run), {}, None, {"group": table.name}
         )
         for number, _, table in found
     ]
-    return Contents(NAME, parts)
+    return Contents(NAME, parts, skipped=_skipped(source, request, parts, span))
 
 
 def _read_named(source: Source, request: Request, file: Any) -> Contents:
@@ -111,8 +116,45 @@ def _read_named(source: Source, request: Request, file: Any) -> Contents:
         names.append(Name(path, path, _unit(dataset)))
         datasets.append(dataset)
     roles = {role: index for index, role in enumerate(request.columns) if role in COLUMN_ROLES}
-    columns = _columns(source, request, Header(tuple(names), roles), dict(enumerate(datasets)))
-    return Contents(NAME, [Part(1, 1, Header(tuple(names), roles), columns)])
+    table = _Table("/", Header(tuple(names), roles), dict(enumerate(datasets)), {})
+    request, span = _by_file_clock(request, [table])
+    parts = [Part(1, 1, table.header, _columns(source, request, table.header, table.datasets))]
+    return Contents(NAME, parts, skipped=_skipped(source, request, parts, span))
+
+
+def _by_file_clock(request: Request, tables: Sequence["_Table"]) -> tuple[Request, tuple[float, float]]:
+    """Return the request with its window in the clock of the file, and where that begins and ends [s].
+
+    Where the clocks of several steps do not go on, no window can be found in them: everything is read, and cut later.
+    """
+    clocks = [_clock(request, table.header, table.datasets) for table in tables if table.datasets]
+    clocks = [(time, scale) for time, scale in clocks if time.size]
+    if request.window is None or not clocks or any(scale is None for _, scale in clocks):
+        return replace(request, window=None), (0.0, 0.0)
+    ends = [(_number_at(time, 0), _number_at(time, time.size - 1)) for time, _ in clocks]
+    begin, end = ends[0][0] * (clocks[0][1] or 1.0), ends[-1][1] * (clocks[-1][1] or 1.0)
+    if any(later[0] <= before[1] for before, later in pairwise(ends)):
+        return replace(request, window=None), (0.0, 0.0)
+    start, stop = request.window
+    return replace(request, window=(start + begin, stop + begin)), (begin, end)
+
+
+def _skipped(source: Source, request: Request, parts: Sequence[Part], span: tuple[float, float]) -> float:
+    """Return how long the log had run [s] before the first row that was read; span: as `_by_file_clock` gives it."""
+    if request.window is None:
+        return 0.0
+    read = [part for part in parts if part.rows and np.isfinite(part.columns[part.header.roles["time"]][0])]
+    rows = sum(part.rows for part in read)
+    if rows < 2:
+        start, stop = (time - span[0] for time in request.window)
+        clock = f", counted from its first row, where the clock of the file shows {span[0]:.6g} s" if span[0] else ""
+        raise source.error(
+            f"the window {start:g} to {stop:g} s holds {rows} row(s); the log runs from 0 to "
+            f"{span[1] - span[0]:.6g} s{clock}; move the window inside"
+        )
+    index = read[0].header.roles["time"]
+    scale = factor(request.units.get("time") or read[0].header.names[index].unit or "s", "s")
+    return float(read[0].columns[index][0]) * scale - span[0]
 
 
 @dataclass(frozen=True)
@@ -176,7 +218,7 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
         _check_column(source, datasets[index])
     _check_lengths(source, [header.names[index] for index in wanted], [datasets[index].size for index in wanted])
     rows = _rows(source, request, header, datasets)
-    check_memory(source, (rows.stop - rows.start) * len(wanted), lambda: _clock_begins(request, header, datasets))
+    check_memory(source, (rows.stop - rows.start) * len(wanted))
     columns = {}
     roles = {i: r for r, i in header.roles.items() if (request.units.get(r) or header.names[i].unit) == _SI[r]}
     with bytes_of(datasets[wanted[0]].file) if wanted else nullcontext() as handle:
@@ -190,7 +232,7 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
 
 
 def _rows(source: Source, request: Request, header: Header, datasets: Mapping[int, Any]) -> slice:
-    """The rows within the window, found by bisection in the clock of the file."""
+    """The rows within the window of `_by_file_clock`, found by bisection; none where it lies elsewhere."""
     if not header.names:
         return slice(0, 0)
     time, scale = _clock(request, header, datasets)
@@ -198,13 +240,7 @@ def _rows(source: Source, request: Request, header: Header, datasets: Mapping[in
         return slice(0, int(time.size))
     start = _bisected(time, request.window[0] / scale, after=False)
     stop = _bisected(time, request.window[1] / scale, after=True)
-    if stop - start < 2:
-        first, last = (_number_at(time, row) * scale for row in (0, time.size - 1))
-        raise source.error(
-            f"the window {request.window[0]:g} to {request.window[1]:g} s holds {max(stop - start, 0)} row(s); the log "
-            f"runs from {first:.6g} to {last:.6g} s; move the window inside"
-        )
-    return slice(start, stop)
+    return slice(start, max(stop, start))
 
 
 def _clock(request: Request, header: Header, datasets: Mapping[int, Any]) -> tuple[Any, float | None]:
@@ -217,12 +253,6 @@ def _clock(request: Request, header: Header, datasets: Mapping[int, Any]) -> tup
         return time, factor(request.units.get("time") or header.names[index].unit or "s", "s")
     except UnitError:
         return time, None
-
-
-def _clock_begins(request: Request, header: Header, datasets: Mapping[int, Any]) -> float:
-    """Where the clock of the file begins [s], 0 where nothing tells."""
-    time, scale = _clock(request, header, datasets)
-    return 0.0 if scale is None else _number_at(time, 0) * scale
 
 
 def _bisected(time: Any, value: float, *, after: bool) -> int:

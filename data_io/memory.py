@@ -2,7 +2,6 @@
 
 import contextlib
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -15,12 +14,8 @@ _SMALL: Final = 1 << 26
 """Bytes that are never refused."""
 
 
-def check_memory(source: Source, numbers: int, begin: Callable[[], float]) -> None:
-    """Refuse so many float64 numbers where they do not fit into memory; begin: tells where the clock of
-    the file begins [s].
-
-    Raises `LogTooLargeError`.
-    """
+def check_memory(source: Source, numbers: int) -> None:
+    """Refuse so many float64 numbers where they do not fit into memory. Raises `LogTooLargeError`."""
     wanted, free = 8 * numbers, free_memory()
     if wanted <= _SMALL or free is None or wanted <= _SHARE * free:
         return
@@ -29,7 +24,7 @@ def check_memory(source: Source, numbers: int, begin: Callable[[], float]) -> No
         'of the log with --window "0 s,100 s" (in a scene: window = ["0 s", "100 s"] in its [[logs]]), one step with '
         "--step, or fewer columns with --channels"
     )
-    raise LogTooLargeError(str(refused), begin())
+    raise LogTooLargeError(str(refused))
 
 
 def free_memory() -> int | None:

@@ -56,7 +56,8 @@ def read_log(
     the file. columns: column (or HDF5 dataset) by role, e.g. {"time": "T"}; `drive_speed` and `position` are roles too.
     normal_force: a constant load [N] or "3 N", instead of a column. channels: names of the other columns to keep; None
     keeps all. rate: the sampling rate [Hz] or "4 Hz" of a log whose rows follow each other evenly: it makes the clock,
-    whatever the file has for one. window: the (start, stop) [s] to keep, in the clock of the file; of an HDF5 file nothing else is read.
+    whatever the file has for one. window: the (start, stop) [s] to keep, counted from the first row of what is read (the step, or the run) as in a
+    scene, whatever the clock of the file shows there; of an HDF5 file nothing else is read.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
     A folder or a pattern (`stroke_*.txt`) is read as one test whose strokes or steps were exported to files of their

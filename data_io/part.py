@@ -36,7 +36,8 @@ class Contents:
     """What a reader found in a log: the name of the format, the steps, what the file says besides, what was noticed.
 
     settled: the format is ours, compression is positive and every column is kept. drive_speed [m/s]: what the file
-    says outside its columns.
+    says outside its columns. skipped [s]: how long the log had run before the first row here, where only the window
+    that was asked for was read.
     """
 
     form: str
@@ -45,6 +46,7 @@ class Contents:
     findings: Sequence[Finding] = ()
     settled: bool = False
     drive_speed: float | None = None
+    skipped: float = 0.0
 
 
 def of_run(source: Source, request: Request, parts: Sequence[Part]) -> list[Part]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Frozen, Scalar, St
 if TYPE_CHECKING:  # 0.3 s: imported only where it is used
     import pandas as pd
     from matplotlib.figure import Figure
+
+WINDOW_START: Final = "window_start"
+"""Metadata of a record that is a part of a log: how long the log had run before its first row [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,14 +181,20 @@ def _steps_within(steps: Sequence[Step], n: int) -> tuple[Step, ...]:
     return tuple(steps) if steps and steps[-1].stop == n else ()
 
 
+def zero_of_times(record: Record) -> str:
+    """Say where times that a user writes count from, for the end of a sentence; nothing where the file agrees."""
+    begin = float(record.metadata.get("file_time_start", 0.0)) - float(record.metadata.get(WINDOW_START, 0.0))
+    return f", counted from its first row, where the clock of the file shows {begin:.6g} s" if begin else ""
+
+
 def within(record: Record, window: tuple[float, float] | None) -> Record:
-    """Return the rows of a record within (start, stop) [s] of the clock of its file; None keeps all of them.
+    """Return the rows of a record within (start, stop) [s] from the first row of its log on; None keeps all of them.
 
     Raises `LogError` where that leaves fewer than two rows.
     """
     if window is None:
         return record
-    begin = float(record.metadata.get("file_time_start", 0.0))
+    begin = float(record.metadata.get(WINDOW_START, 0.0))
     first, last = (int(row) for row in (np.searchsorted(record.time, window[0] - begin, side="left"),
                                         np.searchsorted(record.time, window[1] - begin, side="right")))  # fmt: skip
     if (first, last) == (0, len(record)):
@@ -193,7 +202,7 @@ def within(record: Record, window: tuple[float, float] | None) -> Record:
     if last - first < 2:
         raise record._error(
             f"the window {window[0]:g} to {window[1]:g} s holds {max(last - first, 0)} row(s); the log runs from "
-            f"{begin:.6g} to {begin + record.time[-1]:.6g} s; move the window inside"
+            f"{begin:.6g} to {begin + record.time[-1]:.6g} s{zero_of_times(record)}; move the window inside"
         )
     rows, start = slice(first, last), float(record.time[first])
     steps = tuple(
@@ -201,7 +210,8 @@ def within(record: Record, window: tuple[float, float] | None) -> Record:
         for s in record.steps
         if s.start < last and s.stop > first
     )
-    metadata = {**record.metadata, **({"file_time_start": begin + start} if begin + start else {})}
+    clock = float(record.metadata.get("file_time_start", 0.0)) + start
+    metadata = {**record.metadata, WINDOW_START: begin + start, **({"file_time_start": clock} if clock else {})}
     return replace(
         record,
         time=record.time[rows] - start,

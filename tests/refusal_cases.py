@@ -553,7 +553,7 @@ CASES: dict[str, Pair] = {
     "no runs": (h5(layout(run="runs")), h5(layout())),
     "no layout": (h5(lambda made: made.update({"a": T})), h5(daq())),
     "no such step in HDF5": (h5(layout(), step=2), h5(layout(), step=1)),
-    "a window outside of HDF5": (h5(layout(), window=(8.5, 20.0)), h5(layout(), window=(7.5, 20.0))),
+    "a window outside of HDF5": (h5(layout(), window=(7.5, 20.0)), h5(layout(), window=(6.5, 20.0))),
     "no column": (h5(daq(Fx=np.ones((9, 2))), columns=NAMED), h5(daq(Fx=np.ones((9, 1))), columns=NAMED)),
     "lengths that differ": (h5(layout(time=8)), h5(layout(time=9))),
     "no such dataset": (h5(daq(), columns={**NAMED, "time": "/daq/q"}), h5(daq(), columns=NAMED)),

@@ -119,16 +119,16 @@ def test_what_does_not_read_back_never_appears(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_window_of_the_files_own_clock_is_read_and_nothing_else(tmp_path):
+def test_a_window_from_the_first_row_on_is_read_and_nothing_else(tmp_path):
     n = 5000
     steps = (Step(1, 1, 0, 2000), Step(1, 2, 2000, n))
     record = Record(np.arange(n) / 100, np.ones(n), np.arange(n) * 1.0, channels={"Z": np.ones(n)}, steps=steps)
     write_hdf5(record, tmp_path / "log.h5")
-    part = read_log(tmp_path / "log.h5", step=2, window=(25.0, 26.0), channels=())
+    part = read_log(tmp_path / "log.h5", step=2, window=(5.0, 6.0), channels=())
     assert part.friction_force.tolist() == list(range(2500, 2601)) and not part.channels
     assert part.metadata["file_time_start"] == 25.0 and part.time[0] == 0.0
-    with pytest.raises(LogError, match=r"holds 0 row.*runs from 20 to 49.99 s"):
-        read_log(tmp_path / "log.h5", step=2, window=(0.0, 10.0))
+    with pytest.raises(LogError, match=r"holds 0 row.*runs from 0 to 29.99 s, .* shows 20 s; move"):
+        read_log(tmp_path / "log.h5", step=2, window=(30.0, 40.0))
     with pytest.raises(LogError, match="start before its stop"):
         read_log(tmp_path / "log.h5", window=(2.0, 1.0))
     text = cetr(tmp_path)

@@ -138,5 +138,5 @@ def test_what_was_seen_of_numbers_is_not_believed_of_others(tmp_path):
     assert record.time[-1] == pytest.approx((N - 1) / 1e6, rel=1e-15) and record.normal_force[0] == 1e-3
     np.testing.assert_allclose(record.friction_force[:7], np.arange(7) * 9.80665e-3, rtol=1e-15)
     late = plain(tmp_path / "b.h5", time=5.0 + np.arange(N) / 1000.0)
-    assert read_log(late).time[0] == 0.0 and len(read_log(tmp_path / "b.h5", window=(6.0, 7.0))) == 1001
+    assert read_log(late).time[0] == 0.0 and len(read_log(tmp_path / "b.h5", window=(1.0, 2.0))) == 1001
     assert not checks._SEEN, "it is forgotten with the record that was made of it"

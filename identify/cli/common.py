@@ -107,7 +107,7 @@ def add_log_options(parser: ArgumentParser) -> None:
 def add_part_options(parser: ArgumentParser) -> None:
     """The options of the commands that may read only a part of a log."""
     group = parser.add_argument_group("how much of the logs to read")
-    group.add_argument("--window", metavar="START,STOP", help='by the clock of the file, such as "100 s,2 min"')
+    group.add_argument("--window", metavar="START,STOP", help='from the first row on, such as "100 s,2 min"')
     group.add_argument("--channels", metavar="NAME,…", help="which of the other columns to keep; none keeps none")
     group.add_argument("--strokes", action="store_true", help="each stroke of the drive is a step (position column)")
     group.add_argument("--stroke", type=int, metavar="N", help="use this stroke of the drive only")

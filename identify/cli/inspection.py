@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from data_io import Record, Step
+from data_io.record import WINDOW_START
 from data_io.thresholds import DEFAULTS, Thresholds
 from identify.base.plain_text import columns, wrapped
 from identify.base.speeds import programme_text
@@ -88,6 +89,9 @@ def say(seen: Inspection, terminal: Terminal) -> None:
         f"  {kind}, {len(record)} rows in {len(record.steps)} step(s), {quantity(float(record.time[-1]), 's')}, "
         f"{quality.sampling.rate:.4g} Hz"
     )
+    if begin := float(record.metadata.get(WINDOW_START, 0.0)):
+        text = f"window: {begin:.6g} to {begin + record.time[-1]:.6g} s of the log; times below count from its begin"
+        terminal.say(wrapped(f"{text}, those of a scene from the first row of the log", "  "))
     for role in ("time", "normal_force", "friction_force"):
         if source := record.metadata.get(f"{role}_source"):
             terminal.say(f"  {role.replace('_', ' ')}: {source}")
@@ -170,6 +174,7 @@ def document(seen: Inspection) -> dict[str, Any]:
         "sha256": record.metadata.get("sha256"),
         "rows": len(record),
         "duration_s": float(record.time[-1]),
+        "window_start_s": float(record.metadata.get(WINDOW_START, 0.0)),
         "columns": dict(record.units()),
         "drive_speed_m_per_s": seen.drive.speed,
         "drive_speed_programme": None if programme is None else [list(pair) for pair in programme],

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from data_io import LogError, Record
 from data_io.correct import Change, Corrected, Corrections, Cut, correct
+from data_io.record import zero_of_times
 from identify.base.errors import FitError
 from identify.scene.values import LogEntry
 
@@ -65,8 +66,8 @@ def refuse_too_few(entry: LogEntry, record: Record, used: NDArray[np.bool_], nam
     if inside < FEWEST <= time.size:
         remedy = "widen it" if start >= 0.0 and stop <= end else "move the window inside"
         raise FitError(
-            f"{name}: the window {start:g} to {stop:g} s holds {inside} row(s); the log runs from 0 to {end:.6g} s; "
-            f"{remedy}"
+            f"{name}: the window {start:g} to {stop:g} s holds {inside} row(s); the log runs from 0 to {end:.6g} s"
+            f"{zero_of_times(record)}; {remedy}"
         )
     if entry.exclude and inside >= FEWEST:
         raise FitError(f"{name}: exclude leaves {left} of {inside} samples; expected hundreds: exclude less")

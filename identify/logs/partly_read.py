@@ -9,6 +9,7 @@ from typing import Any
 
 from data_io import LogTooLargeError, Record
 from data_io.frozen import Finding
+from data_io.record import WINDOW_START
 from identify.scene.values import DriveSpeed, LogEntry
 
 Span = tuple[float, float]
@@ -19,7 +20,7 @@ def read_partly(entry: LogEntry, refused: LogTooLargeError, read: Callable[[Span
 
     Args:
         refused: what was raised when the whole log was read.
-        read: reads the rows within (start, stop) [s] of the clock of the file.
+        read: reads the rows within (start, stop) [s] from the first row of the log on.
 
     Raises:
         LogTooLargeError: the entry has no window, or its part is too large as well.
@@ -28,8 +29,8 @@ def read_partly(entry: LogEntry, refused: LogTooLargeError, read: Callable[[Span
         raise refused
     used = [entry.window, *(tare for tare in (entry.tare, entry.normal_tare) if isinstance(tare, tuple))]
     first, last = min(start for start, _ in used), max(stop for _, stop in used)
-    record = read((first + refused.begin, last + refused.begin))
-    begin = float(record.metadata.get("file_time_start", 0.0)) - refused.begin
+    record = read((first, last))
+    begin = float(record.metadata.get(WINDOW_START, 0.0))
     told = Finding(
         "read_in_part",
         "info",
