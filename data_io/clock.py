@@ -64,7 +64,7 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, lis
 
     Up to five rows in a row without a time get one by interpolation (their forces must be blanked: NaN rows of
     `clock.time`); without a neighbour they are left out. A repeated time stamp leaves its later row out. A clock that
-    falls, or repeats itself in more than 1 % of the rows, is an error. An even clock that was rounded is even again.
+    falls, or repeats itself in more than 1 % of the rows, is an error, unless it is an even one that was rounded.
     """
     findings: list[Finding] = []
     of_step = f" of {clock.label}" if clock.label else ""
@@ -86,6 +86,10 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, lis
         time = np.interp(rows, known, clock.time[known])
         text = f"{lost} row(s){of_step} hold no time; they get no weight"
         findings.append(Finding("missing_time", "warning", text))
+    if (np.diff(time) >= 0).all():
+        even, notes = evened(time, of_step)
+        if notes:  # rows share a stamp that was rounded
+            return even, rows, [*findings, *notes]
     fresh = _fresh_rows(source, time, of_step)
     if not fresh.all():
         text = f"{np.count_nonzero(~fresh)} row(s){of_step} repeat the time of the row before; they were left out"
@@ -101,7 +105,8 @@ def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[n
         if 1 < falls <= np.count_nonzero(change > 0):
             raise source.error(
                 f"the clock{of_step} restarts {falls} times in {time.size} rows, first in row {row + 1} of the numbers "
-                f"({time[row - 1]:.9g} s, then {time[row]:.9g} s); one rising clock was expected; if the rows follow each "
+                f"({time[row - 1]:.9g} s, then {time[row]:.9g} s); one rising clock was expected; if the rows follow "
+                "each "
                 'other evenly, give their rate, as in --rate "100 Hz", else export again with a clock that goes on'
             )
         raise source.error(

@@ -46,7 +46,7 @@ class Name:
     @property
     def key(self) -> str:
         """The name without case, blanks, punctuation, and the number that tells columns of one name apart."""
-        return _key(self.name)
+        return _clock_key(_key(self.name))
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,15 @@ def _key(name: str) -> str:
     return re.sub(r"[\W_]+", "", name.rsplit(".", 1)[-1].casefold())
 
 
+def _clock_key(key: str) -> str:
+    """Return the key of a clock without its number (Time 1, Time 2, t1); that of any other column as it is."""
+    plain = key.rstrip("0123456789")
+    return plain if plain in ALIASES["time"] else key
+
+
 def role_of(name: str) -> str | None:
     """Return the role that a column name stands for, None if it is no known alias."""
-    key = _key(name)
+    key = _clock_key(_key(name))
     return next((role for role, aliases in ALIASES.items() if key in aliases), None)
 
 
@@ -157,6 +163,6 @@ def _by_alias(names: Sequence[Name], role: str) -> list[int]:
     def rank(index: int) -> tuple[int, int, int]:
         unit = names[index].unit
         wrong = 1 if unit and kind_of(unit) != KIND[role] else 0
-        return wrong, ALIASES[role].index(_key(names[index].name)), index
+        return wrong, ALIASES[role].index(names[index].key), index
 
-    return sorted((i for i, name in enumerate(names) if _key(name.name) in ALIASES[role]), key=rank)
+    return sorted((i for i, name in enumerate(names) if name.key in ALIASES[role]), key=rank)

@@ -13,6 +13,7 @@ from data_io.errors import UnitError
 from data_io.free_name import free_name
 from data_io.frozen import COLUMN_ROLES, Finding, FloatArray
 from data_io.part import Part
+from data_io.role_doubts import refuse_doubtful_roles
 from data_io.source import Request, Source
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
 
@@ -36,6 +37,7 @@ def convert(
     """Return one step in SI and what was noticed; `settled` keeps empty columns as well. Raises `LogError`."""
     label = f"step {part.number}" if several else ""
     _check_roles(source, request, part, label)
+    refuse_doubtful_roles(source, request, part)
     choices = _choices(part)  # before any column is turned into SI where it stands
     raw_time = _role(source, request, part, "time")
     time, rows, notes = usable_rows(source, StepClock(label, raw_time))

@@ -1,4 +1,4 @@
-"""Even clocks for logs without a time column: the sampling interval stands above the rows, or the user gave the rate."""
+"""Even clocks for logs without a time column: the interval stands above the rows, or the user gave the rate."""
 
 from dataclasses import replace
 
@@ -29,7 +29,9 @@ def with_clock_of_rate(source: Source, request: Request, contents: Contents) -> 
     if request.rate is None:
         return contents
     if "time" in request.columns:
-        raise source.error("a time column and a sampling rate were given; one clock was expected; leave one of them out")
+        raise source.error(
+            "a time column and a sampling rate were given; one clock was expected; leave one of them out"
+        )
     interval = 1.0 / request.rate
     parts = []
     for part in contents.parts:

@@ -22,7 +22,9 @@ _MARK: Final = b"LabVIEW Measurement"
 _BREAK = re.compile(r"\*\*\*End_of_Header\*\*\*|Channels\b")
 
 
-_TAG = re.compile(r"(?:LabVIEW Measurement|[XY]_Dimension|[XY]_Unit_Label|X0|Delta_X|Samples|Channels|Date|Test_\w*|Time[\t,]+\d)")
+_TAG = re.compile(
+    r"(?:LabVIEW Measurement|[XY]_Dimension|[XY]_Unit_Label|X0|Delta_X|Samples|Channels|Date|Test_\w*|Time[\t,]+\d)"
+)
 
 
 def can_read(head: bytes) -> bool:
@@ -36,7 +38,8 @@ def read(source: Source, request: Request) -> Contents:
     Layout: `key TAB value` lines, `***End_of_Header***`, per segment `Channels`, `Date`, `Time`, `X0`, `Delta_X`,
     again `***End_of_Header***`, names that begin with X_Value, rows. Each segment is a step.
     Quirks: the clock is the column X_Value, or with `X_Columns No` an empty first field and X0 + Delta_X * row; each
-    channel has an X0, a Delta_X and a time of its start, and where they differ a clock of its own; `Decimal_Separator` may be a comma; units stand as suffix of the name (fx_N); a last column Comment, mostly empty.
+    channel has an X0, a Delta_X and a time of its start, and where they differ a clock of its own; `Decimal_Separator`
+    may be a comma; units stand as suffix of the name (fx_N); a last column Comment, mostly empty.
     """
     tables, _ = read_tables(source, request, breaks=_BREAK, never=_TAG)
     items = _items(tables[0].preamble)

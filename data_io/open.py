@@ -19,6 +19,7 @@ from data_io.own_clocks import on_one_clock
 from data_io.part import Contents
 from data_io.readers import READERS
 from data_io.record import Record, within
+from data_io.rotation import with_drive_of_rotation
 from data_io.segments import LONGEST_LINE
 from data_io.series import is_series, joined_contents, logs_at
 from data_io.source import Request, Source, load, no_progress
@@ -56,7 +57,8 @@ def read_log(
     the file. columns: column (or HDF5 dataset) by role, e.g. {"time": "T"}; `drive_speed` and `position` are roles too.
     normal_force: a constant load [N] or "3 N", instead of a column. channels: names of the other columns to keep; None
     keeps all. rate: the sampling rate [Hz] or "4 Hz" of a log whose rows follow each other evenly: it makes the clock,
-    whatever the file has for one. window: the (start, stop) [s] to keep, counted from the first row of what is read (the step, or the run) as in a
+    whatever the file has for one. window: the (start, stop) [s] to keep, counted from the first row of what is read
+    (the step, or the run) as in a
     scene, whatever the clock of the file shows there; of an HDF5 file nothing else is read.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
@@ -118,7 +120,8 @@ def contents_of(source: Source, request: Request) -> Contents:
     """Return what the first reader that knows a log finds in it. Raises `LogError`."""
     for reader in READERS:
         if reader.can_read(source.head):
-            return on_one_clock(source, request, with_clock_of_rate(source, request, reader.read(source, request)))
+            found = with_clock_of_rate(source, request, reader.read(source, request))
+            return with_drive_of_rotation(request, on_one_clock(source, request, found))
     for mark, words in REFUSED:
         if mark.match(source.head):
             raise source.error(f"the file is {words}")

@@ -44,7 +44,7 @@ def on_one_clock(source: Source, request: Request, contents: Contents) -> Conten
         parts = list(contents.parts)
     paired = []
     for part in parts:
-        part, notes = _paired(source, part)
+        part, notes = _paired(source, request, part)
         paired.append(part)
         findings += notes
     return replace(contents, parts=paired, findings=findings)
@@ -53,7 +53,8 @@ def on_one_clock(source: Source, request: Request, contents: Contents) -> Conten
 def clocks_by_place(header: Header, columns: Mapping[int, FloatArray]) -> dict[int, int]:
     """Return for every column the index of the time column that stands before it; empty where one clock serves all.
 
-    Clocks are the columns of one name for the time (`Time [s]`, `Time [s]`, or `X_Value`, `X_Value.1`), each followed by
+    Clocks are the columns of one name for the time (`Time [s]`, `Time [s]`, or `X_Value`, `X_Value.1`), each followed
+    by
     columns of another kind; time columns of different names (`Time`, `Test time`) tell the time of the same rows.
     """
     first = header.roles.get("time")
@@ -95,7 +96,7 @@ def _side_by_side(part: Part) -> list[Part]:
     return tables
 
 
-def _paired(source: Source, part: Part) -> tuple[Part, list[Finding]]:
+def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Finding]]:
     """Return a part with every column on the clock of its friction force, and what was done."""
     roles = part.header.roles
     own = part.clocks or clocks_by_place(part.header, part.columns)
@@ -117,20 +118,23 @@ def _paired(source: Source, part: Part) -> tuple[Part, list[Finding]]:
             moved.append(i)
     inside = np.ones(time.size, bool)
     for role in ("normal_force", "drive_speed"):
-        if roles.get(role) in moved:
+        if roles.get(role) in moved and not (role == "normal_force" and request.normal_force is not None):
             known = np.flatnonzero(np.isfinite(columns[roles[role]]))
             if known.size < 2:
                 raise source.error(_no_overlap(part, roles[role], clock, times, own))
             inside[: known[0]] = inside[known[-1] + 1 :] = False
     names = part.header.names
     text = (
-        f"{shown((names[i].raw for i in moved), most=6)} {'has' if len(moved) == 1 else 'have'} a clock apart from that "
+        f"{shown((names[i].raw for i in moved), most=6)} {'has' if len(moved) == 1 else 'have'} a clock apart from "
+        "that "
         f"of {names[roles['friction_force']].raw!r}; paired by time, between the samples by straight lines"
     )
     notes = [Finding("own_clocks", "info", text)]
     if not inside.all():
         columns = {i: values[inside] for i, values in columns.items()}
-        text = f"{np.count_nonzero(~inside)} rows of the friction force lie outside the time of the normal force; left out"
+        text = (
+            f"{np.count_nonzero(~inside)} rows of the friction force lie outside the time of the normal force; left out"
+        )
         notes.append(Finding("rows_without_partner", "warning", text))
     passed = {r: tuple(i for i in left if i not in others) for r, left in part.header.passed_over.items()}
     header = replace(part.header, roles={**roles, "time": clock}, passed_over={r: i for r, i in passed.items() if i})
@@ -149,7 +153,8 @@ def _like(source: Source, part: Part, index: int, other: int) -> FloatArray:
     finite = values[np.isfinite(values)]
     if finite.size < 2 or not (np.diff(finite) >= 0).all():
         raise source.error(
-            f"column {index + 1} ({shown([name.raw])}) is one of several clocks, and it does not rise; rising clocks were "
+            f"column {index + 1} ({shown([name.raw])}) is one of several clocks, and it does not rise; rising clocks "
+            "were "
             "expected, so that the columns can be paired by time; repair it, or export the channels on one clock"
         )
     return values

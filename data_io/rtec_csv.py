@@ -35,7 +35,8 @@ def read(source: Source, request: Request) -> Contents:
     of the column Step is a step of its own.
     Quirks: a lone CR inside the first line, CR LF and LF mixed; blanks in front of names; units in parentheses, `()`
     for none; a trailing comma; Timestamp [s] without a unit, restarting with each step; the order of columns changes
-    between files of the same machine. The speed of the rotary drive is in rpm and needs a radius.
+    between files of the same machine. The speed of the rotary drive is in rpm; Y is the radius of the track (see
+    `rotation`).
     """
     tables, footer = read_tables(source, request, keep=(_STEP, "RecipeStep"))
     parts = [part for table in tables for part in _steps(table)]

@@ -111,7 +111,8 @@ def no_progress(_share: float) -> None:
 class Request:
     """What the user said about a log: run and step, column names, units, a constant normal force [N], which channels.
 
-    rate: sampling rate [Hz] that makes the clock, whatever the file has for one. channels: names of the columns to keep beside those with a role; None keeps all. window: (start, stop) [s] from the
+    rate: sampling rate [Hz] that makes the clock, whatever the file has for one. channels: names of the columns to
+    keep beside those with a role; None keeps all. window: (start, stop) [s] from the
     first row on; None reads all of it. progress: called with the share
     of the file read so far, 0 to 1.
     """

@@ -162,10 +162,34 @@ def stamped(digits: int) -> Make:
     return log("T,Fx,Fz\ns,N,N\n" + rows)
 
 
+def paired(late: float = 0.0, interval: float = 0.2) -> Make:
+    """Two forces, each with a clock of its own; late [s]: when the second begins."""
+    rows = "".join(f"{i / 10:.1f},{i % 7}.5,{late + i * interval:.2f},3.{i % 3}\n" for i in range(40))
+    return log("T [s],Fx [N],T [s],Fz [N]\n" + rows)
+
+
+def beside(again: str) -> Make:
+    """Two tables beside each other, the force of the second one called so."""
+    rows = "".join(f"{i / 10:.1f},{i % 7}.5,3.0,{i / 10:.1f},{i % 5}.5,3.0\n" for i in range(40))
+    run = {"run": 2} if again == "Fx" else {}
+    return log(f"T [s],Fx [N],Fz [N],T [s],{again} [N],Fz [N]\n" + rows, **run)
+
+
+def turning(unit: str) -> Make:
+    """A column of turns beside the radius of the track."""
+    rows = "".join(f"{i / 10:.1f},{i % 7}.5,3.0,60,20\n" for i in range(40))
+    return log(f"T [s],Fx [N],Fz [N],n [{unit}],Radius [mm]\n" + rows)
+
+
 # code: [(what triggers it, what just does not), ...], one pair for each way in which it comes about
 CASES: dict[str, list[tuple[Make, Make]]] = {
     "missing_time": [(log(GOOD.replace("0.20,", "nan,")), log(GOOD.replace("0.20,", "0.205,")))],
     "clock_rounded": [(stamped(3), stamped(5))],
+    "clock_from_rate": [(log(GOOD, rate="4 Hz"), log(GOOD))],
+    "own_clocks": [(paired(), paired(interval=0.1))],
+    "rows_without_partner": [(paired(late=0.5), paired(late=0.0))],
+    "tables_side_by_side": [(beside("Fx"), beside("Fa"))],
+    "speed_from_rotation": [(turning("rpm"), turning("deg"))],
     "repeated_time": [(log(GOOD.replace("0.20,", "0.19,")), log(GOOD.replace("0.20,", "0.191,")))],
     "missing_rows": [(log(GOOD.replace("0.20,6.5,", "0.20,OVER,")), log(GOOD.replace("0.20,6.5,", "0.20,6,")))],
     "short_rows": [

@@ -43,6 +43,7 @@ from tests.finding_cases import GOOD, MOVING, ROWS, step, umt
 Act = Callable[[Path, pytest.MonkeyPatch], object]
 Pair = tuple[Act, Act]
 
+
 PACKED = gzip.compress(GOOD.encode())
 
 
@@ -54,6 +55,22 @@ def file(content: str | bytes, name: str = "log.csv", /, **options: Any) -> Act:
         return read_log(folder / name, **options)
 
     return act
+
+
+def clocks(late: float, *, falls: bool = False, again: str = "Fz") -> Act:
+    """Two forces, each with a clock of its own, the second one beginning so late [s]."""
+    ways = [(i / 10, late + (i - 2 * (i == 9) * falls) / 10, i % 7) for i in range(40)]
+    return file(f"T [s],Fx [N],T [s],{again} [N]\n" + "".join(f"{a},{f}.5,{b:.2f},3.0\n" for a, b, f in ways))
+
+
+def axes(other: float | None, level: float = 0.1) -> Act:
+    """Forces along two axes, the one called as friction with white noise or more; other: what it moves by [N]."""
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, 400)
+    moving = np.arange(400) % 80 / 160 + 0.5
+    still = level + noise + (moving if other else 0.0)
+    columns = (np.arange(400) / 100, still, moving, np.ones(400) if other is not None else moving)
+    rows = "\n".join(",".join(f"{value:.5f}" for value in row) for row in zip(*columns, strict=True))
+    return file(f"T [s],Fx [N],{'Fy [N]' if other is not None else 'Q'},Fz [N]\n{rows}\n")
 
 
 def asked(beyond: dict[str, Any], within: dict[str, Any], content: str = GOOD) -> Pair:
@@ -430,6 +447,18 @@ CASES: dict[str, Pair] = {
         file(GOOD.replace("T,Fx,Fz", "A,B,C"), columns={"time": "Q"}),
         file(GOOD.replace("T,Fx,Fz", "A,B,C"), columns={"time": "A", "friction_force": "B", "normal_force": "C"}),
     ),
+    "a clock that restarts": (
+        file("T [s],Fx [N],Fz [N]\n" + "".join(f"{i % 4 / 10},{i % 7}.5,3.0\n" for i in range(40))),
+        file("T [s],Fx [N],Fz [N]\n" + "".join(f"{i / 10},{i % 7}.5,3.0\n" for i in range(40))),
+    ),
+    "no rate": asked({"rate": "4 m"}, {"rate": "4 Hz"}),
+    "a rate of nothing": asked({"rate": "0 Hz"}, {"rate": "0.1 Hz"}),
+    "two clocks": asked({"rate": "4 Hz", "columns": {"time": "T"}}, {"rate": "4 Hz"}),
+    "clocks that do not meet": (clocks(4.0), clocks(3.7)),
+    "one of several clocks that falls": (clocks(0.0, falls=True), clocks(0.0)),
+    "tables side by side": (clocks(0.0, again="Fx"), clocks(0.0)),
+    "another force that moves": (axes(0.0), axes(0.01)),
+    "swapped forces": (axes(None, level=2.0), axes(None, level=0.5)),
     "words without end": (file("a word\n" * 20_001 + GOOD), file("a word\n" * 19_990 + GOOD)),
     "headers without end": (file(tables(5010)), file(tables(5000))),
     "a line without end": (file(GOOD + "7" * (1 << 22)), file(GOOD + "7" * (1 << 18))),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from data_io import Record
-from data_io.record import within
+from data_io.record import WINDOW_START, within
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import classical_table
 from identify.logs.prepare import Prepared
@@ -52,7 +52,7 @@ def _looked_at(log: Prepared) -> Record:
     record, window = log.record, log.entry.window
     if window is None:
         return record
-    begin = float(record.metadata.get("file_time_start", 0.0))  # a window of a scene counts from the first row
+    begin = float(record.metadata.get(WINDOW_START, 0.0))  # of a log that was read in part
     return within(record, (begin + window[0], begin + window[1]))
 
 
