@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_io import Record
+from identify.base.budget import seconds_left, time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.diagnosis.findings import Findings
@@ -24,6 +25,7 @@ from identify.estimation.search import disowned, plenty
 from identify.estimation.shaken import shaken
 from identify.estimation.starts import Sources
 from identify.estimation.status_words import at_bounds, ended, underivable, untried
+from identify.estimation.strategies import Strategy, attempted
 from identify.logs.loads import calmed
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
@@ -33,6 +35,7 @@ from identify.shooting.fit_options import Asked
 _Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
 Answer = tuple[list[Prepared], Findings]  # the logs as they are followed, and what was found
 
+SEARCH_SHARE = 0.6  # of the time limit: the rest is for the intervals of an answer, or the cause of a misfit
 ANSWERS = 3  # of one model, each better than the one before, that are looked into
 
 
@@ -79,12 +82,15 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
         found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
         return logs, *found
 
-    prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)
-    if attempt is not None and unknowns.model.vibrates:
-        progress("solving from other starts", 0.85)
-        since = time.perf_counter()
-        attempt = shaken(attempt, prepared, unknowns, seed)
-        clock.add("solve", since)
+    with time_limit(SEARCH_SHARE * seconds_left()):
+        prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)
+        if attempt is not None and unknowns.model.vibrates:
+            progress("solving from other starts", 0.85)
+            since, found = time.perf_counter(), attempt
+            attempt = (
+                attempted(Strategy.VIBRATION_STARTS, lambda: shaken(found, prepared, unknowns, seed), found) or found
+            )
+            clock.add("solve", since)
     since = time.perf_counter()
     progress("intervals", 0.9)
     for _ in range(ANSWERS):
@@ -92,6 +98,7 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
         findings, better = looked_into(findings, task.scene, task.read, prepared, progress)
         if better is None:
             break
+        better = replace(better, found_by=(Strategy.HYPOTHESES.title,))
         attempt = disowned(better, prepared, plenty(prepared))
         left_out = {i: why for i, why in left_out.items() if i not in attempt.logs}
     clock.add("intervals", since)
@@ -111,7 +118,10 @@ def _by_way_of_calm(
         found = searched(prepared, True)
         converged = found[1] is not None and found[1].gate.status is Status.CONVERGED
         return found if converged or known is None else (logs, known, left_out)
-    followed = solve_from(prepared, list(known.logs), replace(unknowns, start=known.solved.theta), clock)
+    there = replace(unknowns, start=known.solved.theta)
+    followed = attempted(
+        Strategy.CALM_LOAD, lambda: solve_from(prepared, list(known.logs), there, clock), known, known.logs
+    )
     if followed is None or followed.gate.status is not Status.CONVERGED:
         return logs, known, left_out
     return prepared, followed, left_out

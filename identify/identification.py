@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
 from identify.answering import Task, answered
+from identify.base.budget import time_limit
 from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
@@ -24,6 +26,7 @@ from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
 from identify.estimation.attempt import Attempt, Clock
 from identify.estimation.starts import Sources
+from identify.estimation.strategies import tracing
 from identify.logs.drives import with_drives
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
@@ -134,7 +137,9 @@ def find(
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
     task = Task(scene, read, prepared, unknowns, asked, seed)
-    return answered(task, starts or _default_starts(scene), clock, progress)
+    with time_limit(scene.time_limit), tracing() as trace:
+        logs, findings = answered(task, starts or _default_starts(scene), clock, progress)
+    return logs, replace(findings, trace=trace)
 
 
 def _default_starts(scene: Scene) -> Sources:

@@ -46,6 +46,9 @@ def add_depth_options(parser: ArgumentParser) -> None:
     group.add_argument(
         "--accuracy", metavar="X", help="coarse, default, tight, or the error of the steps in standard errors"
     )
+    group.add_argument(
+        "--time-limit", metavar="T", help="of the search and its examination (default: [fit] time_limit, or 60 s)"
+    )
     group.add_argument("--profile", action="store_true", help="profile likelihood of every parameter")
     group.add_argument("--bootstrap", type=int, metavar="N", help="cycle-block bootstrap with N replicates")
     group.add_argument("--accuracy-table", action="store_true", help="what each level of accuracy costs and changes")
@@ -110,7 +113,8 @@ def scene_of(arguments: Namespace) -> Scene:
     if "normal_force" in options:
         options["normal_force"] = quantity(options["normal_force"], "N", "--normal-force")
     check_named(arguments.logs, arguments.scene, arguments.set)
-    scene = Scene.from_toml(arguments.scene, arguments.set)
+    limit = [f"fit.time_limit={arguments.time_limit!r}"] if arguments.time_limit else []
+    scene = Scene.from_toml(arguments.scene, [*arguments.set, *limit])
     scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
     return replace(scene, logs=tuple(replace(entry, **options) for entry in scene.logs))
 

@@ -28,6 +28,7 @@ from identify.diagnosis.refined import refined
 from identify.diagnosis.restraints import restraints, sitting, ties
 from identify.diagnosis.suspects import GROSS, SLIGHT, Suspect, found_and_stated
 from identify.estimation.attempt import Attempt, judged
+from identify.estimation.strategies import Strategy, as_one_trial, is_due
 from identify.estimation.uncertainty import sizes
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -152,9 +153,14 @@ def _tried(
     """Every suspect with what came of its fit, done in that way, where there is an answer."""
     out = []
     for suspect in suspects:
+        fitted = None
+        if not is_due(Strategy.HYPOTHESES):
+            break
         try:
             freed = suspect.freed(scene, prepared)
-            fitted = None if freed is None else fit(freed)
+            if freed is not None:
+                with as_one_trial(Strategy.HYPOTHESES, suspect.parameter):
+                    fitted = fit(freed)
         except (FitError, SceneError):
             continue
         if fitted is not None and fitted.attempt is not None:

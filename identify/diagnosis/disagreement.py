@@ -20,6 +20,7 @@ from identify.diagnosis.nested import fit_from_values, fit_model
 from identify.estimation.attempt import usable
 from identify.estimation.events import misfit_of_start
 from identify.estimation.gate import PER_CYCLE
+from identify.estimation.strategies import Strategy, as_one_trial, is_due
 from identify.logs.parting import name_of_recording, recordings
 from identify.scene import Scene
 
@@ -43,11 +44,14 @@ def disagreement(scene: Scene, records: Sequence[Record], ended: Fitted) -> Caus
     asked = [some for some in logs if max(misfits[i] for i in some) > PER_CYCLE and _tells(ended, some)][:TRIED]
     named = []
     for some in asked:
+        if not is_due(Strategy.ONE_LOG_OUT):
+            break
         rest = sorted(i for other in logs if other is not some for i in other)
-        others = _fit(scene, records, rest)
-        if others is None or _fit(scene, records, some) is None:
-            continue
-        back = fit_from_values(others, scene, records)
+        with as_one_trial(Strategy.ONE_LOG_OUT, name_of_recording(scene, some)):
+            others = _fit(scene, records, rest)
+            if others is None or _fit(scene, records, some) is None:
+                continue
+            back = fit_from_values(others, scene, records)
         if back.complete and described(back):
             return Cause(ANOTHER_ANSWER, back.attempt)
         off = _off(back, others, some)

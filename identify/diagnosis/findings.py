@@ -12,6 +12,7 @@ from identify.base.outcome import Status
 from identify.diagnosis.held import Held
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
+from identify.estimation.strategies import Trace
 from identify.estimation.uncertainty import Estimate, Information
 from identify.logs.unknowns import Unknowns
 
@@ -23,7 +24,7 @@ class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
     closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
     of theta where the covariance alone could not be trusted, discretisation error by name in standard errors;
-    held: the rig as it was stated, against the data."""
+    held: the rig as it was stated, against the data; trace: what was tried."""
 
     status: Status
     message: str
@@ -37,3 +38,4 @@ class Findings:
     discretisation: Mapping[str, float] = field(default_factory=dict)
     sure: Certainty | None = None
     held: list[Held] = field(default_factory=list)
+    trace: Trace = field(default_factory=Trace)

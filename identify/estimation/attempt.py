@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.estimation.gate import Gate, pass_gate
 from identify.estimation.sequence import TRIES, by_a_hair, followed, grazes, is_clear, refollowed, resequenced
@@ -34,12 +35,20 @@ OFF = 2  # of these that are left out where the start is better known
 
 @dataclass(frozen=True)
 class Attempt:
-    """A solved start: which logs took part (indices), prepared and cut, the solution and its gate."""
+    """A solved start: which logs took part (indices), prepared and cut, the solution and its gate; found_by: the titles
+    of the strategies that led to it, in their order."""
 
     logs: tuple[int, ...]
     prepared: tuple[Prepared, ...]
     solved: Solved
     gate: Gate
+    found_by: tuple[str, ...] = ()
+
+    @property
+    def cost_per_sample(self) -> float | None:
+        """Sum of squares in noise variances per sample; None where there is none."""
+        cost = 2.0 * self.solved.solution.cost / max(self.solved.problem.samples, 1)
+        return cost if np.isfinite(cost) else None
 
     @property
     def excess(self) -> float:
@@ -101,7 +110,7 @@ def solve_placed(
     motion that follows from the answer, or with the sequences that are nearly that of the answer, and the best of
     all."""
     attempt = _solved(prepared, placed, unknowns, clock, firmness, hopeless, trust)
-    if attempt.solved.solution.cost > hopeless or not np.all(np.isfinite(attempt.solved.theta)):
+    if attempt.solved.solution.cost > hopeless or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
         return attempt
     # A rest that can get no shorter is also what the solver fails on.
     at_answer = replace(unknowns, start=attempt.solved.theta)
@@ -117,7 +126,7 @@ def solve_placed(
         ways = by_a_hair(whole, attempt.prepared, attempt.solved.guesses, at_answer)
         others = [_solved(prepared, _placed(attempt, w), at_answer, clock, firmness, hopeless, None) for w in ways]
         better = [other for other in others if _fits_better(other.solved, attempt.solved)]
-        if not better:
+        if not better or time_is_up():
             break
         attempt = min(better, key=lambda other: other.excess)
     return attempt
@@ -147,7 +156,7 @@ def _solved(
     solved = solve_in_passes(data, guesses, soft, hopeless=hopeless, trust=trust)
     tried = list[tuple[list[Prepared], list[Guess], Solved]]()
     for _ in range(TRIES):
-        if solved.solution.cost > hopeless:
+        if solved.solution.cost > hopeless or time_is_up():
             break
         at_answer = replace(unknowns, start=solved.theta)
         again = resequenced([prepared[i] for i in numbers], logs, solved.guesses, at_answer)
@@ -210,6 +219,8 @@ def solve_held(
     best: Attempt | None = None
     loosest = np.inf
     for first in range(ways):
+        if time_is_up():
+            break
         released_to = np.inf
         for firmness, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[first:]):
             if not tried.solved.solution.success:
@@ -256,6 +267,8 @@ def released(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterat
     """Solves of the same samples with softer and softer priors around unknowns.start, each from the answer of the one
     before; with the firmness of each."""
     for firmness in firm:
+        if time_is_up():
+            return
         held = resolve(held, replace(unknowns.softened(firmness), start=held.solved.theta))
         yield firmness, held
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import no_time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.estimation.agreeing import agreeing
@@ -25,6 +26,7 @@ from identify.estimation.letting_go import let_go
 from identify.estimation.profile import Profiles
 from identify.estimation.ridge_ends import strengthened
 from identify.estimation.shares import Share, share_estimates, shares
+from identify.estimation.strategies import Strategy, attempted
 from identify.estimation.uncertainty import Estimate, Information
 from identify.estimation.valleys import weakens
 from identify.logs.unknowns import Unknowns
@@ -83,10 +85,10 @@ def certainty(
     """
     if attempt.gate.status is Status.CONVERGED:
         if weakens(unknowns, attempt.solved.theta):
-            attempt = strengthened(attempt, unknowns, noise_of(attempt)) or attempt
+            attempt = _by(Strategy.STRENGTHENING, attempt, lambda at: strengthened(at, unknowns, noise_of(at)))
         if np.any(at_own_bounds(unknowns, attempt.solved.theta)):
-            attempt = taken_inside(attempt, unknowns, noise_of(attempt)) or attempt
-        attempt = let_go(attempt, unknowns) or attempt
+            attempt = _by(Strategy.INSIDE_BOUNDS, attempt, lambda at: taken_inside(at, unknowns, noise_of(at)))
+        attempt = _by(Strategy.EVENT_RELEASED, attempt, lambda at: let_go(at, unknowns))
     attempt, known, discretised = _with_fine_steps(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None
@@ -118,8 +120,14 @@ def certainty(
     if attempt.gate.status is not Status.CONVERGED:
         return out
     out = _combined(out, unknowns, base)
-    out = _resampled(out, asked, seed, progress) if asked.bootstrap else out
-    return _tabled(out, unknowns, progress) if asked.accuracy_table else out
+    with no_time_limit():
+        out = _resampled(out, asked, seed, progress) if asked.bootstrap else out
+        return _tabled(out, unknowns, progress) if asked.accuracy_table else out
+
+
+def _by(strategy: Strategy, attempt: Attempt, other: Callable[[Attempt], Attempt | None]) -> Attempt:
+    """The answer that a strategy puts in the place of one; the same where it finds none, or is not due."""
+    return attempted(strategy, lambda: other(attempt), attempt, attempt.logs) or attempt
 
 
 def _with_fine_steps(
@@ -129,8 +137,8 @@ def _with_fine_steps(
     finer = fine_enough(attempt, unknowns, asked)
     if finer[0] is attempt or finer[0].gate.status is not Status.CONVERGED:
         return finer
-    freed = let_go(finer[0], unknowns)
-    return finer if freed is None else fine_enough(freed, unknowns, asked)
+    freed = _by(Strategy.EVENT_RELEASED, finer[0], lambda at: let_go(at, unknowns))
+    return finer if freed is finer[0] else fine_enough(freed, unknowns, asked)
 
 
 def _combined(out: Certainty, unknowns: Unknowns, base: Array) -> Certainty:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.estimation.attempt import place_on
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
@@ -55,6 +56,8 @@ def with_events_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
     if now is None or now.misfit < TOO_BAD:
         return log
     for _ in range(ROUNDS):
+        if time_is_up():
+            break
         better = _mended(log, now, unknowns)
         if better is None:
             break

@@ -23,6 +23,7 @@ from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_ground import ProfilePoint
 from identify.estimation.profile_side import CRITICAL
 from identify.estimation.ridge_ends import better_course, other_sign
+from identify.estimation.strategies import Strategy, attempted
 from identify.estimation.uncertainty import Estimate, Information, Interval, estimates
 from identify.estimation.valleys import lowest_valley, objection, preferred, weakens, within
 from identify.estimation.widened import widened_on_both_scales
@@ -174,9 +175,15 @@ def _elsewhere(here: Examined, q: Question) -> Examined:
     course of the motion; where there is none, at the same."""
     if not (here.accepted and here.view.leaves_open):
         return here
-    other = None if here.trail.mirrored else other_sign(here.attempt, q.unknowns)
+    attempt, unknowns = here.attempt, q.unknowns
+    other = (
+        None
+        if here.trail.mirrored
+        else attempted(Strategy.OTHER_SIGN, lambda: other_sign(attempt, unknowns), attempt, attempt.logs)
+    )
     if other is None and here.walked is not None:
-        other = better_course(here.attempt, q.unknowns, here.walked.likely)
+        likely = here.walked.likely
+        other = attempted(Strategy.RIDGE_ENDS, lambda: better_course(attempt, unknowns, likely), attempt, attempt.logs)
     trail = replace(here.trail, mirrored=True)
     if other is None:
         return replace(here, trail=trail)
@@ -244,7 +251,14 @@ def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:
 def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Question, last: bool) -> Examined:
     """At the better place that a walk met, where the solver settles there."""
     theta, trail = here.attempt.solved.theta, here.trail
-    moved = resolve_firmly(here.attempt, q.unknowns, better.theta, better.guesses)
+    moved = attempted(
+        Strategy.PROFILE_OPTIMUM,
+        lambda: resolve_firmly(here.attempt, q.unknowns, better.theta, better.guesses),
+        here.attempt,
+        here.attempt.logs,
+    )
+    if moved is None:
+        return _with_walk(here, walked.seen_from(q.unknowns, theta), q)
     inside = walked.clear < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
     converged = moved.gate.status is Status.CONVERGED
     lost = not converged or bool(np.any(at_own_bounds(q.unknowns, moved.solved.theta)))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, resolve
+from identify.estimation.strategies import Strategy, attempted
 from identify.estimation.uncertainty import Information, information
 from identify.logs.unknowns import Unknowns
 from identify.shooting.discretisation import discretisation_error
@@ -32,11 +34,15 @@ def fine_enough(attempt: Attempt, unknowns: Unknowns, asked: Asked) -> tuple[Att
         finer = 2 * attempt.solved.grid.steps
         if finer > level.most:
             break
-        again = resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=finer)
-        if again.gate.status is Status.SOLVER_FAILED:  # no reason to give up the answer: what its steps cost is told
-            break
+        again = attempted(Strategy.FINER_STEPS, partial(_finer, attempt, unknowns, finer), attempt)
+        if again is None or again.gate.status is Status.SOLVER_FAILED:
+            break  # no reason to give up the answer: what its steps cost is told
         attempt, known = again, information_at(again, unknowns)
     return attempt, known, shares
+
+
+def _finer(attempt: Attempt, unknowns: Unknowns, steps: int) -> Attempt:
+    return resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=steps)
 
 
 def information_at(attempt: Attempt, unknowns: Unknowns) -> Information:

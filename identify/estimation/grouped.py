@@ -18,6 +18,7 @@ from identify.estimation.attempt import Attempt, Clock
 from identify.estimation.gate import pass_gate
 from identify.estimation.search import search
 from identify.estimation.starts import Sources
+from identify.estimation.strategies import Strategy, attempted
 from identify.estimation.uncertainty import information
 from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared
@@ -54,7 +55,11 @@ def search_grouped(
             # A group too poor to stand alone may still do with the others.
             return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
         found.append(replace(attempt, logs=tuple(part[i] for i in attempt.logs)))
-    return _together(found, unknowns, clock or Clock()), left_out
+    timer = clock or Clock()
+    together = attempted(Strategy.GROUP_BY_GROUP, lambda: _together(found, unknowns, timer))
+    if together is None:
+        return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
+    return together, left_out
 
 
 def _parts(prepared: list[Prepared], unknowns: Unknowns) -> list[list[int]]:

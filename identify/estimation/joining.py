@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, Clock, place_on, solve_from
 from identify.estimation.events import TOO_BAD, misfit_of_start, with_events_mended
@@ -52,7 +53,7 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
         return joined
     # One log that does not fit must not keep out the others, nor one that is taken up too early.
     found = _one_by_one(best, prepared, late, seen, unknowns, clock)
-    if len(late) == 1 or set(late) <= set(found.logs):
+    if len(late) == 1 or set(late) <= set(found.logs) or time_is_up():
         return found
     other = _one_by_one(best, prepared, late[::-1], seen, unknowns, clock)
     return other if len(other.logs) > len(found.logs) else found
@@ -69,6 +70,8 @@ def _one_by_one(
     """The answer that the late logs join in this order, as far as they do: as they are, the faint ones also as they
     were seen, and of a course that does not fit its steady end."""
     for i in late:
+        if time_is_up():
+            break
         at_best = replace(unknowns, start=best.solved.theta)
         for log in _forms(prepared[i], seen.get(i), at_best, tried=len(late) == 1):
             having = [log if j == i else other for j, other in enumerate(prepared)]

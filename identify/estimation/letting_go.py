@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.estimation.attempt import BETTER, Attempt, solve_moved
 from identify.estimation.hanging import Held, held_back
@@ -31,6 +32,8 @@ def let_go(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """The answer beyond the events that hold this one; None where nothing holds it, or nothing better is met there."""
     best: Attempt | None = None
     for _ in range(AGAIN):
+        if time_is_up():
+            break
         beyond = _beyond(best or attempt, unknowns)
         if beyond is None:
             break

@@ -8,11 +8,13 @@ the one sequence leaves open, which can be a tenth of what both together do.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, solve_moved
 from identify.estimation.objection import Remembering
 from identify.estimation.sequence import by_a_hair
+from identify.estimation.strategies import Strategy, attempted
 from identify.estimation.valleys import within
 from identify.logs.unknowns import Unknowns
 
@@ -27,7 +29,8 @@ def neighbours(attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> list
     logs = attempt.prepared
     found: list[Attempt] = []
     for cut, guesses in by_a_hair(logs, logs, attempt.solved.guesses, at_answer):
-        other = solve_moved(attempt, cut, guesses, at_answer)
-        if other.gate.status is Status.CONVERGED and within(attempt, other, unknowns, noise):
+        solve = partial(solve_moved, attempt, cut, guesses, at_answer)
+        other = attempted(Strategy.NEIGHBOURING_MODES, solve, attempt, attempt.logs)
+        if other is not None and other.gate.status is Status.CONVERGED and within(attempt, other, unknowns, noise):
             found.append(other)
     return found

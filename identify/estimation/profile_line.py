@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.estimation.objection import Remembering
 from identify.estimation.profile_ground import FREE, STEPS, Ground, Home, ProfilePoint
 from identify.logs.log_data import Guess
@@ -73,8 +74,8 @@ class ProfileLine:
         return self.ground.unknowns
 
     def point(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
-        """The best point with theta[held] = value, from a neighbour; None where nothing succeeds."""
-        return self._warm(near, held, value) or self._from_theta(near, held, value)
+        """The best point with theta[held] = value, from a neighbour; None where nothing succeeds, or the time is up."""
+        return None if time_is_up() else self._warm(near, held, value) or self._from_theta(near, held, value)
 
     def settled(self, theta: Array, guesses: list[Guess]) -> ProfilePoint | None:
         """The lowest point near a motion, nothing held, or where the solver finds none the parameter held that is

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.level import LEVEL
 from identify.base.outcome import Status
 from identify.base.quantiles import chi_square
@@ -78,6 +79,8 @@ def _answers(attempt: Attempt, starts: Iterable[Unknowns], *, other_course: bool
     for."""
     logs = list(attempt.prepared)
     for start in starts:
+        if time_is_up():
+            break
         placed = place_on(logs, usable(logs), start)
         same = other_course and [g.course for *_, g in placed] == [g.course for g in attempt.solved.guesses]
         if len(placed) < len(logs) or same:

@@ -1,20 +1,23 @@
-"""The search: from prepared logs to a solution that passes the gate, or the best reason why none does.
+"""The search: from prepared logs to a solution that fits, or the best reason why none does.
 
-Features give starts, starts are placed on the data, placed starts are solved; the gate decides. Logs with
-few cycles, and logs that slide at the first answer, join after it. No start of the user is needed; one that is
+Features give starts, starts are placed on the data, placed starts are solved; the goodness-of-fit tests decide.
+`STARTS` are rows of the table of strategies, tried from top to bottom until an answer fits, or the time is up. Logs
+with few cycles, and logs that slide at the first answer, join after it. No start of the user is needed; one that is
 given is one more start, never the only one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain, islice
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import islice
 from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
 from identify.estimation.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held, solve_or_hold
@@ -23,21 +26,36 @@ from identify.estimation.gate import PER_CYCLE
 from identify.estimation.joining import from_some, join
 from identify.estimation.ranking import ranked
 from identify.estimation.starts import Sources, drawn_starts, starts_of, suggested_starts
+from identify.estimation.strategies import Strategy, attempted, is_due
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
 from identify.shooting.levels import level_starts
 from identify.shooting.trust import Trust
 
 Array = NDArray[np.float64]
-_Stage = Callable[[list[Prepared], list[int], Unknowns, Clock], Attempt | None]
 
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 SLIPS = 2  # of a log that is not left out before it was looked at together with all others
-ATTEMPTS = 4  # starts that are solved before giving up
-DRAWN = 2  # starts by lot that are solved where all others were lost
-SHORT = 2  # of these that were lost, and are solved again in short passes
+FURTHER = 3  # feature starts that are solved beside the first
+DRAWN = 2  # random starts that are solved
+SHORT = 2  # starts from which the solver lost its way, and that are solved again in short passes
 FEW = 0.1  # of all cycles: so few that misfit have something of their own
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
+
+
+@dataclass(frozen=True)
+class SearchProblem:
+    """What is searched: logs, unknowns, where starts come from, the seed of what is drawn; thorough: False takes the
+    first feature start alone, and none that does not fit one cycle; last: no other search comes after this one."""
+
+    prepared: list[Prepared]
+    unknowns: Unknowns
+    sources: Sources = "data"
+    seed: int = 0
+    thorough: bool = True
+    last: bool = False
+    clock: Clock = field(default_factory=Clock)
+    progress: Progress = to_nobody
 
 
 def search(
@@ -62,8 +80,7 @@ def search(
         the accepted attempt, else the one that came closest, None where nothing could be tried; and per index of a
         log that took no part, why.
     """
-    clock = clock or Clock()
-    told = progress or to_nobody
+    problem = SearchProblem(prepared, unknowns, sources, seed, thorough, last, clock or Clock(), progress or to_nobody)
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = [i for i in range(len(prepared)) if i not in left_out]
     if not able:
@@ -72,20 +89,25 @@ def search(
     faint = {i for i in able if prepared[i].manner.faint}
     choices = [[i for i in cycling[0] if i not in faint], *cycling, able]
     slips = {i for i in able if prepared[i].falls.size >= SLIPS}
-    way = _Way(sources, seed, thorough, last, clock, told)
     best: Attempt | None = None
-    for first in [some for n, some in enumerate(choices) if some and some not in choices[:n]]:
-        best = _better(best, _from_logs(prepared, first, able, unknowns, way))
+    for number, logs in enumerate([some for n, some in enumerate(choices) if some and some not in choices[:n]]):
+        if number > 0 and not is_due(Strategy.OTHER_LOGS):
+            break
+        found = _from_logs(problem, logs, able)
+        if number > 0 and found is not None:
+            found = replace(found, found_by=(Strategy.OTHER_LOGS.title, *found.found_by))
+        best = _better(best, found)
         if _fits(best) and faint | slips <= set(best.logs):
             break
     if not _fits(best):
-        best = _levels_only(prepared, able, unknowns, clock) or best
+        best = attempted(Strategy.STEADY_PARTS, lambda: _levels_only(problem, able), logs=able) or best
     return best, left_out | _missing(best, prepared, able)
 
 
-def _levels_only(prepared: list[Prepared], able: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+def _levels_only(problem: SearchProblem, able: list[int]) -> Attempt | None:
     """What logs hold that slide in the end, where the way there is not described: their level; None where that does not
     fit either, or some log is more than one course to sliding."""
+    prepared, unknowns = problem.prepared, problem.unknowns
     parts = [settled_part(prepared[i]) for i in able]
     if any(part is None or len(prepared[i].pieces) > 1 for part, i in zip(parts, able, strict=True)):
         return None
@@ -93,180 +115,311 @@ def _levels_only(prepared: list[Prepared], able: list[int], unknowns: Unknowns, 
     for i, part in zip(able, parts, strict=True):
         having[i] = part or prepared[i]
     theta = level_starts([having[i] for i in able], unknowns)[0]
-    found = solve_from(having, able, replace(unknowns, start=theta), clock)
+    found = solve_from(having, able, replace(unknowns, start=theta), problem.clock)
     return found if _fits(found) else None
 
 
-@dataclass(frozen=True)
-class _Way:
-    """How to search, as `search` was asked."""
+@dataclass
+class _Progressing:
+    """The search from the features of some logs: the best attempt so far, and the starts the solver was lost from."""
 
-    sources: Sources
-    seed: int
-    thorough: bool
-    last: bool
-    clock: Clock
-    told: Progress
-
-
-def _from_logs(
-    prepared: list[Prepared], first: list[int], able: list[int], unknowns: Unknowns, way: _Way
-) -> Attempt | None:
-    """The search that starts from the features of these logs; the others that are able join at its answer."""
-    clock, told = way.clock, way.told
+    problem: SearchProblem
+    logs: list[int]
+    able: list[int]
     best: Attempt | None = None
-    told("finding a start", 0.1)
-    ahead: list[Array] = []
-    if any(prepared[i].pieces for i in first):
-        # What repeats within a course is solved piece by piece first; the course is followed from there.
-        pieces = [piece for i in first for piece in (prepared[i].pieces or (prepared[i],))]
-        known, _ = search(pieces, unknowns, sources=way.sources, seed=way.seed, clock=clock, thorough=way.thorough)
-        ahead = [] if known is None else [known.solved.theta]
-    # Where cycles differ among themselves no start of a model of equal cycles will fit: one try shows how badly.
-    uneven = not alike([prepared[i] for i in first])
-    unequal = not way.thorough or uneven
-    solved, wandered = 0, list[Array]()
-    worst = np.inf if way.thorough else HOPELESS
-    starts = starts_of([prepared[i] for i in first], unknowns, way.sources, way.seed, uneven, worst, clock)
-    for theta in chain(ahead, starts):
-        if solved == (1 if unequal else ATTEMPTS):
-            break
-        told(f"solving from start {solved + 1}", 0.3 + 0.1 * solved)
-        attempt = _attempted(prepared, first, able, replace(unknowns, start=theta), unequal, way)
-        solved += attempt is not None
-        best = _better(best, attempt)
-        if attempt is not None and not attempt.solved.solution.success:
-            wandered.append(theta)
-        # What passes as noise with a memory may yet be a misfit that another start has not.
-        if _fits(best) and best.gate.level == 1.0 and set(first) <= set(best.logs):
-            break
-    if not unequal and not _fits(best):
-        all_lost = len(wandered) == solved > 0
-        best = _by_other_means(best, wandered, prepared, first, able, unknowns, way, all_lost)
-    return None if best is None else disowned(best, prepared, first)
+    lost: list[Array] = field(default_factory=list)
+    solved: int = 0
+
+    @property
+    def unequal(self) -> bool:
+        """Whether cycles differ among themselves, so that no start of a model of equal cycles will fit, or a quick try
+        is all that is wanted: one try shows how badly."""
+        return not self.problem.thorough or not alike(self.chosen)
+
+    @property
+    def chosen(self) -> list[Prepared]:
+        """The logs of the start."""
+        return [self.problem.prepared[i] for i in self.logs]
+
+    def at(self, theta: Array) -> Unknowns:
+        """The unknowns with this start."""
+        return replace(self.problem.unknowns, start=theta)
+
+
+def _from_logs(problem: SearchProblem, logs: list[int], able: list[int]) -> Attempt | None:
+    """The search that starts from the features of these logs; the others that are able join at its answer."""
+    state = _Progressing(problem, logs, able)
+    problem.progress("finding a start", 0.1)
+    starts = _feature_starts(state)
+    for strategy, applies, tries in STARTS:
+        # What passes as noise with a memory may yet be a misfit that another feature start has not.
+        settled = _fits(state.best) and state.best.gate.level == 1.0 and set(logs) <= set(state.best.logs)
+        if settled or (time_is_up() and state.best is not None) or not applies(state):
+            continue
+        for attempt in tries(state, strategy, starts):
+            state.best = _better(state.best, attempt)
+            if _fits(state.best) and state.best.gate.level == 1.0 and set(logs) <= set(state.best.logs):
+                break
+    return None if state.best is None else disowned(state.best, problem.prepared, logs)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Rows that start: each tells which starts it has, and how these are solved.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _feature_starts(state: _Progressing) -> Iterator[Array]:
+    problem, chosen = state.problem, state.chosen
+    uneven, worst = not alike(chosen), np.inf if problem.thorough else HOPELESS
+    return starts_of(chosen, problem.unknowns, problem.sources, problem.seed, uneven, worst, problem.clock)
+
+
+def _pieces_first(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
+    problem = state.problem
+    pieces = [piece for log in state.chosen for piece in (log.pieces or (log,))]
+    known, _ = search(
+        pieces,
+        problem.unknowns,
+        sources=problem.sources,
+        seed=problem.seed,
+        clock=problem.clock,
+        thorough=problem.thorough,
+    )
+    if known is not None:
+        yield _solved_and_repaired(state, strategy, known.solved.theta)
+
+
+def _first(state: _Progressing, strategy: Strategy, starts: Iterator[Array]) -> Iterator[Attempt | None]:
+    yield from _next_starts(state, strategy, starts, 1)
+
+
+def _further(state: _Progressing, strategy: Strategy, starts: Iterator[Array]) -> Iterator[Attempt | None]:
+    yield from _next_starts(state, strategy, starts, 1 + FURTHER)
+
+
+def _next_starts(
+    state: _Progressing, strategy: Strategy, starts: Iterator[Array], most: int
+) -> Iterator[Attempt | None]:
+    """Feature starts in their order until so many were placed and solved."""
+    while state.solved < most:
+        theta = next(starts, None)
+        if theta is None or not is_due(strategy):
+            return
+        state.problem.progress(f"solving from start {state.solved + 1}", 0.3 + 0.1 * state.solved)
+        yield _solved_and_repaired(state, strategy, theta)
+
+
+def _drawn(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
+    """Features can be described where no motion is, and all their starts lie there."""
+    problem = state.problem
+    drawn = drawn_starts(state.chosen, problem.unknowns, problem.seed, state.lost, problem.clock)
+    for theta in islice(drawn, DRAWN) if is_due(strategy) else ():
+        problem.progress("solving from a random start", 0.65)
+        yield _solved_and_repaired(state, strategy, theta)
+
+
+def _short_steps(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
+    problem = state.problem
+    problem.progress("going in short passes", 0.7)
+
+    def solve(theta: Array) -> Attempt | None:
+        return solve_from(problem.prepared, state.logs, state.at(theta), problem.clock, trust=Trust())
+
+    yield from _again_from(state, strategy, state.lost[:SHORT], solve)
+
+
+def _prior_continuation(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
+    problem = state.problem
+    problem.progress("holding what the logs do not tell", 0.7)
+
+    def solve(theta: Array) -> Attempt | None:
+        return solve_held(problem.prepared, state.logs, state.at(theta), problem.clock)
+
+    yield from _again_from(state, strategy, state.lost, solve)
+
+
+def _level_starts(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
+    """What the levels of the data suggest, as it stands: where friction drifts, or ages on and on, a settled cycle,
+    which is what the features are, leads astray."""
+    problem = state.problem
+    problem.progress("solving from what the levels suggest", 0.7)
+
+    def solve(theta: Array) -> Attempt | None:
+        return solve_or_hold(problem.prepared, state.logs, state.at(theta), problem.clock)
+
+    if is_due(strategy):
+        suggested = ranked(state.chosen, problem.unknowns, suggested_starts(state.chosen, problem.unknowns))
+        yield from _again_from(state, strategy, (start.theta for start in suggested), solve)
+
+
+def _again_from(
+    state: _Progressing, strategy: Strategy, starts: Iterable[Array], solve: Callable[[Array], Attempt | None]
+) -> Iterator[Attempt]:
+    """From the first of these starts from which a way of solving finds an answer, which the other logs join."""
+    for theta in starts:
+        found = attempted(strategy, partial(solve, theta), logs=state.logs)
+        if _fits(found):
+            yield _with_the_others(state, state.problem.prepared, found)
+            return
+
+
+def _lost_everywhere(state: _Progressing) -> bool:
+    return _unanswered(state) and len(state.lost) == state.solved > 0 and state.problem.sources != "user"
+
+
+def _unanswered(state: _Progressing) -> bool:
+    return not state.unequal and not _fits(state.best)
+
+
+STARTS: tuple[
+    tuple[
+        Strategy,
+        Callable[[_Progressing], bool],
+        Callable[[_Progressing, Strategy, Iterator[Array]], Iterator[Attempt | None]],
+    ],
+    ...,
+] = (
+    (Strategy.PIECES_FIRST, lambda state: any(log.pieces for log in state.chosen), _pieces_first),
+    (Strategy.FEATURE_START, lambda state: state.solved == 0 or not state.unequal, _first),
+    (Strategy.FURTHER_STARTS, lambda state: not state.unequal, _further),
+    (Strategy.RANDOM_STARTS, _lost_everywhere, _drawn),
+    (Strategy.SHORT_STEPS, lambda state: _unanswered(state) and bool(state.lost), _short_steps),
+    (Strategy.PRIOR_CONTINUATION, lambda state: _unanswered(state) and bool(state.lost), _prior_continuation),
+    (
+        Strategy.LEVEL_STARTS,
+        lambda state: _unanswered(state) and state.problem.last and state.problem.sources != "user",
+        _level_starts,
+    ),
+)
+"""Where answers come from, in the order in which they are tried: row of the table, when it applies, what it tries."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Rows that repair: from an attempt that does not fit to one that does.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _solved_and_repaired(state: _Progressing, strategy: Strategy, theta: Array) -> Attempt | None:
+    """What comes of one start: solved as it is, then repaired; then with the other logs that are able. None where it
+    can be placed on none."""
+    problem, at = state.problem, state.at(theta)
+    first = attempted(strategy, lambda: solve_from(problem.prepared, state.logs, at, problem.clock), logs=state.logs)
+    if first is None:
+        return None
+    state.solved += 1
+    prepared, attempt = problem.prepared, first
+    if not _fits(attempt) and not state.unequal:
+        prepared, attempt = _events_corrected(state, at, attempt)
+        for repair in (_resimulated, _good_logs_first):
+            if not _fits(attempt):
+                attempt = repair(state, prepared, at, attempt) or attempt
+    if crept(attempt):
+        attempt = _held(state, prepared, at, attempt) or attempt
+    if not attempt.solved.solution.success:
+        state.lost.append(theta)
+    return _with_the_others(state, prepared, attempt) if _fits(attempt) else attempt
+
+
+def _events_corrected(state: _Progressing, at: Unknowns, attempt: Attempt) -> tuple[list[Prepared], Attempt]:
+    """The logs and the answer with slips that were missed put in and invented ones taken out, where that fits
+    better."""
+    problem = state.problem
+    mended = _mended(problem.prepared, attempt, at) if is_due(Strategy.EVENTS_CORRECTED) else None
+    if mended is None:
+        return problem.prepared, attempt
+    problem.progress("solving with other slips", 0.6)
+    again = attempted(
+        Strategy.EVENTS_CORRECTED, lambda: solve_from(mended, state.logs, at, problem.clock), attempt, state.logs
+    )
+    if again is not None and _better(attempt, again) is again:
+        return mended, again
+    return problem.prepared, attempt
+
+
+def _resimulated(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: Attempt) -> Attempt | None:
+    """What is solved where logs in which a few of many cycles misfit are simulated through: how often those come to
+    rest may be another than was seen, the first slips above all, which find an older contact than all others."""
+    gate = attempt.gate
+    misfit = np.abs(gate.z) > PER_CYCLE
+    if not 0 < np.count_nonzero(misfit) <= FEW * misfit.size:
+        return None
+    doubted = {attempt.logs[place] for place in (gate.log[misfit] - 1).tolist()}
+    doubted = {i for i in doubted if prepared[i].manner.name == "cycles"}
+    if not doubted:
+        return None
+    state.problem.progress("following what misfits", 0.63)
+    having = [log.as_course if i in doubted else log for i, log in enumerate(prepared)]
+    there = replace(at, start=attempt.solved.theta)
+    found = attempted(
+        Strategy.RESIMULATED,
+        lambda: solve_from(having, list(attempt.logs), there, state.problem.clock),
+        attempt,
+        attempt.logs,
+    )
+    return found if _fits(found) and set(found.logs) == set(attempt.logs) else None
+
+
+def _good_logs_first(state: _Progressing, _prepared: list[Prepared], at: Unknowns, _attempt: Attempt) -> Attempt | None:
+    problem = state.problem
+    problem.progress("solving the logs that fit first", 0.65)
+    return attempted(
+        Strategy.GOOD_LOGS_FIRST,
+        lambda: from_some(problem.prepared, state.logs, state.able, at, problem.clock),
+        logs=state.logs,
+    )
+
+
+def _held(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: Attempt) -> Attempt | None:
+    state.problem.progress("holding what the logs do not tell", 0.7)
+    return attempted(
+        Strategy.PRIOR_CONTINUATION,
+        lambda: solve_held(prepared, state.logs, at, state.problem.clock, FIRST),
+        attempt,
+        state.logs,
+    )
+
+
+def _with_the_others(state: _Progressing, prepared: list[Prepared], attempt: Attempt) -> Attempt:
+    problem = state.problem
+    late = [i for i in state.able if i not in attempt.logs]
+    if not late:
+        return attempt
+    problem.progress("joining the other logs", 0.8)
+    joined = attempted(
+        Strategy.JOINED, lambda: join(attempt, prepared, late, problem.unknowns, problem.clock), attempt, attempt.logs
+    )
+    return joined or attempt
+
+
+def _mended(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[Prepared] | None:
+    """The logs with slips that were missed put in and invented ones taken out; None where there are none."""
+    gate = attempt.gate
+    wrong = {int(log) - 1 for log, z in zip(gate.log.tolist(), gate.z.tolist(), strict=True) if not z < PER_CYCLE}
+    out = list(prepared)
+    for place_ in wrong:
+        number = attempt.logs[place_]
+        out[number] = with_events_mended(prepared[number], unknowns)
+    return out if any(new is not old for new, old in zip(out, prepared, strict=True)) else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which answer is one, and the better of two.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _fits(best: Attempt | None) -> TypeGuard[Attempt]:
     return best is not None and best.gate.status is Status.CONVERGED
 
 
-def _by_other_means(
-    best: Attempt | None,
-    wandered: list[Array],
-    prepared: list[Prepared],
-    first: list[int],
-    able: list[int],
-    unknowns: Unknowns,
-    way: _Way,
-    all_lost: bool,
-) -> Attempt | None:
-    """What is found where no start of the features leads to an answer; the best of before where nothing is.
+def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
+    if attempt is None or best is None:
+        return attempt if best is None else best
 
-    Args:
-        wandered: the starts from which the solver did not come back; all_lost: there were no others.
-    """
-    clock, told = way.clock, way.told
-    logs = [prepared[i] for i in first]
-    if all_lost and way.sources != "user":
-        # Features can be described where no motion is, and all the starts lie there.
-        for theta in islice(drawn_starts(logs, unknowns, way.seed, wandered, clock), DRAWN):
-            told("solving from a start by lot", 0.65)
-            best = _better(best, _attempted(prepared, first, able, replace(unknowns, start=theta), False, way))
-            if _fits(best):
-                return best
-    stages: list[tuple[_Stage, str, Iterable[Array]]] = [
-        (_in_short_passes, "going in short passes", wandered[:SHORT]),
-        (solve_held, "holding what the logs do not tell", wandered[:ATTEMPTS]),
-    ]
-    if way.last and way.sources != "user":
-        stages.append((solve_or_hold, "solving from what the levels suggest", _suggested(logs, unknowns)))
-    for stage, say, starts in stages:
-        told(say, 0.7)
-        best = _better(best, _again_from(stage, starts, prepared, first, able, unknowns, clock))
-        if _fits(best):
-            break
-    return best
+    def rank(a: Attempt) -> tuple[bool, int, float]:
+        chi2 = a.gate.chi2_per_sample
+        return a.gate.status is not Status.CONVERGED, -len(a.logs), abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
 
-
-def _suggested(logs: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
-    """What the levels of the data suggest, as it stands: where friction drifts, or ages on and on, a settled cycle,
-    which is what the features are, leads astray."""
-    yield from (start.theta for start in ranked(logs, unknowns, suggested_starts(logs, unknowns)))
-
-
-def _attempted(
-    prepared: list[Prepared], first: list[int], able: list[int], unknowns: Unknowns, unequal: bool, way: _Way
-) -> Attempt | None:
-    """What comes of one start (unknowns.start): solved as it is, with other slips, by way of the logs it fits, with
-    what the logs do not tell held; then with the other logs that are able. None where it can be placed on none.
-
-    Args:
-        unequal: cycles differ, or one quick try is all: as it is, or not at all.
-    """
-    clock, told = way.clock, way.told
-    attempt = solve_from(prepared, first, unknowns, clock)
-    if attempt is None:
-        return None
-    having = prepared
-    if attempt.gate.status is not Status.CONVERGED and not unequal:
-        mended = _mended(prepared, attempt, unknowns)
-        if mended is not None:
-            told("solving with other slips", 0.6)
-            again = solve_from(mended, first, unknowns, clock)
-            if again is not None and _better(attempt, again) is again:
-                having, attempt = mended, again
-        if attempt.gate.status is not Status.CONVERGED:
-            told("following what misfits", 0.63)
-            attempt = _followed(having, attempt, unknowns, clock)
-        if attempt.gate.status is not Status.CONVERGED:
-            told("solving the logs that fit first", 0.65)
-            attempt = from_some(prepared, first, able, unknowns, clock) or attempt
-    if crept(attempt):
-        told("holding what the logs do not tell", 0.7)
-        attempt = solve_held(having, first, unknowns, clock, FIRST) or attempt
-    if attempt.gate.status is Status.CONVERGED:
-        told("joining the other logs", 0.8)
-        attempt = join(attempt, having, [i for i in able if i not in attempt.logs], unknowns, clock)
-    return attempt
-
-
-def _followed(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns, clock: Clock) -> Attempt:
-    """The attempt; or what is solved from it where logs in which a few of many cycles misfit are followed as courses,
-    if that fits: how often those come to rest may be another than was seen, the first slips above all, which find an
-    older contact than all others."""
-    gate = attempt.gate
-    misfit = np.abs(gate.z) > PER_CYCLE
-    if not 0 < np.count_nonzero(misfit) <= FEW * misfit.size:
-        return attempt
-    doubted = {attempt.logs[place] for place in (gate.log[misfit] - 1).tolist()}
-    doubted = {i for i in doubted if prepared[i].manner.name == "cycles"}
-    if not doubted:
-        return attempt
-    having = [log.as_course if i in doubted else log for i, log in enumerate(prepared)]
-    found = solve_from(having, list(attempt.logs), replace(unknowns, start=attempt.solved.theta), clock)
-    return found if _fits(found) and set(found.logs) == set(attempt.logs) else attempt
-
-
-def _again_from(
-    stage: _Stage,
-    starts: Iterable[Array],
-    prepared: list[Prepared],
-    first: list[int],
-    able: list[int],
-    unknowns: Unknowns,
-    clock: Clock,
-) -> Attempt | None:
-    """From the first of these starts from which another way of solving finds an answer, which the other logs join."""
-    for theta in starts:
-        found = stage(prepared, first, replace(unknowns, start=theta), clock)
-        if _fits(found):
-            return join(found, prepared, [i for i in able if i not in found.logs], unknowns, clock)
-    return None
-
-
-def _in_short_passes(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
-    """Solve from a start that may be far off in passes that go no farther than each is trusted."""
-    return solve_from(prepared, chosen, unknowns, clock, trust=Trust())
+    return min(best, attempt, key=rank)
 
 
 def alike(prepared: Sequence[Prepared]) -> bool:
@@ -305,25 +458,3 @@ def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) ->
     if best is None:
         why = "is not reproduced by any start: the model slides steadily where it sticks"
     return {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}
-
-
-def _mended(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[Prepared] | None:
-    """The logs with slips that were missed put in and invented ones taken out; None where there are none."""
-    gate = attempt.gate
-    wrong = {int(log) - 1 for log, z in zip(gate.log.tolist(), gate.z.tolist(), strict=True) if not z < PER_CYCLE}
-    out = list(prepared)
-    for place_ in wrong:
-        number = attempt.logs[place_]
-        out[number] = with_events_mended(prepared[number], unknowns)
-    return out if any(new is not old for new, old in zip(out, prepared, strict=True)) else None
-
-
-def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
-    if attempt is None or best is None:
-        return attempt if best is None else best
-
-    def rank(a: Attempt) -> tuple[bool, int, float]:
-        chi2 = a.gate.chi2_per_sample
-        return a.gate.status is not Status.CONVERGED, -len(a.logs), abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
-
-    return min(best, attempt, key=rank)

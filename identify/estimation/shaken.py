@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, Clock, solve_from
 from identify.estimation.starts import apart, features_of
@@ -59,6 +60,8 @@ def shaken(
             yield centre() + near * spread * random.standard_normal(spread.size)
 
     for theta in starts():
+        if time_is_up():
+            break
         start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
         hopeless = best.solved.solution.cost + HOPELESS
         tried = solve_from(list(prepared), list(attempt.logs), start, Clock(), hopeless=hopeless)

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, takewhile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.level import LEVEL
 from identify.base.outcome import Status
 from identify.base.quantiles import chi_square
@@ -23,6 +24,7 @@ from identify.estimation.attempt import Attempt, Clock, crept, resolve_firmly, s
 from identify.estimation.objection import Remembering
 from identify.estimation.ranking import ranked
 from identify.estimation.starts import own_starts, suggested_starts
+from identify.estimation.strategies import Strategy, attempted
 from identify.logs.unknowns import Unknowns
 from identify.shooting.vibration import rhythmic
 
@@ -45,6 +47,8 @@ def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int, noise: Rememb
     """
     valleys: list[Attempt] = []
     for look in range(LOOKS):
+        if time_is_up():
+            break
         valleys += other_valleys(attempt, unknowns, seed, noise, own=look == 0)
         here = attempt
         ended = (valley for valley in valleys if valley.gate.status is Status.CONVERGED)
@@ -69,7 +73,8 @@ def other_valleys(
         noise: as `lowest_valley`; own: starts are thrown about the data's own start too, and those that its levels
             suggest are tried.
     """
-    settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in _thrown(attempt, unknowns, seed, own))
+    thrown = takewhile(lambda _: not time_is_up(), _thrown(attempt, unknowns, seed, own))
+    settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in thrown)
     there = (other for other in settled if other is not None and within(attempt, other, unknowns, noise))
     return sorted(there, key=_cost)
 
@@ -126,16 +131,21 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples, or comes to
     describe them on a ridge of which it finds no end; None where it does neither."""
     logs = list(attempt.prepared)
-    found = solve_or_hold(logs, usable(logs), unknowns, Clock())
+    found = attempted(
+        Strategy.OTHER_OPTIMA, lambda: solve_or_hold(logs, usable(logs), unknowns, Clock()), attempt, attempt.logs
+    )
     if found is None or len(found.logs) < len(logs):
         return None
     if crept(found) and found.solved.problem.samples == attempt.solved.problem.samples:
-        return replace(attempt, solved=found.solved, gate=found.gate)
+        return replace(found, logs=attempt.logs, prepared=attempt.prepared)
     return of_same_samples(attempt, found, unknowns) if found.gate.status is Status.CONVERGED else None
 
 
 def of_same_samples(attempt: Attempt, found: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Another answer of all logs of one, of the very samples of it; None where it does not settle there."""
     if found.solved.problem.samples != attempt.solved.problem.samples:
-        found = resolve_firmly(attempt, unknowns, found.solved.theta, found.solved.guesses)
-    return replace(attempt, solved=found.solved, gate=found.gate) if found.gate.status is Status.CONVERGED else None
+        moved = resolve_firmly(attempt, unknowns, found.solved.theta, found.solved.guesses)
+        found = replace(moved, found_by=found.found_by)
+    return (
+        replace(found, logs=attempt.logs, prepared=attempt.prepared) if found.gate.status is Status.CONVERGED else None
+    )

@@ -67,6 +67,9 @@ def document(
             for i, (log, answer, part) in enumerate(zip(prepared, outlooks_of(prepared, found), parts, strict=True))
         ],
         "notes": notes_of(scene, prepared, found),
+        "search": [trial.to_dict() for trial in found.trace.trials],
+        "found_by": [] if found.attempt is None else list(found.attempt.found_by),
+        "not_tried": list(found.trace.not_tried),
     }
     if converged:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.whereabouts import log_is_at
+from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
@@ -35,6 +36,7 @@ class Scene:
     A rig quantity (mass, stiffness, damping) stands in `parameters` only if it is to be estimated. While the effects
     are still to be chosen ("auto"), `parameters` holds those of every effect; `with_effects` settles them.
     `extrapolate`: effects that are used outside the range of their measurements. `thresholds`: of the quality gate.
+    `time_limit`: of a fit [s].
 
     Raises:
         SceneError: parts that contradict each other, one sentence.
@@ -49,6 +51,7 @@ class Scene:
     contact: Contact = field(default_factory=Contact)
     thresholds: Thresholds = DEFAULTS
     extrapolate: tuple[str, ...] = ()
+    time_limit: float = DEFAULT_TIME_LIMIT
     source: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -226,5 +229,6 @@ def _build(document: Mapping[str, Any], folder: Path, name: str, source: Path | 
         contact=parts.contact,
         thresholds=parts.thresholds,
         extrapolate=parts.extrapolate,
+        time_limit=parts.time_limit,
         source=source,
     )

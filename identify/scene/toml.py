@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from data_io.errors import LogError
 from data_io.thresholds import Thresholds
+from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene.logs import read_log_entry
@@ -18,7 +19,7 @@ from identify.scene.rig import RIG, read_rig
 from identify.scene.tables import Table, nearest, quantity, share
 from identify.scene.values import Contact, Initial, LogEntry, ParameterSpec, Rig
 
-TOP = ("name", "effects", "extrapolate", "rig", "contact", "initial", "parameters", "quality", "logs")
+TOP = ("name", "effects", "extrapolate", "rig", "contact", "initial", "parameters", "quality", "fit", "logs")
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Parts:
     initial: Initial
     contact: Contact
     thresholds: Thresholds
+    time_limit: float
 
 
 def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -138,7 +140,17 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
         initial=_initial(document.get("initial", {})),
         contact=contact,
         thresholds=_thresholds(document.get("quality", {})),
+        time_limit=_time_limit(document.get("fit", {})),
     )
+
+
+def _time_limit(value: Any) -> float:
+    """How long a fit may take [s]."""
+    table = Table.of(value, "[fit]", ("time_limit",), '[fit] time_limit = "60 s"')
+    limit = table.quantity("time_limit", "s")
+    if limit is not None and not limit > 0.0:
+        raise SceneError(f'{table.place("time_limit")} is {limit:g} s; expected a positive time, such as "60 s"')
+    return DEFAULT_TIME_LIMIT if limit is None else limit
 
 
 def _thresholds(value: Any) -> Thresholds:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from identify.base.budget import DEFAULT_TIME_LIMIT
+
 if TYPE_CHECKING:
     from identify.scene.scene import Scene
     from identify.scene.values import LogEntry, ParameterSpec, Rig
@@ -60,6 +62,7 @@ def document_of(scene: Scene) -> dict[str, Any]:
         "rig": _rig(scene.rig),
         "contact": _contact(scene),
         **({"quality": dict(scene.thresholds.own)} if scene.thresholds.own else {}),
+        **({"fit": {"time_limit": scene.time_limit}} if scene.time_limit != DEFAULT_TIME_LIMIT else {}),
         "initial": asdict(scene.initial),
         "parameters": {name: _parameter(spec) for name, spec in scene.parameters.items() if listed or spec.stated},
         "logs": [_log(entry) for entry in scene.logs],

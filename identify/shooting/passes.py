@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.logs.loads import calmed
 from identify.logs.log_data import Grid, Guess, LogData
 from identify.logs.unknowns import Unknowns
@@ -100,6 +101,8 @@ def solve_in_passes(
     way = _Way(hopeless, steps, most, trust)
     solved = _from_calm(logs, guesses, unknowns, way)
     for _ in range(AGAIN):
+        if time_is_up():
+            break
         at_answer = replace(unknowns, start=solved.theta)
         placed = _begun_anew(logs, solved, at_answer)
         if placed is None:
@@ -147,7 +150,7 @@ def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, wa
     at_once = _in_passes(logs, logs, guesses, unknowns, way)
     cost = at_once.solution.cost
     near = at_once.grid is not COARSE and _fits(at_once)
-    if at_once.solution.success or cost > way.hopeless or near or not trembling:
+    if at_once.solution.success or cost > way.hopeless or near or not trembling or time_is_up():
         return at_once
     other = _in_passes(logs, calm, guesses, unknowns, way)
     return other if _better(other, at_once) else at_once
@@ -230,7 +233,11 @@ def _last(solved: Solved, arrived: int, hopeless: float) -> bool:
     broken = not solution.success and (fine or solution.infeasibility > NEAR)
     if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
         return True
-    return (fine and solved.event_shift < SETTLED) or not np.all([_ordered(guess) for guess in solved.guesses])
+    return (
+        (fine and solved.event_shift < SETTLED)
+        or time_is_up()
+        or not np.all([_ordered(guess) for guess in solved.guesses])
+    )
 
 
 def _events(guesses: Sequence[Guess]) -> Array:
@@ -268,7 +275,7 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
         follows = solution.infeasibility < FOLLOWS and 2.0 * solution.cost < ALL_BUT * problem.samples
         if solution.success or follows:
             break
-    if solution.success or not solution.infeasibility < NEAR:
+    if solution.success or not solution.infeasibility < NEAR or time_is_up():
         return _Tried(solution, iterations, False)
     # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
     crept = solution

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -11,11 +12,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import seconds_left
 from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
 
 STANDSTILL = 1e-3  # of half chi^2 per iteration
+AT_LEAST = 0.05  # s: what a solve that begins at the last moment may still take
 QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
 OUT_OF_ORDER = "Events_Out_Of_Order"
 ALWAYS: Mapping[str, Any] = MappingProxyType(
@@ -200,6 +203,8 @@ def solve(
         "ipopt.mu_init": barrier,
         "ipopt.max_iter": iterations,
     }
+    if math.isfinite(left := seconds_left()):
+        options["ipopt.max_wall_time"] = max(left, AT_LEAST)
     solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
     lower, upper = layout.lower / layout.scale, layout.upper / layout.scale
     result = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)

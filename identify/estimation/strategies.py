@@ -1,0 +1,167 @@
+"""The table of strategies: every way by which a fit may find its answer, and the trace of what was tried.
+
+A fit tries the rows from top to bottom until an answer fits; each try is one entry of the trace (`search` in
+result.json), and an answer carries the names of the strategies that led to it (`Attempt.found_by`). What each row buys
+is measured by `experiments/run_ablation.py`, which switches rows off one by one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from identify.base.budget import time_is_up
+
+if TYPE_CHECKING:
+    from identify.estimation.attempt import Attempt
+
+
+class Strategy(Enum):
+    """One row: name; when it applies; what it does."""
+
+    # From a start to an answer of some logs.
+    PIECES_FIRST = "pieces first", "a log repeats itself within a programme", "solves what repeats, then the whole log"
+    FEATURE_START = "feature start", "always", "solves from the start whose settled cycle is that of the data"
+    FURTHER_STARTS = "further feature starts", "the first start did not fit", "solves from up to three more of these"
+    RANDOM_STARTS = "multi-start", "the solver lost its way from every start", "solves from starts drawn at random"
+    SHORT_STEPS = "trust region", "the solver lost its way from a start", "solves in passes that go a short way each"
+    PRIOR_CONTINUATION = (
+        "prior continuation",
+        "the data hardly tell some parameter, and the solver finds no end",
+        "holds the start by priors and weakens them step by step",
+    )
+    LEVEL_STARTS = "level starts", "nothing else fitted", "solves from what the force levels suggest, without features"
+    OTHER_LOGS = "other logs first", "the logs of the start led to no answer of all", "starts from another set of logs"
+    STEADY_PARTS = "steady parts", "logs end in steady sliding and nothing fitted", "fits the level of their last part"
+    CALM_LOAD = "smoothed load", "the normal force trembles", "solves with a smoothed load, then with the measured one"
+    GROUP_BY_GROUP = "group by group", "parameters differ between groups", "solves each group, then all together"
+    # From an attempt that does not fit to one that does.
+    EVENTS_CORRECTED = "events corrected", "some cycles misfit", "puts in slips that were missed, takes out others"
+    RESIMULATED = "log simulated through", "a few of many cycles misfit", "simulates a misfitting log through instead"
+    GOOD_LOGS_FIRST = "good logs first", "the start fits some of the logs only", "solves these, the others join"
+    JOINED = "logs joined", "some logs took no part", "solves again with them, from the answer"
+    # From an answer that fits to a better one, or to one whose motion is sure.
+    VIBRATION_STARTS = "starts about the answer", "the drive vibrates", "solves from starts drawn about the answer"
+    STRENGTHENING = "strengthening contact", "the contact weakens at rest", "looks for an answer in which it does not"
+    INSIDE_BOUNDS = "inside the bounds", "a parameter sits at a bound of the model", "looks for an answer inside"
+    EVENT_RELEASED = "event released", "a phase of length zero holds the answer", "takes that phase out of the motion"
+    FINER_STEPS = "finer steps", "integration errors are no small part of a standard error", "halves the steps"
+    NEIGHBOURING_MODES = "neighbouring modes", "a rest just happens or just does not", "solves the other sequence"
+    OTHER_OPTIMA = "other optima", "the data hardly tell some parameter", "solves from starts about the answer"
+    OTHER_SIGN = "other sign", "some parameter is not told", "tries friction that changes with speed the other way"
+    RIDGE_ENDS = "ends of a sloppy direction", "some parameter is not told", "simulates anew at both ends"
+    PROFILE_OPTIMUM = "optimum of a profile", "a profile meets a better place", "solves from there"
+    # What the model as stated cannot be.
+    HYPOTHESES = "hypotheses", "nothing fitted", "frees mass, stiffness, damping, lag, speed … one at a time"
+    ONE_LOG_OUT = "one log out", "nothing fitted, nor any hypothesis", "fits without each log in turn"
+
+    def __init__(self, title: str, when: str, does: str) -> None:
+        self.title, self.when, self.does = title, when, does
+
+
+STRATEGIES: tuple[Strategy, ...] = tuple(Strategy)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One try: strategy; logs it took part with (numbers from 1); how it ended; 2 x cost per sample, None where there
+    is none; seconds it took, with what it tried inside."""
+
+    strategy: str
+    logs: tuple[int, ...]
+    status: str
+    cost: float | None
+    seconds: float
+
+    def to_dict(self) -> dict[str, object]:
+        """As in `search` of result.json."""
+        return {
+            "strategy": self.strategy,
+            "logs": list(self.logs),
+            "status": self.status,
+            "cost": self.cost,
+            "seconds": round(self.seconds, 4),
+        }
+
+
+@dataclass
+class Trace:
+    """What a fit tried, in order; strategies that were due when the time was up; switched off: for an ablation."""
+
+    trials: list[Trial] = field(default_factory=list)
+    not_tried: list[str] = field(default_factory=list)
+    switched_off: frozenset[Strategy] = frozenset()
+
+
+_trace: ContextVar[Trace | None] = ContextVar("trace", default=None)
+
+
+@contextmanager
+def tracing(switched_off: Iterable[Strategy] = ()) -> Iterator[Trace]:
+    """Collect what is tried inside; a trace within a trace is part of the outer one."""
+    outer = _trace.get()
+    trace = outer if outer is not None else Trace(switched_off=frozenset(switched_off))
+    token = _trace.set(trace)
+    try:
+        yield trace
+    finally:
+        _trace.reset(token)
+
+
+@contextmanager
+def as_one_trial(strategy: Strategy, detail: str) -> Iterator[None]:
+    """All that is tried inside is one entry of the trace: a hypothesis is a whole fit of its own."""
+    outer, began = _trace.get(), time.perf_counter()
+    token = _trace.set(Trace(switched_off=frozenset() if outer is None else outer.switched_off))
+    try:
+        yield
+    finally:
+        _trace.reset(token)
+        if outer is not None:
+            seconds = time.perf_counter() - began
+            outer.trials.append(Trial(f"{strategy.title}: {detail}", (), "examined", None, seconds))
+
+
+def is_due(strategy: Strategy) -> bool:
+    """Whether a strategy may still be tried: it is not switched off, and there is time; else noted as not tried."""
+    trace = _trace.get()
+    if trace is not None and strategy in trace.switched_off:
+        return False
+    if not time_is_up():
+        return True
+    if trace is not None and strategy.title not in trace.not_tried:
+        trace.not_tried.append(strategy.title)
+    return False
+
+
+def attempted(
+    strategy: Strategy, make: Callable[[], Attempt | None], since: Attempt | None = None, logs: Sequence[int] = ()
+) -> Attempt | None:
+    """What one strategy comes to, as an entry of the trace; None where it comes to nothing or is not due.
+
+    Args:
+        make: does it. since: the attempt it goes on from. logs: numbers (from 0) it was tried with, where it comes to
+            nothing.
+    """
+    if not is_due(strategy):
+        return None
+    began = time.perf_counter()
+    found = make()
+    seconds = time.perf_counter() - began
+    if found is since:
+        found = None
+    if found is not None:
+        before = () if since is None else since.found_by
+        after = found.found_by[len(before) :] if found.found_by[: len(before)] == before else found.found_by
+        found = replace(found, found_by=(*before, strategy.title, *after))
+    trace = _trace.get()
+    if trace is not None:
+        taken = logs if found is None else found.logs
+        status, cost = ("no answer", None) if found is None else (found.gate.status.value, found.cost_per_sample)
+        trace.trials.append(Trial(strategy.title, tuple(i + 1 for i in taken), status, cost, seconds))
+    return found
