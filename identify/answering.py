@@ -87,9 +87,8 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
         if attempt is not None and unknowns.model.vibrates:
             progress("solving from other starts", 0.85)
             since, found = time.perf_counter(), attempt
-            attempt = (
-                attempted(Strategy.VIBRATION_STARTS, lambda: shaken(found, prepared, unknowns, seed), found) or found
-            )
+            better = attempted(Strategy.VIBRATION_STARTS, lambda: shaken(found, prepared, unknowns, seed), found)
+            attempt = better or found
             clock.add("solve", since)
     since = time.perf_counter()
     progress("intervals", 0.9)

@@ -26,7 +26,7 @@ from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
 from identify.estimation.attempt import Attempt, Clock
 from identify.estimation.starts import Sources
-from identify.estimation.strategies import tracing
+from identify.estimation.strategies import Trace, tracing
 from identify.logs.drives import with_drives
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
@@ -139,7 +139,17 @@ def find(
     task = Task(scene, read, prepared, unknowns, asked, seed)
     with time_limit(scene.time_limit), tracing() as trace:
         logs, findings = answered(task, starts or _default_starts(scene), clock, progress)
-    return logs, replace(findings, trace=trace)
+    return logs, replace(findings, trace=trace, message=f"{findings.message}{_in_time(scene.time_limit, trace)}")
+
+
+def _in_time(limit: float, trace: Trace) -> str:
+    """What the time did not suffice for, to go behind the sentence of a fit; "" where it did."""
+    if not trace.not_tried:
+        return ""
+    return (
+        f"; the time limit of {limit:g} s left no time for: {', '.join(trace.not_tried)} (see search in result.json); "
+        f'a longer one: --time-limit "{10 * limit:g} s", or time_limit under [fit] in the scene'
+    )
 
 
 def _default_starts(scene: Scene) -> Sources:

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from identify.base import native
-from identify.estimation import search, starts
+from identify.estimation import starts
+from identify.estimation.strategies import Strategy, tracing
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -44,9 +45,15 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
 
 
 @pytest.fixture
-def one_try(monkeypatch: pytest.MonkeyPatch) -> None:
+def one_try(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A search that gives up after its first start: for what has no answer, the others only take time."""
     monkeypatch.setattr(starts, "RANDOM", ())
-    monkeypatch.setattr(search, "DRAWN", 0)
-    monkeypatch.setattr(search, "ATTEMPTS", 1)
-    monkeypatch.setattr(search, "_by_other_means", lambda best, *_: best)
+    others = (
+        Strategy.FURTHER_STARTS,
+        Strategy.RANDOM_STARTS,
+        Strategy.SHORT_STEPS,
+        Strategy.PRIOR_CONTINUATION,
+        Strategy.LEVEL_STARTS,
+    )
+    with tracing(others):
+        yield

@@ -81,4 +81,4 @@ def test_the_search_goes_on_with_them_where_all_others_wander_off(
     monkeypatch.setattr(room, "DRAWN", drawn)
     found, _ = room.search(logs, unknowns)
     assert found is not None and (found.gate.status is Status.CONVERGED) == bool(drawn)
-    assert min(asked[: min(room.ATTEMPTS, len(lost))]) > 20.0
+    assert min(asked[: min(1 + room.FURTHER, len(lost))]) > 20.0

@@ -28,12 +28,13 @@ def test_first_slips_that_rest_otherwise_than_they_look_are_followed(monkeypatch
     prepared, unknowns = taken(records, SPEEDS, case.truth, case.rig)
     refused = solve_from(prepared, [0, 1, 2, 3], unknowns, Clock())
     assert refused is not None and refused.gate.status is Status.WRONG_EVENT_COUNT
-    found = search._followed(prepared, refused, unknowns, Clock())
-    assert found.gate.status is Status.CONVERGED and found.logs == refused.logs
+    state = search._Progressing(search.SearchProblem(prepared, unknowns), list(refused.logs), [0, 1, 2, 3])
+    found = search._resimulated(state, prepared, unknowns, refused)
+    assert found is not None and found.gate.status is Status.CONVERGED and found.logs == refused.logs
     assert found.prepared[1].manner.name == "course" and prepared[1].manner.name == "cycles"
     assert error(found, unknowns, "t_cr") < 0.1 and error(found, unknowns, "D") < 0.1
     # Where many misfit the law is wrong, not how some slips come to rest.
     bad = replace(refused, gate=replace(refused.gate, z=np.full(refused.gate.z.size, 50.0)))
-    assert search._followed(prepared, bad, unknowns, Clock()) is bad
+    assert search._resimulated(state, prepared, unknowns, bad) is None
     monkeypatch.setattr(search, "FEW", 0.0)
-    assert search._followed(prepared, refused, unknowns, Clock()) is refused
+    assert search._resimulated(state, prepared, unknowns, refused) is None

@@ -259,7 +259,7 @@ def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
     monkeypatch.setattr(search, "from_some", lambda *_: None)  # which mends a log that joins
     monkeypatch.setattr(starts, "RANDOM", ())
     monkeypatch.setattr(search, "DRAWN", 0)
-    monkeypatch.setattr(search, "ATTEMPTS", 1)
+    monkeypatch.setattr(search, "FURTHER", 0)
     prepared, unknowns = _prepared(_kind(SLOW, FAST))
     spoiled = [replace(prepared[0], falls=np.delete(prepared[0].falls, 4)), prepared[1]]
     found, _ = search.search(spoiled, unknowns)
