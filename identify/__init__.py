@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from identify.base.errors import FitError, IdentifyError, SceneError, SimulationError
+    from identify.estimation.estimator import Estimated, EstimationTask, Estimator
     from identify.identification import fit
     from identify.prediction import ageing, amplitude, stability
     from identify.prediction.mapping import continue_over, stability_map
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Asked",
+    "Estimated",
+    "EstimationTask",
+    "Estimator",
     "Fit",
     "FitError",
     "IdentifyError",
@@ -37,6 +41,9 @@ __all__ = [
 
 _HOMES = {
     "Asked": "identify.shooting.fit_options",
+    "Estimated": "identify.estimation.estimator",
+    "EstimationTask": "identify.estimation.estimator",
+    "Estimator": "identify.estimation.estimator",
     "Fit": "identify.report.finished",
     "FitError": "identify.base.errors",
     "IdentifyError": "identify.base.errors",

@@ -24,14 +24,15 @@ from identify.diagnosis.next_log_words import document as next_log_document
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
-from identify.estimation.attempt import Attempt, Clock
+from identify.estimation.attempt import Clock
+from identify.estimation.estimator import EstimationTask, Estimator
 from identify.estimation.starts import Sources
 from identify.estimation.strategies import Trace, tracing
 from identify.logs.drives import with_drives
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.scene_records import with_records
-from identify.logs.unknowns import Unknowns, from_scene, user_start
+from identify.logs.unknowns import from_scene, user_start
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import document
@@ -50,6 +51,7 @@ def fit(
     starts: Sources | None = None,
     seed: int = 0,
     asked: Asked = NOTHING_MORE,
+    estimator: Estimator | None = None,
 ) -> Fit:
     """Identify the parameters of a scene from all its logs together.
 
@@ -62,6 +64,7 @@ def fit(
         seed: of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
             bootstrap.
         asked: how finely, and which further looks at how sure the answer is.
+        estimator: another one than that of this package (multiple shooting).
 
     Raises:
         FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
@@ -78,14 +81,17 @@ def fit(
         scene = scene.with_effects(choice.effects)
         clock.add("choose", since)
     starts = starts or _default_starts(scene)
-    prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
+    if estimator is None:
+        prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
+    else:
+        prepared, findings = estimated_by(estimator, _set_up(scene, records, clock, told, asked, seed), told)
     advice = None
-    if findings.status is Status.CONVERGED:
+    if findings.status is Status.CONVERGED and findings.attempt is not None:
         told("the log that would tell more", 0.95)
         advice = next_logs(findings)
         findings = findings if advice is None else advised(findings, advice)
     told("stability and amplitude", 0.95)
-    curves = _curves(prepared, findings.unknowns, findings.attempt)
+    curves = _curves(prepared, findings)
     result = document(scene, prepared, findings, clock, began, seed, choice)
     if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
         told("effects compared", 0.95)
@@ -112,6 +118,22 @@ def find(
     asked: Asked = NOTHING_MORE,
 ) -> tuple[list[Prepared], Findings]:
     """The identification without report and outlook; arguments and errors as `fit`."""
+    task = _set_up(scene, records, clock, progress, asked, seed)
+    limit = task.scene.time_limit
+    with time_limit(limit), tracing() as trace:
+        logs, findings = answered(task, starts or _default_starts(scene), clock, progress)
+    return logs, replace(findings, trace=trace, message=f"{findings.message}{_in_time(limit, trace)}")
+
+
+def _set_up(
+    scene: Scene,
+    records: Sequence[Record] | None,
+    clock: Clock,
+    progress: Progress,
+    asked: Asked,
+    seed: int,
+) -> Task:
+    """What is to be answered: the logs read, cut into parts and prepared."""
     began = time.perf_counter()
     keep_freed_memory()
     if scene.model.balance is not None:
@@ -136,10 +158,28 @@ def find(
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)
     clock.add("detect", since)
-    task = Task(scene, read, prepared, unknowns, asked, seed)
-    with time_limit(scene.time_limit), tracing() as trace:
-        logs, findings = answered(task, starts or _default_starts(scene), clock, progress)
-    return logs, replace(findings, trace=trace, message=f"{findings.message}{_in_time(scene.time_limit, trace)}")
+    return Task(scene, read, prepared, unknowns, asked, seed)
+
+
+def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> tuple[list[Prepared], Findings]:
+    """What another estimator finds."""
+    asked = EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, progress)
+    with time_limit(task.scene.time_limit), tracing() as trace:
+        found = estimator.estimate(asked)
+    return task.prepared, Findings(
+        found.status,
+        found.message,
+        task.unknowns,
+        None,
+        None,
+        None,
+        list(found.estimates),
+        found.left_out,
+        {},
+        trace=trace,
+        estimator=estimator.name,
+        estimated=found,
+    )
 
 
 def _in_time(limit: float, trace: Trace) -> str:
@@ -157,8 +197,14 @@ def _default_starts(scene: Scene) -> Sources:
     return "both" if user_start(scene) else "data"
 
 
-def _curves(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt | None) -> tuple[LogCurves, ...]:
+def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ...]:
     curves = [detected_curves(log) for log in prepared]
+    attempt, unknowns = findings.attempt, findings.unknowns
+    if findings.estimated is not None:
+        for number, curve in enumerate(findings.estimated.curves):
+            if curve is not None:
+                used = prepared[number].used & np.isfinite(curve)
+                curves[number] = replace(curves[number], fitted_force=np.where(used, curve, np.nan), used=used)
     if attempt is None:
         return tuple(curves)
     solved = attempt.solved

@@ -12,6 +12,7 @@ from identify.base.outcome import Status
 from identify.diagnosis.held import Held
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
+from identify.estimation.estimator import Estimated
 from identify.estimation.strategies import Trace
 from identify.estimation.uncertainty import Estimate, Information
 from identify.logs.unknowns import Unknowns
@@ -24,7 +25,8 @@ class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
     closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
     of theta where the covariance alone could not be trusted, discretisation error by name in standard errors;
-    held: the rig as it was stated, against the data; trace: what was tried."""
+    held: the rig as it was stated, against the data; trace: what was tried; estimator: its name; estimated:
+    what an estimator found that is not the plain one."""
 
     status: Status
     message: str
@@ -39,3 +41,5 @@ class Findings:
     sure: Certainty | None = None
     held: list[Held] = field(default_factory=list)
     trace: Trace = field(default_factory=Trace)
+    estimator: str = "plain"
+    estimated: Estimated | None = None

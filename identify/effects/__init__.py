@@ -1,5 +1,7 @@
 """The table of effects. A new effect is one file here and one line in ALL."""
 
+import sys
+
 from identify.effects.contact_ageing import ContactAgeing
 from identify.effects.direct_effect import DirectEffect
 from identify.effects.driven_damping import DrivenDamping
@@ -46,3 +48,28 @@ ALL: tuple[Effect, ...] = (
 NAMES: tuple[str, ...] = tuple(effect.name for effect in ALL)
 MAIN: tuple[str, ...] = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 """The effects of the paper's model (eqs. 1-6)."""
+
+
+def register(effect: Effect) -> None:
+    """Add an effect that is defined outside the package to the table, for this process.
+
+    It has to come first: every other room takes the table as it is when it is imported.
+
+    Args:
+        effect: its name, parameters, states and ports; units and shapes as `Effect` says.
+
+    Raises:
+        SceneError: the name is taken, or a model was composed from the table already.
+    """
+    from identify.base.errors import SceneError
+
+    global ALL, NAMES
+    if effect.name in NAMES:
+        raise SceneError(f"an effect called {effect.name!r} is in the table already; give the new one another name")
+    if "identify.model.model" in sys.modules:
+        raise SceneError(
+            f"the effect {effect.name!r} comes too late: the table is in use; call identify.effects.register before "
+            "anything else of identify is imported or used"
+        )
+    ALL = (*ALL, effect)
+    NAMES = tuple(each.name for each in ALL)

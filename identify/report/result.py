@@ -58,6 +58,7 @@ def document(
         "message": found.message,
         "parameters": _parameters(found, converged) or _untold(found.unknowns),
         "effects": _effects(prepared, found, choice),
+        "estimator": found.estimator,
         "correlation": _correlation(found) if converged else None,
         "gate": _gate(found),
         "fit": _fit(found),
@@ -71,15 +72,17 @@ def document(
         "found_by": [] if found.attempt is None else list(found.attempt.found_by),
         "not_tried": list(found.trace.not_tried),
     }
-    if converged:
+    if converged and found.attempt is not None:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
         result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
-    else:
+    elif not converged:
         iterate: dict[str, Any] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
         for name, ends in profile_ends(found.sure, found.unknowns, _base(scene, found)).items():
             iterate[name]["interval"] = ends  # of a parameter at its bound, one end is that bound
         untold = {name: {"value": None, "unit": entry["unit"]} for name, entry in result["parameters"].items()}
         result["last_iterate"] = iterate or untold
+    if found.estimated is not None:
+        result |= found.estimated.more
     if found.held:
         result["rig_against_data"] = held_document(found.held)
     result["timing_s"] = _timing(clock, began)
@@ -170,6 +173,8 @@ def _parameter(estimate: Estimate, converged: bool) -> dict[str, Any]:
 def _correlation(found: Findings) -> dict[str, Any] | None:
     """Correlation of all estimates and the standard errors [SI] that go with it: those of the parameters, and of those
     that have none because the data do not tell them."""
+    if found.estimated is not None and len(found.estimated.names):
+        return _correlation_of(list(found.estimated.names), found.estimated.covariance)
     if found.covariance is None:
         return None
     free = np.flatnonzero(found.unknowns.free).tolist()
@@ -187,6 +192,16 @@ def _correlation(found: Findings) -> dict[str, Any] | None:
         "names": [e.name for e in told],
         "matrix": (covariance / np.outer(sd, sd)).tolist(),
         "standard_errors": [_finite(error) for error in (size * sd).tolist()],
+    }
+
+
+def _correlation_of(names: list[str], covariance: Array) -> dict[str, Any]:
+    """As `_correlation`, of estimates (f,) whose covariance (f, f) is in SI."""
+    sd = np.sqrt(np.diag(covariance))
+    return {
+        "names": names,
+        "matrix": (covariance / np.outer(sd, sd)).tolist(),
+        "standard_errors": [_finite(error) for error in sd.tolist()],
     }
 
 

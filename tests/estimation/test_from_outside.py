@@ -1,0 +1,143 @@
+"""A friction law, a parameter searched by its logarithm and an estimator, all defined outside the package."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from identify import Scene, fit
+from identify.base.outcome import Status
+from identify.estimation.estimator import Estimated, EstimationTask
+from identify.estimation.uncertainty import Estimate
+from identify.examples import FOLDER
+
+ROOT = Path(__file__).resolve().parents[2]
+
+FILM = '''
+import sys
+from collections.abc import Mapping
+
+import identify.effects
+from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
+
+
+class ViscousFilm(Effect):
+    """A fluid film: friction in proportion to sliding speed (Newton's law of viscosity)."""
+
+    name = "viscous_film"
+    says = "a fluid film adds friction in proportion to sliding speed"
+    source = "Newton's law of viscosity"
+    parameters = (Parameter("film_slope", "s/m", 1e-3, 1e3, 0.5, "b", "friction of the film per sliding speed"),)
+    null = {"film_slope": 0.0}
+
+    def terms(self, s: Situation) -> Terms:
+        """The friction of the film; nothing in stick."""
+        return Terms(excess=s.p.film_slope * s.v)
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Its friction at the drive speed."""
+        share = p["film_slope"] * drive_speed
+        return Importance("b v", share, f"the film adds {share:.2g} to the coefficient")
+
+
+identify.effects.register(ViscousFilm())
+
+from pathlib import Path
+
+import numpy as np
+
+from data_io import Record
+from identify import Scene, fit, simulate
+
+document = {
+    "effects": ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "viscous_film"],
+    "rig": {
+        "mass": 0.2, "stiffness": 1470.0, "damping": 147.0,
+        "drive_speed": 1e-3, "normal_force": 1.0, "noise": 2e-3,
+    },
+    "parameters": {
+        "mu_s": {"fixed": 0.62}, "mu_k0": {"fixed": 0.43}, "delta_mu_k": {"fixed": -0.13}, "a": {"fixed": 300.0},
+        "D": {"fixed": 37.4e-6}, "t_cr": {"fixed": 0.5}, "film_slope": {"fixed": TRUE},
+    },
+}
+time = np.arange(0.0, 4.0, 1e-3)
+force = simulate(Scene.from_document(document), 4.0).sample(time)["force"]
+record = Record(time, np.ones(time.size), force + 2e-3 * np.random.default_rng(1).standard_normal(time.size))
+document["parameters"] |= {"film_slope": {"start": 1.0}, "mu_k0": {"start": 0.4}}
+document["logs"] = [{"path": "none.csv"}]
+found = fit(Scene.from_document(document), [record]).result
+film = found["parameters"]["film_slope"]
+print(found["status"], film["value"], *film["interval"], film["verdict"])
+'''
+
+
+@pytest.mark.parametrize("true", [0.5])
+def test_a_law_with_a_logarithmic_parameter_is_fitted(true: float) -> None:
+    script = FILM.replace("TRUE", repr(true))
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "STICKSLIP_COMPILE": "0"}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    status, value, low, high, verdict = done.stdout.split()
+    assert status == "converged" and verdict == "identified"
+    assert float(low) < true < float(high) and abs(float(value) / true - 1.0) < 0.2
+
+
+def test_a_law_that_comes_too_late_is_refused() -> None:
+    script = (
+        "from identify import Scene, effects\nfrom identify.model.model import assemble\n"
+        "class Late(type(effects.ALL[0])):\n    name = 'late'\n"
+        "try:\n    effects.register(Late())\nexcept Exception as error:\n    print(error)\n"
+    )
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, cwd=ROOT)
+    assert "comes too late" in done.stdout, done.stderr
+
+
+class OnsetLevels:
+    """Least squares on the classical features: the static coefficient is the mean of force over load at onset."""
+
+    name = "onset_levels"
+
+    def estimate(self, task: EstimationTask) -> Estimated:
+        peaks = [
+            log.segmentation.cycles.onset_force / log.data.mean_normal_force
+            for log in task.logs
+            if log.left_out is None
+        ]
+        levels = np.concatenate(peaks)
+        if levels.size < 2:
+            return Estimated(Status.NO_CYCLES, "no slips were seen; record slower", [])
+        mean, error = float(np.mean(levels)), float(np.std(levels, ddof=1) / np.sqrt(levels.size))
+        told = Estimate("mu_s", "", mean, error, mean - 2 * error, mean + 2 * error, "identified", "mean onset")
+        curves = [np.full(log.record.time.size, mean * log.data.mean_normal_force) for log in task.logs]
+        return Estimated(Status.CONVERGED, "the mean of all onsets", [told], ["mu_s"], np.array([[error**2]]), curves)
+
+
+def test_an_estimator_of_ones_own_gives_a_result_and_a_report(tmp_path: Path) -> None:
+    from identify.report import write_report
+
+    scene = Scene.from_toml(FOLDER / "pair.toml")
+    found = fit(scene, estimator=OnsetLevels())
+    assert found.result["estimator"] == "onset_levels" and found.result["status"] == "converged"
+    told = found.result["parameters"]["mu_s"]
+    # The truth of the example logs is mu_s 0.62, which onsets of unsaturated contacts stay below.
+    assert 0.5 < told["interval"][0] < told["value"] < told["interval"][1] < 0.63
+    assert found.result["correlation"]["standard_errors"] == [told["standard_error"]]
+    drawn = found.logs[0]
+    assert np.nanmedian(drawn.fitted_force / np.mean(drawn.normal_force)) == pytest.approx(told["value"], rel=1e-3)
+    write_report(found, tmp_path)
+    assert "onset_levels" in (tmp_path / "result.json").read_text(encoding="utf-8")
+
+
+def test_an_estimator_that_finds_nothing_says_so() -> None:
+    scene = Scene.from_toml(FOLDER / "pair.toml", ["effects=['inertia','hysteresis_damping']"])
+    flat, random = np.arange(0.0, 2.0, 1e-3), np.random.default_rng(0)
+    records = [Record(flat, np.ones(flat.size), 0.4 + 1e-3 * random.standard_normal(flat.size)) for _ in scene.logs]
+    found = fit(scene, records, estimator=OnsetLevels())
+    assert found.status is Status.NO_CYCLES and found.result["parameters"] != {}
