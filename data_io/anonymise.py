@@ -32,7 +32,7 @@ WORDS: Final = frozenset(
 KEPT: Final = ("format", "source_format", "normal_force_source", "time_source", "friction_force_source")
 _SHORT: Final = re.compile(r"[A-Za-z]{1,3}\d?")
 _TOKEN: Final = re.compile(r"[^\W\d_]+")
-_VALUE: Final = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*(\S{0,12})\s*")
+_VALUE: Final = re.compile(r"\s*+[+-]?(?:\d++\.?\d*+|\.\d++)(?:[eE][+-]?\d++)?\s*+(\S{0,12})\s*+")
 _COLUMN_SOURCE: Final = re.compile(r"column (.*) in (\S{0,12})(, given by the user)?")
 
 

@@ -10,15 +10,13 @@ from data_io.text import looks_like_text
 
 NAME: Final = "anton-paar"
 # µ is one byte in cp1252, two in UTF-8
-_SIGN = re.compile(
-    rb"Time ?\[[a-z]+\][^\r\n]*\t[^\r\n]*(?:Laps|Nominal Load|Penetration Depth|(?:\xb5|\xc2\xb5|\xce\xbc) ?(?:\t|\[))",
-    re.IGNORECASE,
-)
+_TIME = re.compile(rb"Time ?\[[a-z]+\][^\t\r\n]*+\t([^\r\n]*+)", re.IGNORECASE)
+_OTHERS = re.compile(rb"Laps|Nominal Load|Penetration Depth|(?:\xb5|\xc2\xb5|\xce\xbc) ?(?:\t|\[)", re.IGNORECASE)
 
 
 def can_read(head: bytes) -> bool:
     """Tell by a tab-separated header with Time [s] and one of Laps, Nominal Load, µ, Penetration Depth."""
-    return looks_like_text(head) and _SIGN.search(head) is not None
+    return looks_like_text(head) and any(_OTHERS.search(rest) for rest in _TIME.findall(head))
 
 
 def read(source: Source, request: Request) -> Contents:

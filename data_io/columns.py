@@ -31,6 +31,7 @@ EXAMPLES: Final = {
 }
 
 _LONGEST_SHOWN: Final = 60
+_LONGEST_PARSED: Final = 300
 _BRACKETS = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*(?:\([^()]*\))?)\s*[)\]}]\s*")
 _SUFFIX = re.compile(r"(.*?[^\s_/,])(?:\s*[_/,]\s*|\s+)(\S+)")
 
@@ -66,12 +67,15 @@ def parse_name(text: str) -> Name:
     something else.
     """
     text = text.strip().strip('"').strip()
-    if again := re.fullmatch(r"(.*[)\]}])\.\d{1,3}", text):  # Time [s].1, as pandas writes it
+    if len(text) > _LONGEST_PARSED:
+        return Name(text, text, None)
+    plain = " ".join(text.split())
+    if again := re.fullmatch(r"(.*[)\]}])\.\d{1,3}", plain):  # Time [s].1, as pandas writes it
         return replace(parse_name(again[1]), raw=text)
-    match = _BRACKETS.fullmatch(text)
+    match = _BRACKETS.fullmatch(plain)
     if match and match[1]:
         return Name(text, match[1].rstrip(" ,_"), match[2].strip())
-    match = _SUFFIX.fullmatch(text)
+    match = _SUFFIX.fullmatch(plain)
     if match and role_of(text) is None and role_of(match[1]) is not None and kind_of(match[2]) in ("time", "force"):
         return Name(text, match[1].strip(), match[2])
     return Name(text, text, None)

@@ -11,8 +11,9 @@ from data_io.table import read_tables
 from data_io.text import looks_like_text
 
 NAME: Final = "interval-text"
-_NUMBER: Final = r"([0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?)"
-_LINE: Final = rf"\s*\"?(?:sample |sampling )?interval(?: ?[(\[]s(?:ec)?[)\]])?\"?\s*[,;:=\t ]\s*{_NUMBER}[\s,;]*$"
+_NUMBER: Final = r"((?:[0-9]++(?:[.,][0-9]++)?|[.,][0-9]++)(?:[eE][+-]?[0-9]++)?)"
+_NAME: Final = r"\"?(?:sample |sampling )?interval(?: ?[(\[]s(?:ec)?[)\]])?\"?"
+_LINE: Final = rf"[ \t]*+{_NAME}(?=[ \t,;:=])[ \t]*+[,;:=]?[ \t]*+{_NUMBER}[ \t,;]*+$"
 _SIGN = re.compile(rb"(?:^|[\r\n])" + _LINE.replace("$", r"(?:[\r\n]|$)").encode(), re.IGNORECASE)
 _INTERVAL = re.compile(_LINE, re.IGNORECASE)
 

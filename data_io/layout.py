@@ -14,7 +14,7 @@ WIDE: Final = r" {2,}|\t+"
 """Delimiter of a header whose names hold single blanks and stand apart by several."""
 
 COMMENT: Final = re.compile(r"^\s*(?:#|%|//)+\s*")
-_DIGIT: Final = re.compile(r"\d")
+DIGIT: Final = re.compile(r"\d")
 _LOOK_AHEAD: Final = 6
 _LONGEST_HEADER: Final = 20000
 
@@ -121,7 +121,7 @@ def with_units(source: Source, header: Header, units: Sequence[str]) -> Header:
 
 def numbered_head(text: str, wanted: Mapping[str, str]) -> Head | None:
     """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so."""
-    if not wanted or not all(name.isdigit() for name in wanted.values()):
+    if not wanted or not all(name.isdecimal() and len(name) < 10 for name in wanted.values()):
         return None
     for position, line in lines_from(text, 0):
         for delimiter in DELIMITERS:
@@ -139,7 +139,7 @@ def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
         if delimiter == WIDE:
             fields = [field for field in re.split(WIDE, line.strip()) if field]
         elif delimiter == BLANKS:
-            fields = re.sub(r"\s+(?=[(\[][^()\[\]]*[)\]](?:\s|$))", "", line).split()
+            fields = re.sub(r"(?<!\s)\s++(?=[(\[][^()\[\]]*[)\]](?:\s|$))", "", line).split()
         else:
             fields = split(line, delimiter)
         if len(fields) > 1 and not any(map(is_number, fields)):
@@ -149,7 +149,7 @@ def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
 def _below(text: str, position: int) -> _Below:
     between: list[tuple[int, str]] = []
     for here, line in lines_from(text, position):
-        if _DIGIT.search(line) and any(is_row(split(line, candidate)) for candidate in DELIMITERS):
+        if DIGIT.search(line) and any(is_row(split(line, candidate)) for candidate in DELIMITERS):
             return _Below(tuple(between), here, line)
         between.append((here, line))
         if len(between) > _LOOK_AHEAD:
@@ -168,7 +168,7 @@ def _units_below(text: str, after: int, below: _Below, delimiter: str, names: in
 def _units_row(line: str, delimiter: str, names: int) -> list[str]:
     line = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
     fields = re.split(WIDE, line.strip()) if delimiter == WIDE else split(line, delimiter)
-    fields = [re.sub(r"^[(\[]\s*(.*?)\s*[)\]]$", r"\1", field) for field in fields]
+    fields = [field[1:-1].strip() if field[:1] in "([" and field[-1:] in ")]" else field for field in fields]
     known = any(field and field not in ("-", "1") and kind_of(field) is not None for field in fields)
     return fields if known and not any(fields[names:]) else []
 

@@ -1,26 +1,42 @@
-"""MATLAB files up to version 7 (.mat); later ones are HDF5."""
+"""MATLAB files up to version 7 (.mat); later ones are HDF5.
 
-import io
+They are read here and not by scipy, which takes memory for what a header promises, and crashes on damaged ones.
+"""
+
+import math
 import struct
-import warnings
 import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from data_io.columns import match_header, shown
-from data_io.frozen import FloatArray
+from data_io.packing import LEAST_SUSPECT, MOST_TIMES
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
 
 NAME: Final = "matlab"
 _MARK: Final = b"MATLAB 5.0 MAT-file"
+_HEADER: Final = 128
 _DEEPEST: Final = 4
-_OF_DAMAGE: Final = (
-    ValueError, TypeError, OSError, LookupError, NotImplementedError, MemoryError, ArithmeticError, AttributeError,
-    EOFError, struct.error, zlib.error, RuntimeError,
-)  # fmt: skip
-"""What scipy raises over damaged files."""
+_NUMBERS: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+"""How the numbers of a data element are stored, by its type (miINT8 to miUINT64)."""
+_MATRIX: Final = 14
+_PACKED: Final = 15
+_TEXTS: Final = (16, 17, 18)
+_CELL: Final = 1
+_STRUCT: Final = 2
+_OBJECT: Final = 3
+_NUMERIC: Final = range(6, 16)
+_OTHERS: Final = (4, 5, 16, 17, 18)
+"""Classes of arrays that are no columns: texts, sparse matrices, functions, opaque ones."""
+_COMPLEX: Final = 0x800
+_LONGEST_NAME: Final = 64
+
+Columns = dict[str, npt.NDArray[Any]]
 
 
 def can_read(head: bytes) -> bool:
@@ -39,7 +55,7 @@ def read(source: Source, request: Request) -> Contents:
     sizes = [values.size for values in columns.values()]
     wanted = {name for name in request.columns.values() if name in columns}
     size = columns[next(iter(wanted))].size if wanted else max(sizes, key=sizes.count, default=0)
-    kept = {name: values for name, values in columns.items() if values.size == size}
+    kept = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items() if values.size == size}
     if size < 2 or (lost := wanted - set(kept)):
         found = shown((f"{name} ({columns[name].size})" for name in columns), most=12) or "none"
         what = "differ in length" if size >= 2 and lost else "are no columns of a log"
@@ -49,39 +65,145 @@ def read(source: Source, request: Request) -> Contents:
     return Contents(NAME, [Part(1, 1, header, dict(enumerate(kept.values())))])
 
 
-def _columns(source: Source) -> dict[str, FloatArray]:
-    import scipy.io
-    from scipy.io.matlab import MatReadError
+class _DamageError(Exception):
+    """What is wrong with a variable, in words."""
 
+
+def _columns(source: Source) -> Columns:
+    """Return the columns of all variables in the numbers they are stored in. Raises the source's `LogError`."""
+    data = source.data
+    order = ">" if data[126:128] == b"MI" else "<"
+    most = max(LEAST_SUSPECT, MOST_TIMES * source.size)
+    found: Columns = {}
+    number = 0
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            items = scipy.io.loadmat(io.BytesIO(source.data), struct_as_record=False, squeeze_me=False)
-    except (MatReadError, *_OF_DAMAGE) as error:
-        reason = " ".join(str(error).split())
-        raise source.error(f"the .mat file is damaged ({reason:.100}); copy or save it again") from error
-    found: dict[str, FloatArray] = {}
-    for name, value in items.items():
-        if not name.startswith("__"):
-            _collect(name, value, found, 0)
+        for kind, body in _elements(memoryview(data)[_HEADER:], order):
+            number += 1
+            if kind == _PACKED:
+                unpacked = _unpacked(body, most)
+                most -= len(unpacked)
+                for inner, part in _elements(memoryview(unpacked), order):
+                    _variable(inner, part, order, found)
+            else:
+                _variable(kind, body, order, found)
+    except _DamageError as damage:
+        where = f"in variable {number} " if number else ""
+        raise source.error(f"the .mat file is damaged {where}({damage}); copy or save it again") from damage
     return found
 
 
-def _collect(name: str, value: Any, found: dict[str, FloatArray], depth: int) -> None:
-    """Put every column of a variable into `found`: a vector, the columns of a matrix, the fields of a struct."""
-    if not isinstance(value, np.ndarray):
-        if hasattr(value, "_fieldnames") and depth < _DEEPEST:
-            for field in value._fieldnames:
-                _collect(f"{name}.{field}", getattr(value, field), found, depth + 1)
+def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Yield type and bytes of the data elements that stand one after the other. Raises `_DamageError`."""
+    at = 0
+    while at < len(data):
+        if len(data) - at < 8:
+            raise _DamageError(f"{len(data) - at} bytes are left where a data element was expected")
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        begin, padded = at + 8, size if kind == _PACKED else -(-size // 8) * 8
+        if kind >> 16:  # the small form: type, size and up to four bytes in eight
+            kind, size, begin, padded = kind & 0xFFFF, kind >> 16, at + 4, 4
+        if size > len(data) - begin or (padded == 4 and size > 4):
+            raise _DamageError(f"a data element promises {size} bytes and {len(data) - begin} follow")
+        yield kind, data[begin : begin + size]
+        at = begin + padded
+
+
+def _unpacked(body: memoryview, most: int) -> bytes:
+    """Return the bytes of a packed element. Raises `_DamageError` for a damaged one, or one of more than `most`."""
+    unpacker = zlib.decompressobj()
+    try:
+        data = unpacker.decompress(body, max(most, 1))
+    except zlib.error as error:
+        raise _DamageError(str(error)) from error
+    if unpacker.unconsumed_tail:
+        raise _DamageError(f"it unpacks to more than {MOST_TIMES} times the size of the file; a log packs to a tenth")
+    if not unpacker.eof:
+        raise _DamageError("its packed bytes are cut off")
+    return data
+
+
+@dataclass(frozen=True)
+class _Array:
+    """A MATLAB array: its class, dimensions, name, and the data elements that follow them."""
+
+    kind: int
+    complex: bool
+    shape: tuple[int, ...]
+    name: str
+    parts: Iterator[tuple[int, memoryview]]
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+    def part(self, kinds: tuple[int, ...] | range, what: str) -> tuple[int, memoryview]:
+        """Return the next data element, of one of these types. Raises `_DamageError`."""
+        kind, body = next(self.parts, (0, memoryview(b"")))
+        if kind not in kinds:
+            raise _DamageError(f"{what} of {self.name!r} were expected where an element of type {kind} stands")
+        return kind, body
+
+
+def _array(body: memoryview, order: str) -> _Array:
+    parts = _elements(body, order)
+    head = [next(parts, (0, memoryview(b""))) for _ in range(3)]
+    (kind, flags), (sizes_kind, sizes), (_, name) = head
+    if kind != 6 or len(flags) != 8 or sizes_kind not in (5, 6) or len(sizes) % 4 or len(sizes) < 8:
+        raise _DamageError("its flags and dimensions cannot be read")
+    (flag,) = struct.unpack_from(f"{order}I", flags)
+    shape = struct.unpack(f"{order}{len(sizes) // 4}i", sizes)
+    if min(shape) < 0:
+        raise _DamageError(f"a dimension is {min(shape)}")
+    words = bytes(name).decode("latin-1")
+    return _Array(flag & 0xFF, bool(flag & _COMPLEX), shape, words[:_LONGEST_NAME], parts)
+
+
+def _variable(kind: int, body: memoryview, order: str, found: Columns) -> None:
+    """Put the columns of a top element into `found`; what is no array, or has no name, is not the user's."""
+    if kind == _MATRIX and len(body):
+        array = _array(body, order)
+        if array.name:
+            _collect(array.name, array, order, found, 0)
+
+
+def _collect(name: str, array: _Array, order: str, found: Columns, depth: int) -> None:
+    """Put every column of an array into `found`: a vector, the columns of a matrix, the fields of a struct."""
+    if array.kind in _NUMERIC:
+        _collect_numbers(name, array, order, found)
+    elif array.kind in (_CELL, _STRUCT, _OBJECT):
+        if array.kind == _OBJECT:
+            array.part((1, 2, *_TEXTS), "the name of its class")
+        fields = [name] if array.kind == _CELL else [f"{name}.{field}" for field in _field_names(array, order)]
+        if array.size != 1 or depth >= _DEEPEST:
+            return
+        for field in fields:
+            _, body = array.part((_MATRIX,), "the contents")
+            if len(body):
+                _collect(field, _array(body, order), order, found, depth + (array.kind != _CELL))
+    elif array.kind not in _OTHERS:
+        raise _DamageError(f"{name!r} is of class {array.kind}, which does not exist")
+
+
+def _field_names(array: _Array, order: str) -> list[str]:
+    _, length = array.part((5,), "the lengths of field names")
+    _, names = array.part((1, 2, *_TEXTS), "the field names")
+    width = struct.unpack(f"{order}i", length)[0] if len(length) == 4 else 0
+    if not 0 < width <= _LONGEST_NAME or len(names) % width:
+        raise _DamageError(f"the field names of {array.name!r} cannot be told apart")
+    raw = bytes(names)
+    return [raw[i : i + width].split(b"\0")[0].decode("latin-1") for i in range(0, len(raw), width)]
+
+
+def _collect_numbers(name: str, array: _Array, order: str, found: Columns) -> None:
+    if array.complex or len(array.shape) != 2:
         return
-    if value.dtype == object:
-        if value.size == 1:
-            _collect(name, value.reshape(-1)[0], found, depth)
-        return
-    if value.dtype.kind not in "fiu" or value.ndim > 2:
-        return
-    if min(value.shape, default=0) == 1:
-        found[name] = np.asarray(value, dtype=np.float64).reshape(-1)
-    elif value.ndim == 2 and value.shape[0] > value.shape[1] > 0:
-        for i in range(value.shape[1]):
-            found[f"{name}:{i + 1}"] = np.asarray(value[:, i], dtype=np.float64)
+    kind, body = array.part(tuple(_NUMBERS), "the numbers")
+    numbers = np.dtype(order + _NUMBERS[kind])
+    if len(body) != array.size * numbers.itemsize:
+        raise _DamageError(f"{name!r} promises {array.size} numbers and holds {len(body) // numbers.itemsize}")
+    values = np.frombuffer(body, numbers).reshape(array.shape, order="F")
+    rows, columns = array.shape
+    if min(rows, columns) == 1:
+        found[name] = values.reshape(-1)
+    elif rows > columns > 0:
+        found.update({f"{name}:{i + 1}": values[:, i] for i in range(columns)})

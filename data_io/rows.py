@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
 import warnings
 from collections.abc import Set
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from data_io.block_ends import without_cut_row
 from data_io.decimal_mark import decimal_mark
@@ -182,28 +184,45 @@ def _without_short_rows(
 
     Returns the usual number of fields as well: that of the rows above, else that of most rows here.
     """
-    lines = [(i, line) for i, line in enumerate(block.split("\n")) if line.strip()]
-    if len(lines) != len(frame) or '"' in block:
+    if '"' in block:
         return frame, usual
-    if head.delimiter == BLANKS:
-        fields = np.array([len(line.split()) for _, line in lines])
-    else:
-        fields = np.array([line.count(head.delimiter) + 1 for _, line in lines])
+    offsets, fields, closed = _counted(block.encode(), head.delimiter)
+    if offsets.size != len(frame):
+        return frame, usual
     if usual is None:
         usual = int(np.bincount(fields).argmax()) if fields.size else 0
     lacking = fields < min(usual, head.width)
     if usual > head.width:  # rows end with a delimiter: one that does so a field early lacks one, too
-        closed = np.array([line.rstrip("\r\n ").endswith(head.delimiter) for _, line in lines])
         lacking |= (fields < usual) & closed
     short = np.flatnonzero(lacking)
     if not short.size:
         return frame, usual
     frame = frame.copy()
     frame.iloc[short, :] = np.nan
-    offset, line = lines[int(short[0])]
+    offset = int(offsets[short[0]])
+    line = next(itertools.islice(io.StringIO(block), offset, None)).strip("\n")
     text = f"line {first_line + offset} holds {fields[short[0]]} fields where the others hold {usual} ({line!r:.60}); "
     remarks.append(Finding("short_rows", "warning", text + f"{short.size} such row(s) were left empty"))
     return frame, usual
+
+
+def _counted(block: bytes, delimiter: str) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
+    """Return of the lines that are not blank: number from 0, fields, and whether a delimiter ends them, each (n,)."""
+    raw = np.frombuffer(block, np.uint8)
+    ends = np.append(np.flatnonzero(raw == ord("\n")), raw.size)
+    letters = raw > ord(" ")
+    filled = np.diff(np.searchsorted(np.flatnonzero(letters), ends), prepend=0) > 0
+    if delimiter == BLANKS:
+        words = np.flatnonzero(letters & ~np.concatenate(([False], letters[:-1])))
+        fields, last = np.diff(np.searchsorted(words, ends), prepend=0), np.zeros(ends.size, bool)
+    else:
+        marks = raw == ord(delimiter)
+        fields = np.diff(np.searchsorted(np.flatnonzero(marks), ends), prepend=0) + 1
+        shown = np.flatnonzero(letters | marks)
+        behind = np.searchsorted(shown, ends)
+        last = (behind > 0) & marks[shown[behind - 1]] if shown.size else np.zeros(ends.size, bool)
+    rows = np.flatnonzero(filled)
+    return rows, fields[rows], last[rows]
 
 
 def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str) -> pd.DataFrame:

@@ -134,7 +134,7 @@ class Lines:
                     f"no line ends within a MiB below line {self.line}; lines of numbers were expected; check the file"
                 )
             rows = _rows_at_end(self._pending[:cut])
-            if len(self._pending) >= self.size and (len(self._pending) > LARGEST or all(rows)):
+            if len(self._pending) >= self.size and (len(self._pending) > LARGEST or (rows and all(rows))):
                 break
             if len(self._pending) > MOST_WORDS and not any(rows):
                 break  # words only: they would be looked through line by line, for nothing
@@ -278,8 +278,9 @@ def _line_end(raw: bytes, stop: int | None = None) -> int:
 
 
 def _rows_at_end(raw: bytes) -> list[bool]:
-    """Tell of the last lines which are rows of numbers: many, but few where words keep standing between rows."""
-    tail = decode(raw[-_TAIL:], start=False).split("\n")[-_ROWS_AT_END - 1 : -1]
+    """Tell of the last lines which are rows of numbers, blank ones aside: many, but few where words keep standing
+    between rows."""
+    tail = [line for line in decode(raw[-_TAIL:], start=False).split("\n")[-_ROWS_AT_END - 1 : -1] if line.strip()]
     return [_is_numbers(line) for line in (tail[-3:] if len(raw) > LARGEST // 2 else tail)]
 
 

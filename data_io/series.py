@@ -17,7 +17,7 @@ _SUFFIXES: Final = (
     ".txt", ".csv", ".tsv", ".dat", ".asc", ".log", ".lvm", ".h5", ".hdf5", ".mat", ".xlsx", ".gz", ".zip",
 )  # fmt: skip
 _BESIDE = re.compile(r"(read[ _-]?me|licen[cs]e|copying|notice|changelog)", re.IGNORECASE)  # texts about logs
-_DIGITS = re.compile(r"\d+")
+_DIGITS = re.compile(r"\d{1,18}")
 
 
 def is_series(path: Path) -> bool:
@@ -108,4 +108,4 @@ def _numbered(path: Path, part: Part, number: int) -> Part:
 
 def _natural(name: str) -> list[tuple[int, str]]:
     """Return a key by which stroke_9 stands before stroke_10."""
-    return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in re.split(r"(\d+)", name)]
+    return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in re.split(r"(\d{1,18})", name)]

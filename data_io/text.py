@@ -18,9 +18,10 @@ MISSING: Final = frozenset((
 
 # a line is text unless its first field that is not empty begins like a number or a missing number
 TEXT_LINE: Final = re.compile(
-    r'\n(?![ \t",;]*(?:[+-]?(?:\.?\d|\.\#)|[+-]?(?:nan|inf|infinity)\b|\n|\Z))', re.IGNORECASE
+    r'\n(?![ \t",;]*+(?:[+-]?(?:\.?\d|\.\#)|[+-]?(?:nan|inf|infinity)\b|\n|\Z))', re.IGNORECASE
 )
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
+# possessive: of 10,000 digits that are no number each is looked at once
+_NUMBER = re.compile(r"[+-]?(?:\d++\.?\d*+|\.\d++)(?:[eEdD][+-]?\d++)?")
 _BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 

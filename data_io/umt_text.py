@@ -12,15 +12,18 @@ from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import looks_like_text
 
-_STEP = re.compile(r"[ \t]*Step\s*(?:No\.?|#)\s*[:=-]?\s*(\d{1,9})[ \t,;]*$", re.IGNORECASE)
-_RUN = re.compile(r"[ \t]*Run\s*(?:No\.?|#)\s*[:=-]?\s*(\d{1,9})[ \t,;]*$", re.IGNORECASE)
+_STEP = re.compile(r"[ \t]*Step\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t,;]*$", re.IGNORECASE)
+_RUN = re.compile(r"[ \t]*Run\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t,;]*$", re.IGNORECASE)
 _BREAK = re.compile(f"(?:{_STEP.pattern})|(?:{_RUN.pattern})", re.IGNORECASE | re.MULTILINE)
 # in the bytes a line may end in CR LF, LF or CR
 _SIGN = re.compile(
-    rb"(?:^|[\r\n])[ \t]*Step\s*No\.?\s*[:=-]?\s*\d{1,9}[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR", re.IGNORECASE
+    rb"(?:^|[\r\n])[ \t]*Step\s*+No\.?\s*+(?:[:=-]\s*+)?\d{1,9}[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR",
+    re.IGNORECASE,
 )
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
 _LONGEST_ITEM: Final = 1000
+_MOST_ITEMS: Final = 1000
+"""Lines above a table that are kept; a step has some ten."""
 _ODD: Final = bytes(code for code in range(32) if code not in b"\t\n\r")
 _PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
 
@@ -73,7 +76,8 @@ def _parts(
             target = parameters
         else:
             key, value = _item(line)
-            target[_free(key, target)] = value
+            if len(target) < _MOST_ITEMS:
+                target[_free(key, target)] = value
     return [*empty, _part(table, table.columns, run, number, parameters, runs)], run
 
 
@@ -110,7 +114,7 @@ def _about_rows(part: Part) -> list[Finding]:
     """Say where a step holds other rows than it says, or none."""
     findings = []
     count = part.parameters.get("Data Count", "")
-    if count.isdigit() and int(count) != part.rows:
+    if count.isdecimal() and int(count) != part.rows:
         text = f"step {part.number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"
         findings.append(Finding("data_count", "warning", text))
     if part.rows == 0:

@@ -42,7 +42,11 @@ _EXAMPLES: Final = {
     "s/m": "s/m, s/mm",
     "": 'nothing, or "%"',
 }
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_QUANTITY = re.compile(r"([+-]?(?:\d++\.?\d*+|\.\d++)(?:[eE][+-]?\d++)?)\s*(.*)", re.DOTALL)
+_POWER = re.compile(
+    r"(?<=[A-Za-zΩ°%)])\s*\*\*\s*(?:-?\d{1,2}(?:\.\d{1,2})?(?![\d.*(])|\(-?\d{1,2}(?:[./]\d{1,2})?\)(?!\s*\*\*))"
+)
+"""A power that is cheap to evaluate: its exponent is written out and small."""
 _ALLOWED = re.compile(r"[A-Za-zµμΩ°%0-9²³⁻¹·*/^(). \-]{0,40}")
 _SPELLING: Final = {
     "µ": "u", "μ": "u", "²": "**2", "³": "**3", "⁻¹": "**-1", "·": "*", "^": "**", "kp": "kgf",
@@ -93,7 +97,7 @@ def column_factor(unit: str, si_unit: str, file_unit: str | None = None) -> floa
 
     A scale is what one unit of the file means; where the file says none, the unit below the slash. Raises `UnitError`.
     """
-    match = _QUANTITY.fullmatch(unit)
+    match = _QUANTITY.fullmatch(unit.strip())
     if match is None:
         return factor(unit, si_unit)
     below = file_unit or (match[2].rpartition("/")[2] if "/" in match[2] else "")
@@ -154,7 +158,7 @@ def _inverse(scale: float) -> int:
 
 
 def _split_quantity(text: str, unit: str) -> tuple[float, str]:
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text.strip())
     if match is None:
         raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a number, then its unit")
     if re.match(r",\d", match[2]):
@@ -202,6 +206,9 @@ def _parsed(unit: str) -> Any:
         plain = plain.replace(found, spelling)
     plain = re.sub(r"[A-Za-z]+|^[-1]$", lambda word: _WORDS.get(word[0].lower(), word[0]), plain)
     plain = re.sub(r"(?<=[A-Za-z)])(-?\d)", r"**\1", plain)
+    bare = _POWER.sub("", plain)
+    if "**" in bare or (")" in bare and "**" in plain and re.search(r"[02-9]|\d\d", bare)):  # no number to any power
+        return None
     try:
         return _registry().Quantity(1.0, plain)
     except (pint.PintError, tokenize.TokenError, SyntaxError, ArithmeticError):

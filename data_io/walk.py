@@ -1,5 +1,6 @@
 """Walking the words of a text log: where a table begins, where words stand between its rows, where it ends."""
 
+import itertools
 import re
 from collections.abc import Sequence
 from typing import Final
@@ -7,7 +8,7 @@ from typing import Final
 from data_io.columns import EXAMPLES, parse_name, shown, words
 from data_io.decimal_mark import decimal_mark
 from data_io.frozen import Finding
-from data_io.layout import COMMENT, Head, head_at, is_row, line_at, lines_from, numbered_head
+from data_io.layout import COMMENT, DIGIT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.opened_table import OpenTable, Table, wanted_columns
 from data_io.rows import read_numbers
 from data_io.segments import MOST_WORDS, Segment
@@ -199,6 +200,8 @@ def _with_remark(table: Table, remark: Finding) -> Table:
 
 def _is_lost_row(line: str) -> bool:
     """Tell a line of two numbers or more and nothing else."""
+    if not DIGIT.search(line):
+        return False
     return any(len(f := split(line, d)) > 1 and is_row(f) and all(map(is_number_like, f)) for d in DELIMITERS)
 
 
@@ -209,8 +212,9 @@ def _lines(text: str) -> tuple[str, ...]:
 def _why_no_table(text: str, request: Request) -> str:
     """Say what is missing: rows of numbers, a header row, or the columns the user named."""
     above: list[str] = []
-    for _, line in lines_from(text, 0):
-        width = max((len(split(line, d)) for d in DELIMITERS if is_row(split(line, d))), default=0)
+    for _, line in itertools.islice(lines_from(text, 0), MOST_LOOKED_AT):
+        rows = (split(line, d) for d in DELIMITERS) if DIGIT.search(line) else ()
+        width = max((len(row) for row in rows if is_row(row)), default=0)
         if width > 1:
             return _why_no_header(above, width, request)
         above = [*above[-4:], line]

@@ -126,6 +126,7 @@ def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) 
         CommandLineError: no log, or no such log. SceneError: no scene file.
     """
     from data_io.whereabouts import log_is_at
+    from identify.scene.logs import located
     from identify.scene.toml import read_toml
 
     try:
@@ -137,7 +138,7 @@ def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) 
     paths = [str(log.get("path", "")) for log in listed if isinstance(log, dict)] if isinstance(listed, list) else []
     names = {Path(path).name for path in paths}
     for path in paths if not logs else ():
-        check_there(Path(scene).parent / Path(path).expanduser())
+        check_there(located(Path(scene).parent, path))
     for log in logs:
         if not log_is_at(Path(log)) and Path(log).name not in names:
             if Path(log).is_dir():

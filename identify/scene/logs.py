@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
@@ -38,7 +39,7 @@ def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -
     if ratio is not None and stiffness is not None and damping is None:
         damping = ratio * stiffness
     return LogEntry(
-        path=folder / Path(path).expanduser(),
+        path=located(folder, path),
         drive_speed=None if speed is None else speed_or_quantity(speed, "m/s", table.place("drive_speed")),
         step=table.whole("step"),
         run=table.whole("run"),
@@ -59,6 +60,11 @@ def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -
         flip_sign=table.truth("flip_sign"),
         labels=table.words("labels") or {},
     )
+
+
+def located(folder: Path, path: str) -> Path:
+    """The file a scene or manifest names: relative to its folder; `~` is a home where there is such a user."""
+    return folder / os.path.expanduser(path)  # noqa: PTH111 - that of pathlib raises where there is none
 
 
 def _zero(table: Table, key: str) -> float | tuple[float, float] | None:

@@ -12,9 +12,13 @@ from data_io.units import UnitError, parse_quantity
 from identify.base.errors import SceneError
 
 
+LONGEST_WORD = 60  # characters of a word that are compared with known ones
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word that looks most like this one."""
-    return max(known, key=lambda name: difflib.SequenceMatcher(None, word.lower(), name.lower()).ratio())
+    said = word[:LONGEST_WORD].lower()
+    return max(known, key=lambda name: difflib.SequenceMatcher(None, said, name.lower()).ratio())
 
 
 def quantity(value: Any, unit: str, where: str) -> float:

@@ -54,9 +54,22 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
         raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
     except OSError as error:
         raise SceneError(f"the scene file cannot be read ({error.strerror}); check its permissions") from None
+    _refuse_long_integers(document)
     for override in overrides:
         put(document, override)
     return document
+
+
+def _refuse_long_integers(value: Any) -> None:
+    """Refuse whole numbers beyond those of TOML, 64 bits: hexadecimal ones may be too long even to be shown.
+
+    Raises:
+        SceneError: there is one.
+    """
+    if isinstance(value, int) and value.bit_length() > 63:
+        raise SceneError(f"a whole number of {value.bit_length()} bits was found; 64 at most were expected; shorten it")
+    for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _refuse_long_integers(item)
 
 
 def put(document: dict[str, Any], override: str) -> None:
@@ -72,7 +85,7 @@ def put(document: dict[str, Any], override: str) -> None:
     place: Any = document
     for key in keys[:-1]:
         if isinstance(place, list):
-            if not key.isdigit() or not 1 <= int(key) <= len(place):
+            if not key.isdecimal() or not 1 <= int(key) <= len(place):
                 raise SceneError(f"the override {override!r} asks for log {key} of {len(place)}; count them from 1")
             place = place[int(key) - 1]
         elif isinstance(place, dict):
@@ -87,6 +100,7 @@ def _value(text: str) -> Any:
         document = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
         return text  # the shell took the quotes away
+    _refuse_long_integers(document)
     return document["value"] if len(document) == 1 else text
 
 

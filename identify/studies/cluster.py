@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -19,6 +21,9 @@ from identify.studies.workers import Answer, Pending, WorkersLostError
 
 EXTRA = "pip install 'stick-slip-workbench[cluster]'"
 WAIT = 30.0  # s for the scheduler, and for its first worker
+GREETING = 10.0  # s for the first words of a scheduler
+LONGEST_GREETING = 1 << 16  # bytes
+DEFAULT_PORT = 8786
 
 _mine = threading.local()
 _grips: list[Grip] = []
@@ -45,6 +50,26 @@ def look_around(folder: str) -> tuple[bool, str]:
     return Path(folder).is_dir(), numerics()
 
 
+def _check_peer(address: str) -> None:
+    """See whether a scheduler speaks at a TCP address, before Dask takes memory for whatever another peer says.
+
+    A scheduler speaks first: the length of its greeting in eight bytes, then the greeting, a few hundred bytes.
+
+    Raises:
+        OSError: nobody listens, or says nothing for ten seconds, or something else.
+    """
+    from distributed.comm.addressing import parse_address, parse_host_port
+
+    scheme, place = parse_address(address)
+    if scheme != "tcp":
+        return  # encrypted: only Dask knows how to ask
+    with socket.create_connection(parse_host_port(place, DEFAULT_PORT), timeout=GREETING) as peer:
+        said = peer.recv(8, socket.MSG_WAITALL)
+        length = int.from_bytes(said, sys.byteorder)
+        if len(said) < 8 or not 0 < length <= LONGEST_GREETING or len(peer.recv(length, socket.MSG_WAITALL)) < length:
+            raise OSError(f"what answers speaks no Dask: {said!r}")
+
+
 class ClusterWorkers:
     """The workers of a Dask cluster; they must see the logs and the batch folder under the same paths as we do.
 
@@ -59,6 +84,7 @@ class ClusterWorkers:
             raise BatchError([f"--scheduler needs dask.distributed, which is not installed; {EXTRA}"]) from None
         self._module = module
         try:
+            _check_peer(address)
             self._client = Client(address, timeout=WAIT, set_as_default=False, name="stickslip-batch")
         except (OSError, ValueError, TypeError) as error:
             raise BatchError([f"--scheduler {address}: no Dask scheduler answers there ({error}); start one"]) from None

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from identify.scene.logs import LOG
+from identify.scene.logs import LOG, located
 from identify.scene.tables import is_number, nearest
 from identify.scene.toml import TOP
 from identify.studies.refusal import BatchError
@@ -178,7 +178,7 @@ def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) 
         return f"{where}: the row has no group; give one, the same for logs that are fitted jointly"
     if "\0" in said["path"]:
         return f"{where}: the path holds a zero byte; correct it"
-    path = source.parent / Path(said["path"]).expanduser()
+    path = located(source.parent, said["path"])
     speed = said.get("drive_speed")
     if speed is not None and is_number(speed.replace(",", ".")):
         return f'{where}: drive_speed is {speed!r}, without a unit; write for instance "{speed} mm/s"'

@@ -12,6 +12,7 @@ from data_io.digest import file_sha256
 from identify.base.errors import SceneError
 from identify.base.progress import Progress, to_nobody
 from identify.scene import Scene
+from identify.scene.logs import located
 from identify.scene.toml import put, read_toml
 from identify.studies.job import Job, LogFile
 from identify.studies.key import content_key, numerics
@@ -163,7 +164,7 @@ def _refuse_no_drive(scene: Scene) -> None:
 def _place(log: Mapping[str, Any], scene: Path) -> Path | None:
     """Where the file of a [[logs]] table of the scene lies."""
     path = log.get("path")
-    return (scene.parent / Path(path).expanduser()).resolve() if isinstance(path, str) and "\0" not in path else None
+    return located(scene.parent, path).resolve() if isinstance(path, str) and "\0" not in path else None
 
 
 def _own_of_logs(rows: Sequence[Row]) -> tuple[str, ...]:

@@ -1,0 +1,517 @@
+"""Small inputs that ask for unbounded work, and inputs that foreign libraries stumble over: what each must end in.
+
+Each is a file with the command that is given it. What is wrong with a log stands at a marked place of a small log of
+every text format; the rest are binary files, scenes, manifests and options of the command line.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import itertools
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import h5py
+import numpy as np
+import openpyxl
+import scipy.io
+
+
+@dataclass(frozen=True)
+class Hostile:
+    """One input: what is wrong with it, its file, its bytes, the command ({file}, {scene}, {log}, {out} are replaced).
+
+    sound: it may as well be read (exit 0): nothing in it is wrong, there is only much of it.
+    """
+
+    name: str
+    file: str
+    data: Callable[[], bytes]
+    command: Sequence[str] = ("inspect", "{file}")
+    sound: bool = False
+    beside: Mapping[str, bytes] = field(default_factory=dict)
+
+
+SCENE = """\
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = "0.2 kg"
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = "0.2 mm/s"
+normal_force = "1 N"
+"""
+ROWS = [(0.0, 0.5, 3.0), (0.02, 0.52, 3.01), (0.04, 0.54, 2.99), (0.06, 0.53, 3.0)]
+"""Time [s], friction and normal force [N] of the logs that something is wrong with."""
+
+
+def _rows(delimiter: str, *, pattern: str = "tfn", decimal: str = ".", end: str = "") -> str:
+    cells = [{"t": f"{t:.4f}", "f": f"{f:.4f}", "n": f"{n:.4f}", "0": "0"} for t, f, n in ROWS]
+    lines = [delimiter.join(row[key] for key in pattern).replace(".", decimal) + end for row in cells]
+    first = "@CELL@" + lines[0][lines[0].find(delimiter) :]
+    return "".join(f"{line}\n" for line in (first, *lines[1:])).replace("\n", "\n@ROWS@", 1)
+
+
+TEXTS: Mapping[str, str] = {
+    "comma.csv": "@TOP@\n@NAME@T [s],Fx [@UNIT@],Fz [N]\n@BELOW@" + _rows(",") + "@END@",
+    "semicolon.csv": "@TOP@\n@NAME@Zeit;Reibkraft;Normalkraft\ns;@UNIT@;N\n@BELOW@" + _rows(";", decimal=",") + "@END@",
+    "tab.txt": "@TOP@\n@NAME@Time (s)\tFriction force (@UNIT@)\tNormal force (N)\n@BELOW@" + _rows("\t") + "@END@",
+    "blanks.dat": "@TOP@\n@NAME@T Fx Fz\ns @UNIT@ N\n@BELOW@" + _rows(" ") + "@END@",
+    "cetr.txt": "Created by CETR UMT ver.1.136.257 12 May 2022 12:21:50\n@TOP@\nRun # 1\nStep No. 1\n\nRadius = 3.9\n"
+    "Started at: 12:21:58.029 12 May 2022\n\n@NAME@T,Fx,Fz\nsec,@UNIT@,N\n\n@BELOW@" + _rows(",") + "@END@",
+    "rtec.csv": "Recipe, UpperSample, LowerSample, Type, Radius\rRotary,,,Rotary,1,\n@TOP@\n@NAME@Step, Timestamp, "
+    "DAQ.Fx (@UNIT@), DAQ.Fz (N),\n@BELOW@" + _rows(",", pattern="0tfn", end=",") + "@END@TotalTime\n00:12:56.5\n",
+    "anton_paar.txt": "@TOP@\n@NAME@Time [s]\tFriction Force [@UNIT@]\tNominal Load [N]\t\n@BELOW@"
+    + _rows("\t", end="\t") + "@END@",
+    "pair.lvm": "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\n@TOP@\n***End_of_Header***\t\n"
+    "Delta_X\t@INTERVAL@\n***End_of_Header***\t\n@NAME@X_Value\tfx_@UNIT@\tfz_N\n@BELOW@" + _rows("\t") + "@END@",
+    "interval.csv": "@TOP@\nInterval,@INTERVAL@\n@NAME@Fx (@UNIT@),Fz (N)\n@BELOW@"
+    + _rows(",", pattern="fn") + "@END@",
+}  # fmt: skip
+"""A log of every text format; what stands at @…@ is put in."""
+USUAL: Mapping[str, str] = {"UNIT": "N", "CELL": "0.0000", "INTERVAL": "0.02"}
+
+
+def text(name: str, **places: str) -> bytes:
+    """A log of a text format with these words at its places."""
+    made = TEXTS[name]
+    for place, words in {**USUAL, **places}.items():
+        made = made.replace(f"@{place}@", words)
+    for place in ("TOP", "NAME", "BELOW", "ROWS", "END"):
+        made = made.replace(f"@{place}@", "")
+    return made.encode()
+
+
+GOOD = text("comma.csv")
+BOMBS: Mapping[str, str] = {
+    "tower": "N*9^9^9",
+    "power": "N^999999999",
+    "product of powers": "9**9999999 N",
+    "brackets": "N^{((9^9)^9)^9}",
+}
+NUMBERS: Mapping[str, str] = {
+    "hexadecimal": "0x" + "f" * 50_000,
+    "10,000 digits": "7" * 10_000,
+    "10,000 decimals": "abc0." + "7" * 10_000,
+    "exponent": "1e" + "9" * 400,
+}
+LINES: Mapping[str, str] = {
+    "blank lines": "\n" * 40_000,
+    "CR LF": "\r\n" * 40_000,
+    "lines of blanks": " \t\n" * 40_000,
+    "empty cells": ",;\t,\n" * 20_000,
+}
+
+
+def texts() -> Iterator[Hostile]:
+    """Every text format with what asks for work at each of its places."""
+    for name in TEXTS:
+        for what, unit in BOMBS.items():
+            yield Hostile(f"unit, {what}", name, lambda n=name, u=unit: text(n, UNIT=u))
+        for what, number in NUMBERS.items():
+            yield Hostile(f"number, {what}", name, lambda n=name, x=number: text(n, CELL=x), sound=True)
+        for what, place in itertools.product(LINES, ("TOP", "BELOW", "ROWS", "END")):
+            yield Hostile(
+                f"{what}, {place.lower()}", name, lambda n=name, w=what, p=place: text(n, **{p: LINES[w]}), sound=True
+            )
+        for place in ("TOP", "NAME", "UNIT", "CELL", "END"):
+            blanks = {"TOP": "Key" + " " * 50_000 + "x", "UNIT": " " * 50_000 + "N", "NAME": " " * 50_000}
+            words = blanks.get(place, "0" + " " * 50_000 + "x")
+            yield Hostile(
+                f"50,000 blanks, {place.lower()}", name, lambda n=name, w=words, p=place: text(n, **{p: w}), sound=True
+            )
+    for what, number in NUMBERS.items():
+        for name in ("pair.lvm", "interval.csv"):
+            place = {"INTERVAL": number}
+            yield Hostile(f"interval, {what}", name, lambda n=name, p=place: text(n, **p), sound=True)
+
+
+def patterns() -> Iterator[Hostile]:
+    """Lines that a pattern of a reader nearly fits, again and again."""
+    lines = {
+        "step without a number": "Step No." + " " * 50_000 + "x\n",
+        "many steps without a number": "Step\n" * 10_000,
+        "run of blanks": "Run #" + " \t" * 30_000 + ";\n",
+        "step of many digits": f"Step No. {'9' * 10_000}\n",
+        "date of many digits": f"Started at: {'1' * 10_000}:00:00 12 May 2022\n",
+        "interval of blanks": "Interval" + " " * 50_000 + "0.5x\n",
+        "interval lines": "\n \n" * 15_000 + "Interval,x\n",
+        "brackets": "Fx " + "(" * 50_000 + "\n",
+        "bracket pairs": "Fx " + "()" * 20_000 + ",T\n",
+        "one name, many blanks": "Fx" + " " * 15_000 + "(N" + " " * 15_000 + "x,T\n",
+        "many names": ",".join(f"Fx{i} (N)" for i in range(20_000)) + "\n",
+        "quotes": '"' * 50_001 + "\n",
+        "quotes in cells": '"a,' * 20_000 + "\n",
+        "comments": "#" * 50_000 + "\n",
+        "equals signs": "key " + "= " * 50_000 + "\n",
+        "header lines": "T [s],Fx [N],Fz [N]\n" * 3000,
+        "points": "1" + "." * 50_000 + "\n",
+        "plus and minus": "+-" * 50_000 + "\n",
+    }
+    for what, line in lines.items():
+        for name in ("comma.csv", "cetr.txt", "interval.csv", "pair.lvm"):
+            yield Hostile(f"line, {what}", name, lambda n=name, w=line: text(n, TOP=w), sound=True)
+    yield Hostile("file name of many digits", f"T11_{'9' * 180}N.csv", lambda: text("comma.csv", UNIT="N"), sound=True)
+
+
+def _gz(block: bytes, times: int) -> bytes:
+    packer, out = zlib.compressobj(9, zlib.DEFLATED, 31), []
+    out += [packer.compress(block) for _ in range(times)]
+    return b"".join([*out, packer.flush()])
+
+
+def _zip(name: str, block: bytes, times: int) -> bytes:
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as packed, packed.open(name, "w") as member:
+        for _ in range(times):
+            member.write(block)
+    return held.getvalue()
+
+
+def packed() -> Iterator[Hostile]:
+    """Small archives that hold lines without end."""
+    mega = 1 << 20
+    blocks = {
+        "line ends": b"\n" * mega,
+        "zero bytes": b"\0" * mega,
+        "blanks": b" " * mega,
+        "one digit": b"1" * mega,
+        "the same row": b"0.02,0.5,3\n" * (mega // 11),
+        "the same words": b"a note\n" * (mega // 7),
+        "the same header": b"T [s],Fx [N],Fz [N]\n" * (mega // 20),
+        "empty cells": b",,\n" * (mega // 3),
+    }
+    for what, block in blocks.items():
+        yield Hostile(f"gz of {what}", "log.csv.gz", lambda b=block: _gz(b, 400))
+        yield Hostile(f"zip of {what}", "log.zip", lambda b=block: _zip("log.csv", b, 400))
+        yield Hostile(
+            f"gz of {what} below a table", "log.csv.gz", lambda b=block: gzip.compress(GOOD) + _gz(b, 400), sound=True
+        )
+    yield Hostile("gz in gz", "log.csv.gz", lambda: gzip.compress(_gz(b"\0" * mega, 400)))
+    yield Hostile("zip of 20,000 files", "logs.zip", _many_members)
+    yield Hostile("gz cut off", "log.csv.gz", lambda: gzip.compress(GOOD)[:-9])
+    yield Hostile("HDF5 packed, of zeros", "log.h5.gz", lambda: _gz(b"\x89HDF\r\n\x1a\n" + b"\0" * mega, 400))
+    yield Hostile("MAT packed, of zeros", "log.mat.gz", lambda: _gz(_mat_header() + b"\0" * mega, 400))
+
+
+def _many_members() -> bytes:
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w") as made:
+        for number in range(20_000):
+            made.writestr(f"log_{number}.csv", b"1")
+    return held.getvalue()
+
+
+def _mat_header(order: str = "<") -> bytes:
+    made = b"MATLAB 5.0 MAT-file, made".ljust(116) + b"\0" * 8
+    return made + (b"\0\1IM" if order == "<" else b"\1\0MI")
+
+
+def _element(kind: int, data: bytes, size: int | None = None, order: str = "<") -> bytes:
+    return struct.pack(f"{order}II", kind, len(data) if size is None else size) + data + b"\0" * (-len(data) % 8)
+
+
+def mat_matrix(dimensions: Sequence[int], *, array: int = 6, promised: int | None = None, order: str = "<") -> bytes:
+    """A MATLAB file of one variable Fx whose header promises an array of these dimensions, with four numbers, 1 to 4.
+
+    array: its class. promised: the bytes that its data element promises. order: of the bytes.
+    """
+    parts = _element(6, struct.pack(f"{order}II", array, 0), order=order)
+    parts += _element(5, struct.pack(f"{order}{len(dimensions)}i", *dimensions), order=order)
+    parts += _element(1, b"Fx", order=order)
+    parts += _element(9, struct.pack(f"{order}4d", 1, 2, 3, 4), promised, order)
+    return _mat_header(order) + _element(14, parts, order=order)
+
+
+def _mat_packed(inner: bytes) -> bytes:
+    return _mat_header() + _element(15, zlib.compress(inner, 9))
+
+
+def _mat_of(variables: Mapping[str, object]) -> bytes:
+    held = io.BytesIO()
+    scipy.io.savemat(held, dict(variables), do_compression=True)
+    return held.getvalue()
+
+
+def changed(data: bytes, place: int, value: int) -> bytes:
+    """The bytes with one of them replaced."""
+    return data[:place] + bytes([value]) + data[place + 1 :]
+
+
+def matlab() -> Iterator[Hostile]:
+    """MATLAB files that promise more than they hold, and damaged ones."""
+    for count in (60_000_000, 2_000_000_000, -5):
+        yield Hostile(f"MAT, {count} numbers promised", "log.mat", lambda n=count: mat_matrix((n, 1)))
+    yield Hostile("MAT, 60 million cells promised", "log.mat", lambda: mat_matrix((60_000_000, 1), array=1))
+    yield Hostile("MAT, 60 million structs promised", "log.mat", lambda: mat_matrix((60_000_000, 1), array=2))
+    yield Hostile("MAT, 60 million letters promised", "log.mat", lambda: mat_matrix((60_000_000, 1), array=4))
+    yield Hostile("MAT, sparse", "log.mat", lambda: mat_matrix((60_000_000, 60_000_000), array=5))
+    yield Hostile("MAT, 30 dimensions", "log.mat", lambda: mat_matrix([9] * 30))
+    yield Hostile("MAT, bytes promised", "log.mat", lambda: mat_matrix((4, 1), promised=1_000_000_000))
+    yield Hostile("MAT, packed zeros", "log.mat", lambda: _mat_packed(_element(14, b"\0" * 400_000_000)))
+    wide = {"t": np.zeros(60_000_000, np.uint8)}
+    yield Hostile("MAT, 60 million zeros packed", "log.mat", lambda: _mat_of(wide))
+    columns = {"t": np.arange(60.0), "Fx": np.arange(60.0), "Fz": np.ones(60)}
+    held = io.BytesIO()
+    scipy.io.savemat(held, columns)
+    whole = held.getvalue()
+    for place, value in itertools.product((128, 136, 144, 145, 160, 168, 176), (0, 9, 200)):
+        yield Hostile(
+            f"MAT, byte {place} is {value}", "log.mat", lambda p=place, v=value: changed(whole, p, v), sound=True
+        )
+
+
+def _book(fill: Callable[[openpyxl.Workbook], object]) -> bytes:
+    book = openpyxl.Workbook()
+    for row in (("T [s]", "Fx [N]", "Fz [N]"), *ROWS):
+        book.active.append(row)
+    fill(book)
+    held = io.BytesIO()
+    book.save(held)
+    return held.getvalue()
+
+
+def _sheet(xml: str, book: bytes | None = None, part: str = "xl/worksheets/sheet1.xml") -> bytes:
+    """A workbook with another text in one of its parts."""
+    held = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(book or _book(lambda _: None))) as old,
+        zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as new,
+    ):
+        for info in old.infolist():
+            new.writestr(info.filename, xml if info.filename == part else old.read(info))
+    return held.getvalue()
+
+
+_XML = '<?xml version="1.0"?><worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">'
+
+
+def workbooks() -> Iterator[Hostile]:
+    """Workbooks with little in them and much around it."""
+    cells = {"far right": (1, 16384), "far down": (1_048_576, 1), "far corner": (1_048_576, 16384)}
+    for what, (row, column) in cells.items():
+        yield Hostile(
+            f"sheet, one cell {what}",
+            "log.xlsx",
+            lambda r=row, c=column: _book(lambda book: book.active.cell(r, c, 1.0)),
+            sound=True,
+        )
+        yield Hostile(
+            f"sheet, one cell {what} of a second sheet",
+            "log.xlsx",
+            lambda r=row, c=column: _book(lambda book: book.create_sheet().cell(r, c, "note")),
+            sound=True,
+        )
+    far = "".join(f'<row r="{i}"><c r="XFD{i}"><v>1</v></c></row>' for i in range(1, 3000))
+    yield Hostile(
+        "sheet, 3000 far cells", "log.xlsx", lambda: _sheet(f"{_XML}<sheetData>{far}</sheetData></worksheet>")
+    )
+    many = "".join(f'<row r="{i * 300}"><c r="A{i * 300}"><v>1</v></c></row>' for i in range(1, 3000))
+    yield Hostile(
+        "sheet, rows far apart", "log.xlsx", lambda: _sheet(f"{_XML}<sheetData>{many}</sheetData></worksheet>")
+    )
+    laughs = '<!DOCTYPE x [<!ENTITY a "ha">' + "".join(
+        f'<!ENTITY {chr(98 + i)} "{("&" + chr(97 + i) + ";") * 10}">' for i in range(9)
+    )
+    bomb = f'<?xml version="1.0"?>{laughs}]><worksheet><sheetData><row r="1"><c r="A1"><v>&j;</v></c></row></sheetData>'
+    yield Hostile("sheet, entities", "log.xlsx", lambda: _sheet(bomb + "</worksheet>"))
+    deep = f"{_XML}{'<sheetData>' * 100_000}"
+    yield Hostile("sheet, nested", "log.xlsx", lambda: _sheet(deep))
+    digits = f'{_XML}<sheetData><row r="1"><c r="A1"><v>{"9" * 100_000}</v></c></row></sheetData></worksheet>'
+    yield Hostile("sheet, 100,000 digits", "log.xlsx", lambda: _sheet(digits))
+    row = f'{_XML}<sheetData><row r="{"9" * 5000}"><c r="A1"><v>1</v></c></row></sheetData></worksheet>'
+    yield Hostile("sheet, row of 5000 digits", "log.xlsx", lambda: _sheet(row))
+    blank = _XML + " " * 300_000_000 + "</worksheet>"
+    yield Hostile("sheet, 300 MB of blanks", "log.xlsx", lambda: _sheet(blank))
+    unit = (("T [s]", "Fx [N*9^9^9]", "Fz [N]"), *ROWS)
+    yield Hostile("sheet, unit", "log.xlsx", lambda: _unit_book(unit))
+
+
+def _unit_book(rows: Sequence[Sequence[object]]) -> bytes:
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    held = io.BytesIO()
+    book.save(held)
+    return held.getvalue()
+
+
+def _h5(fill: Callable[[h5py.File], object]) -> bytes:
+    held = io.BytesIO()
+    with h5py.File(held, "w") as file:
+        fill(file)
+    return held.getvalue()
+
+
+def _promising(rows: int, chunks: tuple[int, ...] | None, kind: str = "f8") -> Callable[[h5py.File], None]:
+    def fill(file: h5py.File) -> None:
+        for name, unit in (("time", "s"), ("normal_force", "N"), ("friction_force", "N")):
+            data = file.create_dataset(f"run_1/step_1/{name}", shape=(rows,), dtype=kind, chunks=chunks)
+            data.attrs["units"] = unit
+        file.attrs.update({"format": "stickslip-log", "format_version": 1})
+
+    return fill
+
+
+def _bombed(file: h5py.File) -> None:
+    for name, unit in (("time", "s"), ("normal_force", "N"), ("friction_force", "N*9^9^9")):
+        file[f"run_1/step_1/{name}"] = np.arange(1.0, 9.0)
+        file[f"run_1/step_1/{name}"].attrs["units"] = unit
+    file.attrs.update({"format": "stickslip-log", "format_version": 1})
+
+
+def hdf5() -> Iterator[Hostile]:
+    """HDF5 files that promise more than they hold."""
+    for rows in (60_000_000, 10**10, 10**15):
+        yield Hostile(
+            f"HDF5, {rows:g} rows promised", "log.h5", lambda n=rows: _h5(_promising(n, (1 << 16,))), sound=False
+        )
+        yield Hostile(f"HDF5, {rows:g} rows never written", "log.h5", lambda n=rows: _h5(_promising(n, None)))
+    yield Hostile("HDF5, unit", "log.h5", lambda: _h5(_bombed))
+    named = ["inspect", "{file}", "--columns", "time=/t,friction_force=/f,normal_force=/n"]
+    matrix = lambda file: file.create_dataset("t", shape=(10**9, 10**5), chunks=(1000, 1), dtype="f8")  # noqa: E731
+    yield Hostile("HDF5, a matrix promised", "log.h5", lambda: _h5(matrix), named)
+    groups = lambda file: file.create_group("/".join("g" * 2000))  # noqa: E731
+    yield Hostile("HDF5, 2000 groups in each other", "log.h5", lambda: _h5(groups))
+    several = lambda file: [file.create_group(f"g{i}") for i in range(20_000)]  # noqa: E731
+    yield Hostile("HDF5, 20,000 groups", "log.h5", lambda: _h5(several))
+
+
+def options() -> Iterator[Hostile]:
+    """Options of the command line with a good log."""
+    given = {
+        "--units": [f"friction_force={unit}" for unit in BOMBS.values()],
+        "--normal-force": ["1 N*9^9^9", "7" * 10_000 + " N", "1e999999999 N", "0x" + "f" * 10_000],
+        "--window": ["0,1 s^9^9^9", "0," + "9" * 10_000, "0,1" + " " * 50_000 + "s"],
+        "--stiffness": ["9 N/m^9^9^9", "1e400 N/m"],
+        "--drive-speed": ["1 mm/s*9^9^9"],
+        "--columns": [f"friction_force={'9' * 10_000}"],
+        "--step": ["9" * 4000],
+    }
+    for option, values in given.items():
+        for number, value in enumerate(values, 1):
+            yield Hostile(f"{option}, {number}", "comma.csv", lambda: GOOD, ("inspect", "{file}", option, value))
+    for number, words in enumerate(
+        (
+            ["--duration", "1e308", "--rate", "1e308"],
+            ["--duration", "1e308", "--rate", "1e-308"],
+            ["--duration", "1", "--rate", "100", "--noise", "1e308"],
+            ["--duration", "1", "--rate", "100", "--seed", "9" * 4000],
+            ["--duration", "1 s^9^9^9", "--rate", "100"],
+        ),
+        1,
+    ):
+        command = ("simulate", "--scene", "{file}", *words, "--out", "{out}.csv")
+        yield Hostile(f"simulate, {number}", "scene.toml", SCENE.encode, command)
+
+
+def scenes() -> Iterator[Hostile]:
+    """Scenes with numbers beyond all measure; `fit` reads them before any log."""
+    values = {
+        "unit": '"0.2 kg*9^9^9"',
+        "1e308": "1e308",
+        "1e-308": "1e-308",
+        "digits": "7" * 4000,
+        "hexadecimal": "0x" + "f" * 40_000,
+        "text of digits": f'"{"7" * 10_000} kg"',
+        "binary": "0b" + "1" * 60_000,
+    }
+    lines = SCENE.splitlines()
+    for (what, value), key in itertools.product(values.items(), ("mass", "stiffness", "damping", "drive_speed")):
+        made = "\n".join(f"{key} = {value}" if line.startswith(key) else line for line in lines) + "\n"
+        command = ("simulate", "--scene", "{file}", "--duration", "1", "--rate", "100", "--out", "{out}.csv")
+        yield Hostile(f"scene, {key}, {what}", "scene.toml", made.encode, command)
+    simulated = ("simulate", "--scene", "{file}", "--duration", "1", "--rate", "100", "--out", "{out}.csv")
+    extra = {
+        "speed of 1e308 in a programme": 'drive_speed = [[0, "1e308 m/s"], [1, "0 m/s"]]',
+        "many speeds": "drive_speed = [" + ",".join(f"[{i}, {1 + i % 2}e-4]" for i in range(20_000)) + "]",
+        "unit in a programme": 'drive_speed = [[0, "1 mm/s*9^9^9"]]',
+        "many brackets": "drive_speed = " + "[" * 20_000,
+    }
+    for what, line in extra.items():
+        made = "\n".join(line if old.startswith("drive_speed") else old for old in lines) + "\n"
+        yield Hostile(f"scene, {what}", "scene.toml", made.encode, simulated)
+    for what, table in {
+        "start of 1e308": "[parameters]\na = { fixed = 1e308 }\n",
+        "area to the power 1e308": "[contact]\narea_law = { coefficient = 1, exponent = 1e308 }\n",
+        "unit of a parameter": '[parameters]\nD = { start = "40 um*9^9^9" }\n',
+        "elongation of 1e308": "[initial]\nelongation = 1e308\n",
+        "many keys": "[parameters]\n" + "".join(f"p{i} = 1\n" for i in range(20_000)),
+        "long key": "[parameters]\n" + "p" * 500_000 + " = 1\n",
+        "unit of quality": '[quality]\njitter = "1 %^9^9^9"\n',
+    }.items():
+        yield Hostile(f"scene, {what}", "scene.toml", (SCENE + table).encode, simulated)
+    fitted = ("fit", "--scene", "{file}", "--out", "{out}")
+    for what, log in {
+        "a home of nobody": 'path = "~nobody_at_all/log.csv"',
+        "a path of 10,000 characters": f'path = "{"a" * 10_000}"',
+        "a zero byte in a path": 'path = "a\\u0000b"',
+        "unit of a window": 'path = "log.csv"\nwindow = ["0 s", "1 s*9^9^9"]',
+        "noise of 1e308": 'path = "log.csv"\nnoise = 1e308',
+        "speed of 1e308": 'path = "log.csv"\ndrive_speed = 1e308',
+        "mass of 1e308": 'path = "log.csv"\nmass = 1e308',
+        "tare of 1e308": 'path = "log.csv"\ntare = 1e308',
+        "window of 1e308": 'path = "log.csv"\nwindow = [-1e308, 1e308]\nskip_cycles = 9223372036854775807',
+        "units with towers": 'path = "log.csv"\nunits = { friction_force = "N*9^9^9" }',
+    }.items():
+        beside = {"log.csv": GOOD}
+        yield Hostile(f"scene, {what}", "scene.toml", f"{SCENE}[[logs]]\n{log}\n".encode, fitted, beside=beside)
+    for command in ("stability", "amplitude"):
+        for number, at in enumerate(
+            ("drive_speed=1e308", "stiffness=1e308", "mass=1e-308", "normal_force=1 N*9^9^9"), 1
+        ):
+            asked = (command, "--scene", "{file}", "--at", at)
+            yield Hostile(f"{command} --at, {number}", "scene.toml", SCENE.encode, asked)
+
+
+def manifests() -> Iterator[Hostile]:
+    """Manifests of a batch."""
+    batch = ("batch", "{file}", "--scene", "{scene}", "--out", "{out}")
+    beside = {"log.csv": GOOD}
+    head = "path,group,drive_speed"
+    made = {
+        "100,000 rows": head + "\n" + "".join(f"log_{i}.csv,g{i},0.2 mm/s\n" for i in range(100_000)),
+        "100,000 rows of one group": head + "\n" + "".join(f"log_{i}.csv,g,0.2 mm/s\n" for i in range(100_000)),
+        "100,000 rows of one log": head + "\n" + "log.csv,g,0.2 mm/s\n" * 100_000,
+        "100,000 rows of one log, each its step": f"{head},logs.step\n"
+        + "".join(f"log.csv,g,0.2 mm/s,{i}\n" for i in range(100_000)),
+        "100,000 rows without a unit": head + "\n" + "".join(f"log.csv,g{i},0.2\n" for i in range(100_000)),
+        "100,000 columns": head + "".join(f",c{i}" for i in range(100_000)) + "\nlog.csv,g,0.2 mm/s\n",
+        "100,000 equal columns": head + ",c" * 100_000 + "\nlog.csv,g,0.2 mm/s\n",
+        "100,000 dotted columns": head + "".join(f",rig.c{i}" for i in range(100_000)) + "\nlog.csv,g,0.2 mm/s\n",
+        "100,000 cells in a row": head + "\nlog.csv,g,0.2 mm/s" + ",1" * 100_000 + "\n",
+        "a cell of 10 MB": head + "\nlog.csv," + "g" * 10_000_000 + ",0.2 mm/s\n",
+        "a column of 10 MB": head + "," + "c" * 10_000_000 + "\nlog.csv,g,0.2 mm/s,1\n",
+        "a deep column": head + ",rig" + ".a" * 20_000 + "\nlog.csv,g,0.2 mm/s,1\n",
+        "400,000 blank lines": "\n" * 400_000 + head + "\nnothing.csv,g,0.2 mm/s\n",
+        "an open quote": head + '\nlog.csv,"g,0.2 mm/s\n' + "x,y,z\n" * 100_000,
+        "unit in a cell": head + "\nlog.csv,g,0.2 mm/s*9^9^9\n",
+        "unit of the mass": head + ",rig.mass\nlog.csv,g,0.2 mm/s,0.2 kg^999999999\n",
+        "10,000 digits": head + f"\nlog.csv,g,{'7' * 10_000} mm/s\n",
+        "hexadecimal mass": head + f",rig.mass\nlog.csv,g,0.2 mm/s,0x{'f' * 40_000}\n",
+        "speed of 1e308": head + "\nlog.csv,g,1e308 m/s\n",
+        "step of 10,000 digits": head + f",logs.step\nlog.csv,g,0.2 mm/s,{'7' * 4000}\n",
+        "brackets in a cell": head + f",rig.mass\nlog.csv,g,0.2 mm/s,{'[' * 10_000}\n",
+        "a home of nobody": head + "\n~nobody_at_all/log.csv,g,0.2 mm/s\n",
+        "a path of 10,000 characters": head + f"\n{'a' * 10_000}.csv,g,0.2 mm/s\n",
+        "a device": head + "\n/dev/zero,g,0.2 mm/s\n",
+    }
+    for what, words in made.items():
+        yield Hostile(f"manifest, {what}", "manifest.csv", words.encode, batch, beside=beside)
+
+
+def files() -> Iterator[Hostile]:
+    """Paths that are no files, with the command that takes a log."""
+    for path in ("/dev/zero", "/dev/tty", "/dev/stdin", "~nobody_at_all/log.csv", "a" * 5000, "*" * 300, "[" * 200):
+        yield Hostile(f"path {path[:20]}", "comma.csv", lambda: GOOD, ("inspect", path))
+    yield Hostile("a thousand stars", "comma.csv", lambda: GOOD, ("inspect", "**/" * 300 + "x"))
+
+
+def all_inputs() -> Iterator[Hostile]:
+    """Every input, the cheap ones and the dear ones mixed."""
+    for kind in (texts, patterns, packed, matlab, workbooks, hdf5, options, scenes, manifests, files):
+        yield from kind()
