@@ -11,7 +11,6 @@ from typing import Any
 from data_io.units import UnitError, parse_quantity
 from identify.base.errors import SceneError
 
-
 LONGEST_WORD = 60  # characters of a word that are compared with known ones
 
 

@@ -19,6 +19,7 @@ from identify.scene.rig import RIG, read_rig
 from identify.scene.tables import Table, nearest, quantity, share
 from identify.scene.values import Contact, Initial, LogEntry, ParameterSpec, Rig
 
+LONGEST_INTEGER = 10_000  # bits
 TOP = ("name", "effects", "extrapolate", "rig", "contact", "initial", "parameters", "quality", "fit", "logs")
 
 
@@ -61,12 +62,12 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def _refuse_long_integers(value: Any) -> None:
-    """Refuse whole numbers beyond those of TOML, 64 bits: hexadecimal ones may be too long even to be shown.
+    """Refuse whole numbers that Python does not write out: hexadecimal ones are read whatever their length.
 
     Raises:
         SceneError: there is one.
     """
-    if isinstance(value, int) and value.bit_length() > 63:
+    if isinstance(value, int) and value.bit_length() > LONGEST_INTEGER:
         raise SceneError(f"a whole number of {value.bit_length()} bits was found; 64 at most were expected; shorten it")
     for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
         _refuse_long_integers(item)
