@@ -1,0 +1,164 @@
+"""From sticks and slips to parameters of an uneven pair: start from features, maximum likelihood, and how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from identify.uneven.events import Sticks
+from identify.uneven.likelihood import PARAMETERS, Cycles, Nodes, log_likelihood
+
+Array = NDArray[np.float64]
+
+STEP = 1e-5  # of a logarithm: for gradients; log likelihoods are good to 1e-8
+WIDER = (2e-3, 0.05)  # least and greatest step for second derivatives
+SHARE = 0.2  # of a deviation: that step
+ROUNDS = 4  # times that the nodes are narrowed to where the strengths lie
+SETTLED = 0.05  # deviations by which parameters move in the last round
+LEAST_SD = 0.03  # of the logarithm of a strength: nodes do not lie closer together
+WEAK = 3.0  # sd of the prior about the start: it stops what the record does not tell, and nothing else
+TOGETHER = 8  # sets of parameters in one pass: more would leave the processor's cache
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """Where the likelihood of records is greatest.
+
+    theta (7,): logarithms of PARAMETERS; covariance (7, 7) of it: per parameter the larger of the Hessian's and the
+    sandwich's; log_likelihood; scores (c, 7); converged; evaluations: passes over the records; nodes: per record.
+    """
+
+    theta: Array
+    covariance: Array
+    log_likelihood: float
+    scores: Array
+    converged: bool
+    evaluations: int
+    nodes: tuple[Nodes, ...]
+
+
+class _Objective:
+    """Log likelihood of records with parameters in common, with a weak prior; counts its passes."""
+
+    def __init__(self, records: Sequence[Sticks], start: Array) -> None:
+        self.records, self.start, self.passes = tuple(records), start, 0
+        self.nodes = tuple(Nodes.wide(sticks) for sticks in records)
+
+    def cycles(self, theta: Array) -> list[Cycles]:
+        self.passes += 1
+        return [log_likelihood(s, n, theta) for s, n in zip(self.records, self.nodes, strict=True)]
+
+    def per_cycle(self, theta: Array) -> Array:
+        """Log likelihood of every cycle (c, p) at theta (7, p)."""
+        parts = [theta[:, i : i + TOGETHER] for i in range(0, theta.shape[1], TOGETHER)]
+        return np.hstack([np.vstack([c.log_likelihood for c in self.cycles(part)]) for part in parts])
+
+    def prior(self, theta: Array) -> tuple[float, Array]:
+        off = (theta - self.start) / WEAK
+        return -0.5 * float(off @ off), -off / WEAK
+
+    def slope(self, theta: Array) -> tuple[float, Array, Array]:
+        """Value, gradient, and scores (c, 7)."""
+        each = self.per_cycle(theta[:, None] + STEP * np.hstack([np.zeros((theta.size, 1)), np.eye(theta.size)]))
+        scores = (each[:, 1:] - each[:, :1]) / STEP
+        value, prior = self.prior(theta)
+        return float(each[:, 0].sum()) + value, scores.sum(axis=0) + prior, scores
+
+    def narrow(self, theta: Array) -> None:
+        """Nodes to where the strengths lie at theta."""
+        found = self.cycles(theta[:, None])
+        self.nodes = tuple(Nodes.about(c.log_strength[:, 0], np.maximum(c.log_strength_sd[:, 0], LEAST_SD)) for c in found)
+
+
+def start_from_features(records: Sequence[Sticks]) -> Array:
+    """Logarithms of PARAMETERS (7,) from drops, slips and levels of the records."""
+    rigs = [sticks.rig for sticks in records]
+    drop = np.concatenate([sticks.drop for sticks in records])
+    strength = 0.5 * float(np.median(drop))
+    middles = [0.5 * (s.line + s.arrest) for s in records]
+    moves = np.concatenate([np.diff(m)[s.follows[1:]] for m, s in zip(middles, records, strict=True)])
+    slid = np.concatenate([s.end[1:][s.follows[1:]] for s in records])
+    wander = float(np.sqrt(np.mean(moves**2) / max(np.mean(slid), 1e-12))) if moves.size else strength
+    scatter = float(np.std(np.log(drop)))
+    return np.log(
+        [
+            strength,
+            2.0 * max(rig.stiffness for rig in rigs),
+            max(0.5 * float(np.median([s.typical_rest for s in records])), 1e-3),
+            float(np.median([rig.mass for rig in rigs])),
+            max(wander, 1e-3 * strength / np.sqrt(float(np.median(slid)) if slid.size else 1e-4)),
+            np.clip(scatter, 0.02, 0.6),
+            0.3 * strength,
+        ]
+    )
+
+
+def maximise(records: Sequence[Sticks], start: Array | None = None, held: Callable[[Array], Array] | None = None) -> Maximum:
+    """Greatest likelihood of records that share their parameters."""
+    first = start_from_features(records) if start is None else start
+    objective = _Objective(records, first)
+    theta = first
+    objective.narrow(theta)
+    objective.narrow(theta)
+    converged = False
+    _, _, scores = objective.slope(theta)
+    inverse = np.linalg.inv(scores.T @ scores + np.eye(theta.size) / WEAK**2)
+    for _ in range(ROUNDS):
+        found = minimize(
+            lambda at: tuple(-value for value in objective.slope(at)[:2]),
+            theta,
+            jac=True,
+            method="BFGS",
+            options={"gtol": 0.2, "hess_inv0": 0.5 * (inverse + inverse.T), "maxiter": 60},
+        )
+        moved = np.abs(found.x - theta) / np.sqrt(np.diag(inverse))
+        theta, inverse = found.x, np.asarray(found.hess_inv)
+        objective.narrow(theta)
+        converged = bool(found.success or np.all(np.abs(found.jac) < 1.0))
+        if converged and moved.max() < SETTLED:
+            break
+    covariance, scores, value = _covariance(objective, theta)
+    return Maximum(theta, covariance, value, scores, converged, objective.passes, objective.nodes)
+
+
+def _covariance(objective: _Objective, theta: Array) -> tuple[Array, Array, float]:
+    """Covariance, scores (c, 7) and log likelihood. Per parameter the larger deviation counts: of the Hessian, and of
+    the sandwich with neighbouring cycles' scores correlated (Newey and West 1987)."""
+    n = theta.size
+    _, _, rough = objective.slope(theta)
+    sd = 1.0 / np.sqrt(np.diag(rough.T @ rough) + WEAK**-2)
+    step = np.clip(SHARE * sd, *WIDER)
+    one = np.diag(step)
+    pairs = [(i, j) for i in range(n) for j in range(i)]
+    shifts = [np.zeros(n), *one, *(-one), *(one[i] + one[j] for i, j in pairs), *(-one[i] - one[j] for i, j in pairs)]
+    each = objective.per_cycle(theta[:, None] + np.array(shifts).T)
+    total = each.sum(axis=0)
+    up, down = total[1 : n + 1], total[n + 1 : 2 * n + 1]
+    hessian = np.diag((up + down - 2.0 * total[0]) / step**2)
+    both, neither = np.split(total[2 * n + 1 :], 2)
+    for (i, j), plus, minus in zip(pairs, both, neither, strict=True):
+        mixed = (plus + minus + 2.0 * total[0] - up[i] - up[j] - down[i] - down[j]) / (2.0 * step[i] * step[j])
+        hessian[i, j] = hessian[j, i] = mixed
+    information = -hessian + np.eye(n) / WEAK**2
+    values, vectors = np.linalg.eigh(information / np.outer(sd**-1, sd**-1))
+    inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-3)) @ vectors.T * np.outer(sd, sd)
+    scores = (each[:, 1 : n + 1] - each[:, n + 1 : 2 * n + 1]) / (2.0 * step)
+    middle = _long_run(scores - scores.mean(axis=0)) + np.eye(n) / WEAK**2
+    sandwich = inverse @ middle @ inverse
+    scale = np.maximum(1.0, np.sqrt(np.diag(sandwich) / np.diag(inverse)))
+    return inverse * np.outer(scale, scale), scores, float(total[0])
+
+
+def _long_run(scores: Array) -> Array:
+    """Long-run covariance of scores (c, n), Bartlett weights."""
+    count = scores.shape[0]
+    lags = int(4.0 * (count / 100.0) ** (2.0 / 9.0))
+    out = scores.T @ scores
+    for lag in range(1, min(lags, count - 1) + 1):
+        moved = scores[lag:].T @ scores[:-lag]
+        out += (1.0 - lag / (lags + 1.0)) * (moved + moved.T)
+    return out
