@@ -1,4 +1,4 @@
-"""Records of an uneven track by chance, from the equations alone: nothing of the estimator is used, so it can be tested.
+"""Records of an uneven track by chance, from the equations alone: nothing of the estimator is used.
 
 The friction level is a Brownian path along the track with fine roughness (Ornstein-Uhlenbeck) on it, both fields of
 position; every stick has a strength of its own. Sticks are advanced in closed form, slips in steps far shorter than
@@ -175,7 +175,10 @@ class _Tracks:
         grid = np.arange(start, until, 1.0 / pair.rate)
         measured = pair.load * np.interp(grid, time, force) + pair.noise * self.random[n].standard_normal(grid.size)
         record = Record(
-            time=grid - start, normal_force=np.full(grid.size, pair.load), friction_force=measured, drive_speed=pair.drive_speed
+            time=grid - start,
+            normal_force=np.full(grid.size, pair.load),
+            friction_force=measured,
+            drive_speed=pair.drive_speed,
         )
         cut = {name: values[1:] - (start if name in ("onset", "arrest") else 0.0) for name, values in seen.items()}
         return Simulated(record, **{name: values[:-1] for name, values in cut.items()})

@@ -17,7 +17,7 @@ ROOMS = """
 base examples
 effects model scene
 simulation logs prediction
-shooting estimation diagnosis answering
+shooting estimation uneven diagnosis answering
 report identification
 studies
 cli

@@ -45,7 +45,7 @@ class Estimated:
     names, covariance: (f,) names and (f, f) covariance [SI] of those estimates that have a standard error.
     curves: per log the fitted friction force (n,) [N] at the samples of its record, NaN where nothing was fitted; None
     for a log without one. left_out: by number of a log (from 0) why it took no part.
-    more: further keys of result.json, JSON-able.
+    more: further keys of result.json, JSON-able. notes: what a reader has to know beside the message, in sentences.
     """
 
     status: Status
@@ -56,6 +56,7 @@ class Estimated:
     curves: Sequence[Array | None] = ()
     left_out: Mapping[int, str] = field(default_factory=dict)
     more: Mapping[str, Any] = field(default_factory=dict)
+    notes: Sequence[str] = ()
 
 
 class Estimator(Protocol):

@@ -144,6 +144,8 @@ def _parameters(found: Findings, converged: bool) -> dict[str, Any]:
 def _told(found: Findings) -> list[Estimate]:
     """The friction parameters, and of the rig what was estimated."""
     free = set(np.array(found.unknowns.names)[found.unknowns.free])
+    if found.estimated is not None:
+        return found.estimates
     return [e for e in found.estimates if e.name not in RIG_PARAMETERS or e.name in free]
 
 

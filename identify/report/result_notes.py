@@ -38,6 +38,7 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
     notes += [f"{name}: {message}." for name, message in dict.fromkeys(doubts)]
     notes += [f"{log.name}: {load_varies(log)}." for log in prepared if log.hidden_swing]
     notes += _events(prepared, found)
+    notes += [] if found.estimated is None else found.estimated.notes
     for index, reason in sorted(found.left_out.items()):
         notes.append(f"Log {index + 1} took no part in the fit: {reason}.")
     return notes

@@ -1,8 +1,8 @@
-"""From sticks and slips to parameters of an uneven pair: start from features, maximum likelihood, and how sure it is."""
+"""From sticks and slips to parameters of an uneven pair: start from features, maximum likelihood, how sure it is."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from identify.uneven.events import Sticks
-from identify.uneven.likelihood import PARAMETERS, Cycles, Nodes, log_likelihood
+from identify.uneven.likelihood import Cycles, Nodes, log_likelihood
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,12 @@ TOGETHER = 8  # sets of parameters in one pass: more would leave the processor's
 class Maximum:
     """Where the likelihood of records is greatest.
 
-    theta (7,): logarithms of PARAMETERS; covariance (7, 7) of it: per parameter the larger of the Hessian's and the
-    sandwich's; log_likelihood; scores (c, 7); converged; evaluations: passes over the records; nodes: per record.
+    start (7,): from features; theta (7,): logarithms of PARAMETERS; covariance (7, 7) of it: per parameter the larger
+    of the Hessian's and the sandwich's; log_likelihood; scores (c, 7); converged; evaluations: passes over the records;
+    nodes: per record.
     """
 
+    start: Array
     theta: Array
     covariance: Array
     log_likelihood: float
@@ -41,14 +43,16 @@ class Maximum:
     nodes: tuple[Nodes, ...]
 
 
-class _Objective:
+class Objective:
     """Log likelihood of records with parameters in common, with a weak prior; counts its passes."""
 
-    def __init__(self, records: Sequence[Sticks], start: Array) -> None:
+    def __init__(self, records: Sequence[Sticks], start: Array, nodes: tuple[Nodes, ...] = ()) -> None:
         self.records, self.start, self.passes = tuple(records), start, 0
-        self.nodes = tuple(Nodes.wide(sticks) for sticks in records)
+        self.nodes = nodes or tuple(Nodes.wide(sticks) for sticks in records)
+        self.firmness = np.eye(start.size) / WEAK**2
 
     def cycles(self, theta: Array) -> list[Cycles]:
+        """What the likelihood finds of every record at theta (7, p)."""
         self.passes += 1
         return [log_likelihood(s, n, theta) for s, n in zip(self.records, self.nodes, strict=True)]
 
@@ -58,6 +62,7 @@ class _Objective:
         return np.hstack([np.vstack([c.log_likelihood for c in self.cycles(part)]) for part in parts])
 
     def prior(self, theta: Array) -> tuple[float, Array]:
+        """Logarithm of the weak prior, and its gradient (7,)."""
         off = (theta - self.start) / WEAK
         return -0.5 * float(off @ off), -off / WEAK
 
@@ -71,7 +76,9 @@ class _Objective:
     def narrow(self, theta: Array) -> None:
         """Nodes to where the strengths lie at theta."""
         found = self.cycles(theta[:, None])
-        self.nodes = tuple(Nodes.about(c.log_strength[:, 0], np.maximum(c.log_strength_sd[:, 0], LEAST_SD)) for c in found)
+        self.nodes = tuple(
+            Nodes.about(c.log_strength[:, 0], np.maximum(c.log_strength_sd[:, 0], LEAST_SD)) for c in found
+        )
 
 
 def start_from_features(records: Sequence[Sticks]) -> Array:
@@ -97,16 +104,16 @@ def start_from_features(records: Sequence[Sticks]) -> Array:
     )
 
 
-def maximise(records: Sequence[Sticks], start: Array | None = None, held: Callable[[Array], Array] | None = None) -> Maximum:
+def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
     """Greatest likelihood of records that share their parameters."""
     first = start_from_features(records) if start is None else start
-    objective = _Objective(records, first)
+    objective = Objective(records, first)
     theta = first
     objective.narrow(theta)
     objective.narrow(theta)
     converged = False
     _, _, scores = objective.slope(theta)
-    inverse = np.linalg.inv(scores.T @ scores + np.eye(theta.size) / WEAK**2)
+    inverse = np.linalg.inv(scores.T @ scores + objective.firmness)
     for _ in range(ROUNDS):
         found = minimize(
             lambda at: tuple(-value for value in objective.slope(at)[:2]),
@@ -122,10 +129,10 @@ def maximise(records: Sequence[Sticks], start: Array | None = None, held: Callab
         if converged and moved.max() < SETTLED:
             break
     covariance, scores, value = _covariance(objective, theta)
-    return Maximum(theta, covariance, value, scores, converged, objective.passes, objective.nodes)
+    return Maximum(first, theta, covariance, value, scores, converged, objective.passes, objective.nodes)
 
 
-def _covariance(objective: _Objective, theta: Array) -> tuple[Array, Array, float]:
+def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float]:
     """Covariance, scores (c, 7) and log likelihood. Per parameter the larger deviation counts: of the Hessian, and of
     the sandwich with neighbouring cycles' scores correlated (Newey and West 1987)."""
     n = theta.size
@@ -143,11 +150,11 @@ def _covariance(objective: _Objective, theta: Array) -> tuple[Array, Array, floa
     for (i, j), plus, minus in zip(pairs, both, neither, strict=True):
         mixed = (plus + minus + 2.0 * total[0] - up[i] - up[j] - down[i] - down[j]) / (2.0 * step[i] * step[j])
         hessian[i, j] = hessian[j, i] = mixed
-    information = -hessian + np.eye(n) / WEAK**2
+    information = -hessian + objective.firmness
     values, vectors = np.linalg.eigh(information / np.outer(sd**-1, sd**-1))
     inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-3)) @ vectors.T * np.outer(sd, sd)
     scores = (each[:, 1 : n + 1] - each[:, n + 1 : 2 * n + 1]) / (2.0 * step)
-    middle = _long_run(scores - scores.mean(axis=0)) + np.eye(n) / WEAK**2
+    middle = _long_run(scores - scores.mean(axis=0)) + objective.firmness
     sandwich = inverse @ middle @ inverse
     scale = np.maximum(1.0, np.sqrt(np.diag(sandwich) / np.diag(inverse)))
     return inverse * np.outer(scale, scale), scores, float(total[0])

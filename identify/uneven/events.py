@@ -106,7 +106,12 @@ def sticks_of(log: Prepared) -> Sticks:
     load = data.normal_force.at(data.time)
     slope = log.segmentation.stick_slope
     rate = (slope[0] if slope is not None else log.rig.stiffness * data.drive_speed) / mean
-    rig = Rig(log.rig.stiffness / mean, log.rig.damping * float(np.sqrt(log.rig.mass / log.rig.stiffness)) / mean, log.rig.mass / mean, rate)
+    rig = Rig(
+        log.rig.stiffness / mean,
+        log.rig.damping * float(np.sqrt(log.rig.mass / log.rig.stiffness)) / mean,
+        log.rig.mass / mean,
+        rate,
+    )
     trace = _Trace(data.time, data.force / load, data.weight > 0.0, data.noise / mean, rig)
     first = log.entry.skip_cycles
     rows: list[_Row] = []
@@ -146,9 +151,7 @@ class _Trace:
     noise: float
     rig: Rig
 
-    def row(
-        self, number: int, before: float | None, slip: tuple[float, float, float], after: float
-    ) -> _Row | None:
+    def row(self, number: int, before: float | None, slip: tuple[float, float, float], after: float) -> _Row | None:
         """Lines and ends of one cycle; before, slip, after: arrest before it, its onset, fall and arrest, and the
         onset after it, as segmented [s]. None where a line or the slip is not seen."""
         onset, fall, arrest = slip
@@ -183,7 +186,7 @@ class _Trace:
         if above <= 0.0:
             return None
         # The rest of the way to the arrest, decelerated as an undamped slip of that drop is.
-        left = float(np.sqrt(rig.mass / rig.stiffness) * np.sqrt(2.0 * above / max(0.5 * drop, 1e-12)))
+        left = float(np.sqrt(rig.mass / rig.stiffness * 4.0 * above / drop))
         stopped = min(float(time[last]) + left, arrest + lasting)
         onset, stopped_at = float(rising(time[first])), float(settled(stopped))
         end = (onset + rig.rate * (stopped - float(time[first])) - stopped_at) / rig.stiffness
@@ -284,4 +287,8 @@ def _averaged(time: Array, force: Array, step: float) -> tuple[Array, Array, flo
         return time, force, 1.0
     until = 1 + inner * many
     middle = [values[1:until].reshape(inner, many).mean(axis=1) for values in (time, force)]
-    return np.append(np.append(time[0], middle[0]), time[-1]), np.append(np.append(force[0], middle[1]), force[-1]), many
+    return (
+        np.append(np.append(time[0], middle[0]), time[-1]),
+        np.append(np.append(force[0], middle[1]), force[-1]),
+        many,
+    )

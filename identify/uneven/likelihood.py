@@ -1,4 +1,4 @@
-"""The likelihood of a record whose cycles differ: every slip filtered, strength and level of every stick integrated out.
+"""The likelihood of a record whose cycles differ: slips are filtered, strength and level of a stick integrated out.
 
 Forces are over the load. A stick met at a level l has strength A, its onset is at l + A; A scatters about the strength
 g(T) that the contact has regained after a rest T. Sliding by u takes friction to l + b(u) + x(u) + A h(u/g): b is
@@ -56,17 +56,16 @@ class Nodes:
 
 @dataclass(frozen=True)
 class Cycles:
-    """What the likelihood finds of every cycle, each (c, p): log_likelihood given all before; log_strength, its
-    deviation, level at the onset, odd (probability that the slip is) after the cycle itself was seen; residuals of
-    the onset, as standard normal quantiles of what the cycles before predict."""
+    """What the likelihood finds of every cycle, each (c, p): log_likelihood given all before; and once the cycle itself
+    was seen: log_strength of the stick with its deviation, level at the onset and after the slip, odd: the probability
+    that the slip is."""
 
     log_likelihood: Array
     log_strength: Array
     log_strength_sd: Array
     level: Array
-    level_sd: Array
+    level_after: Array
     odd: Array
-    quantile: Array
 
 
 def log_likelihood(sticks: Sticks, nodes: Nodes, theta: Array) -> Cycles:
@@ -94,7 +93,7 @@ class _Met:
     @staticmethod
     def of(sticks: Sticks, theta: Array) -> _Met:
         strength, weakening, creep, mass = np.exp(theta[:4])
-        earlier, speed = _nucleation(sticks.slid, sticks.rig, weakening, mass)
+        earlier, speed = onset_motion(sticks.slid, sticks.rig, weakening, mass)
         force = sticks.line[:, None] - sticks.rig.rate * earlier
         typical = sticks.typical_rest if np.isfinite(sticks.rest).any() else 1.0
         rest = np.where(np.isfinite(sticks.rest), sticks.rest, typical)[:, None] - earlier
@@ -109,7 +108,7 @@ class _Met:
         return _Met(force, earlier, speed, regained, rate)
 
 
-def _nucleation(slid: Array, rig: Rig, weakening: Array, mass: Array) -> tuple[Array, Array]:
+def onset_motion(slid: Array, rig: Rig, weakening: Array, mass: Array) -> tuple[Array, Array]:
     """Time (c, p) [s] from rest until the mass has slid so far (c,) [m], and its speed then [m/s].
 
     Near the onset m u'' + c u' - (w - k) u = kappa t, from rest; u grows with t whatever the sign of w - k.
@@ -185,7 +184,7 @@ def _filtered(sticks: Sticks, nodes: Nodes, met: _Met, theta: Array) -> _Slips:
         if still < active:
             state = (u, v, b, x, uu, uv, ub, ux, vv, vb, vx, bb, bx, xx, total)
             rows = slice(size, active * block)
-            _arrested([values[size:] for values in state], rows, above, arrest, level, per_mass, noise, rig, done)
+            _arrested(tuple(values[size:] for values in state), rows, above, arrest, level, per_mass, noise, rig, done)
             u, v, b, x, uu, uv, ub, ux, vv, vb, vx, bb, bx, xx, total = (values[:size] for values in state)
             active = still
         here = slice(0, size)
@@ -230,7 +229,12 @@ def _filtered(sticks: Sticks, nodes: Nodes, met: _Met, theta: Array) -> _Slips:
             q > 1e-3, (2.0 * q - 2.0 * one_less - one_less * one_less) / (q * q), 2.0 * q / 3.0
         )
         crossed = rough_now * one_less * one_less / q
-        uu, uv, ub, ux = au * fuu + av * fuv + ab * fub + ax * fux, au * fvu + av * fvv + ab * fvb + ax * fvx, ab, fade * ax
+        uu, uv, ub, ux = (
+            au * fuu + av * fuv + ab * fub + ax * fux,
+            au * fvu + av * fvv + ab * fvb + ax * fvx,
+            ab,
+            fade * ax,
+        )
         vv = cu * fvu + cv * fvv + cb * fvb + cx * fvx + (averaged + grown / 3.0) * (h * pm) ** 2
         vb, vx = cb - 0.5 * grown * h * pm, fade * cx - crossed * h * pm
         bb, bx = bb + grown, fade * bx
@@ -248,14 +252,14 @@ def _filtered(sticks: Sticks, nodes: Nodes, met: _Met, theta: Array) -> _Slips:
         uu, uv, ub, ux = uu - hu * hu * w, uv - hu * hv * w, ub - hu * hb * w, ux - hu * hx * w
         vv, vb, vx = vv - hv * hv * w, vb - hv * hb * w, vx - hv * hx * w
         bb, bx, xx = bb - hb * hb * w, bx - hb * hx * w, xx - hx * hx * w
-    state = [u, v, b, x, uu, uv, ub, ux, vv, vb, vx, bb, bx, xx, total]
+    state = (u, v, b, x, uu, uv, ub, ux, vv, vb, vx, bb, bx, xx, total)
     _arrested(state, slice(0, active * block), above, arrest, level, per_mass, noise, rig, done)
     back = np.argsort(order)
     return _Slips(*(done[name].reshape(shape)[back] for name in ("total", "b", "bb")))
 
 
 def _arrested(
-    state: list[Array],
+    state: tuple[Array, ...],
     rows: slice,
     above: Array,
     arrest: Array,
@@ -325,10 +329,9 @@ def _chained(sticks: Sticks, nodes: Nodes, met: _Met, slips: _Slips, theta: Arra
         found["log_strength_sd"][j] = np.sqrt((at * (eta - found["log_strength"][j]) ** 2).sum(axis=0))
         found["odd"][j] = weight[:, 1].sum(axis=0)
         found["level"][j] = (at * level[j]).sum(axis=0)
-        found["level_sd"][j] = np.sqrt(np.maximum((at * (level[j] - found["level"][j]) ** 2).sum(axis=0), 1e-30))
-        found["quantile"][j] = 0.0
         after = level[j][:, None, :] + slips.change[j]
         mean = (weight * after).sum(axis=(0, 1))
+        found["level_after"][j] = mean
         variance = (weight * ((after - mean) ** 2 + slips.variance[j])).sum(axis=(0, 1))
         variance = np.maximum(variance, 1e-4 * wander**2 * sticks.end[j])
     return Cycles(**found)

@@ -1,0 +1,244 @@
+"""The estimator of uneven records: from prepared logs to what is told of the pair, with verdicts and reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.level import NORMAL
+from identify.base.outcome import Status
+from identify.estimation.estimator import Estimated, EstimationTask
+from identify.estimation.uncertainty import Estimate
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.model.model import RIG_PARAMETERS
+from identify.uneven import wording
+from identify.uneven.creep import CreepTime, creep_interval
+from identify.uneven.drawn import Begin, Distribution, drawn_distributions
+from identify.uneven.estimator import Maximum, maximise
+from identify.uneven.events import Sticks, sticks_of
+from identify.uneven.likelihood import PARAMETERS, Cycles, log_likelihood
+
+Array = NDArray[np.float64]
+
+FEWEST = 12  # cycles of a log from which scatter and wander are told
+IDENTIFIED, WEAK = 1.2, 3.0  # factors within which both ends of an interval lie
+LARGEST_SCATTER = 0.6  # of the logarithm of the strength: beyond it the law of a stick is none
+ODD_FROM = 0.9  # probability from which a slip is named odd
+AT_RESTS = 25  # places of the curve of strength against rest
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One log as the estimator saw it: number (from 0), sticks and slips, what the likelihood finds of them."""
+
+    number: int
+    log: Prepared
+    sticks: Sticks
+    cycles: Cycles
+
+
+@dataclass(frozen=True)
+class UnevenEstimator:
+    """Filtered marginal likelihood with strength and level of every stick integrated out; keeps to `Estimator`."""
+
+    name: str = "uneven"
+
+    def estimate(self, task: EstimationTask) -> Estimated:
+        """Strength, its scatter, weakening length, mass, wander and roughness of the level, creep time as a bound, and
+        distributions of static peak, drop and period."""
+        left_out = {i: log.left_out for i, log in enumerate(task.logs) if log.left_out is not None}
+        taken: list[tuple[int, Sticks]] = []
+        for number, log in enumerate(task.logs):
+            if number in left_out:
+                continue
+            reason: str | None = wording.not_cycling(log.name) if log.manner.name != "cycles" else None
+            sticks = None if reason else sticks_of(log)
+            if sticks is not None and sticks.count < FEWEST:
+                reason = wording.too_few(log.name, sticks.count, log.segmentation.count, FEWEST)
+            if reason is None and sticks is not None:
+                taken.append((number, sticks))
+            else:
+                left_out[number] = reason or ""
+        if not taken:
+            return Estimated(Status.NO_CYCLES, "; ".join(left_out.values()), (), left_out=left_out)
+        task.progress("cycles that differ", 0.6)
+        records = [sticks for _, sticks in taken]
+        maximum = maximise(records)
+        if not maximum.converged:
+            return Estimated(Status.SOLVER_FAILED, wording.NO_MAXIMUM, (), left_out=left_out)
+        seen = [
+            Seen(number, task.logs[number], sticks, log_likelihood(sticks, nodes, maximum.theta[:, None]))
+            for (number, sticks), nodes in zip(taken, maximum.nodes, strict=True)
+        ]
+        return told(seen, maximum, task, left_out)
+
+
+def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out: Mapping[int, str]) -> Estimated:
+    """What follows from the maximum of the likelihood, quantity by quantity."""
+    records, first = [s.sticks for s in seen], seen[0]
+    withheld = _withheld(maximum, records)
+    creep = CreepTime(None, None) if withheld else creep_interval(records, maximum)
+    load = first.log.data.mean_normal_force
+    own, names, covariance = _quantities(maximum, load, withheld)
+    distributions: dict[str, Any] = {}
+    curve = None
+    if not withheld:
+        drawn = [_drawn(s, maximum, task.seed) for s in seen]
+        distributions = {d.name: d.to_dict() for d in drawn[0]}
+        curve = strength_against_rest(maximum, records)
+    more = {
+        "distributions": distributions or {"reason": withheld},
+        "strength_against_rest": curve or {"reason": withheld},
+        "odd_slips": [{"log": s.number + 1, "cycle": int(c)} for s in seen for c in _odd(s)],
+        "uneven_cycles": [_cycle_table(s) for s in seen],
+        "log_likelihood": maximum.log_likelihood,
+    }
+    estimates = [*own, *_of_a_uniform_pair(task.unknowns, creep, first.sticks.typical_rest, withheld)]
+    return Estimated(
+        status=Status.CONVERGED,
+        message=wording.answered([s.log for s in seen], sum(s.sticks.count for s in seen), withheld),
+        estimates=estimates,
+        names=names,
+        covariance=covariance,
+        curves=[None for _ in task.logs],
+        left_out=left_out,
+        more=more,
+        notes=wording.notes([s.log for s in seen], [s.sticks for s in seen]),
+    )
+
+
+def _withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
+    """Why strength and weakening length are not told; "" where they are."""
+    values = dict(zip(PARAMETERS, np.exp(maximum.theta), strict=True))
+    stiffest = max(sticks.rig.stiffness for sticks in records)
+    if values["weakening_rate"] < stiffest:
+        return wording.SLOWER_THAN_SPRING
+    if values["strength_scatter"] > LARGEST_SCATTER:
+        return wording.scatters_too_much(values["strength_scatter"])
+    return ""
+
+
+def _quantities(maximum: Maximum, load: float, withheld: str) -> tuple[list[Estimate], list[str], Array]:
+    """The estimates of this estimator, and names and covariance [SI] of those with a standard error."""
+    theta, n = maximum.theta, len(PARAMETERS)
+    # Rows: logarithms of what is told, from those of the parameters.
+    rows = {
+        "strength": np.eye(n)[PARAMETERS.index("strength")],
+        "strength_scatter": np.eye(n)[PARAMETERS.index("strength_scatter")],
+        "weakening_length": np.eye(n)[PARAMETERS.index("strength")] - np.eye(n)[PARAMETERS.index("weakening_rate")],
+        "mass": np.eye(n)[PARAMETERS.index("mass")],
+        "level_wander": np.eye(n)[PARAMETERS.index("level_wander")],
+        "level_roughness": np.eye(n)[PARAMETERS.index("level_roughness")],
+    }
+    units = {"weakening_length": "m", "mass": "kg", "level_wander": "1/m^0.5"}
+    estimates, names, errors = [], [], []
+    for name, row in rows.items():
+        value = float(np.exp(row @ theta)) * (load if name == "mass" else 1.0)
+        sd = float(np.sqrt(row @ maximum.covariance @ row))
+        refused = withheld if name in ("strength", "strength_scatter", "weakening_length") else ""
+        estimates.append(_estimate(name, units.get(name, ""), value, sd, refused))
+        if estimates[-1].standard_error is not None:
+            names.append(name)
+            errors.append(row * value)
+    matrix = np.array(errors).reshape(-1, n)
+    return estimates, names, matrix @ maximum.covariance @ matrix.T
+
+
+def _estimate(name: str, unit: str, value: float, sd: float, withheld: str) -> Estimate:
+    """One quantity with the verdict that its interval earns; sd of its logarithm."""
+    if withheld:
+        return Estimate(name, unit, None, None, None, None, "not identifiable", withheld)
+    factor = float(np.exp(NORMAL * sd))
+    low, high = value / factor, value * factor
+    if factor <= WEAK:
+        verdict = "identified" if factor <= IDENTIFIED else "weak"
+        return Estimate(name, unit, value, value * sd, low, high, verdict, wording.reason(name, verdict))
+    if name in ("level_wander", "level_roughness", "strength_scatter"):
+        return Estimate(name, unit, None, None, None, high, "bounded", wording.reason(name, "bounded"))
+    return Estimate(name, unit, None, None, None, None, "not identifiable", wording.reason(name, "not identifiable"))
+
+
+def _of_a_uniform_pair(unknowns: Unknowns, creep: CreepTime, rest: float, withheld: str) -> list[Estimate]:
+    """The parameters of a pair whose cycles are alike: without values, each with its reason; the creep time as far as
+    the record bounds it."""
+    out = []
+    for i, quantity in enumerate(unknowns.model.parameters):
+        if quantity.name in RIG_PARAMETERS:
+            continue
+        if not unknowns.free[i] and quantity.name not in {unknowns.names[j] for j, _, _ in unknowns.ties}:
+            value = float(unknowns.values(unknowns.start, np.where(unknowns.logarithmic, 1.0, 0.0))[i])
+            out.append(Estimate(quantity.name, quantity.unit, value, None, None, None, "fixed", wording.FIXED_NOT_USED))
+        elif quantity.name == "t_cr" and not withheld:
+            out.append(_creep_estimate(creep, rest))
+        else:
+            reason = withheld if quantity.name == "t_cr" else wording.of_a_uniform_pair(quantity.name)
+            out.append(Estimate(quantity.name, quantity.unit, None, None, None, None, "not identifiable", reason))
+    return out
+
+
+def _creep_estimate(creep: CreepTime, rest: float) -> Estimate:
+    low, high = creep.lower, creep.upper
+    if low is None and high is None:
+        return Estimate("t_cr", "s", None, None, None, None, "not identifiable", wording.creep_untold(rest))
+    if low is None or high is None:
+        return Estimate("t_cr", "s", None, None, low, high, "bounded", wording.creep_bounded(low, high, rest))
+    value, factor = float(np.sqrt(low * high)), float(np.sqrt(high / low))
+    if factor > WEAK:
+        return Estimate("t_cr", "s", None, None, low, high, "not identifiable", wording.creep_untold(rest))
+    verdict = "identified" if factor <= IDENTIFIED else "weak"
+    sd = float(np.log(factor)) / NORMAL
+    return Estimate("t_cr", "s", value, value * sd, low, high, verdict, wording.reason("t_cr", verdict))
+
+
+def _drawn(seen: Seen, maximum: Maximum, seed: int) -> tuple[Distribution, Distribution, Distribution]:
+    sticks = seen.sticks
+    begin = Begin(seen.cycles.level_after[:, 0], sticks.arrest, float(np.min(sticks.drop)), sticks.typical_rest)
+    return drawn_distributions(sticks.rig, begin, maximum.theta, maximum.covariance, seed)
+
+
+def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[str, Any]:
+    """Usual strength over the load after rests within the observed range (5 to 95 %), with its 95 % band."""
+    rests = np.concatenate([sticks.rest[np.isfinite(sticks.rest)] for sticks in records])
+    typical = float(np.median([sticks.typical_rest for sticks in records]))
+    shortest, longest = np.quantile(rests, (0.05, 0.95)).tolist()
+    at = np.linspace(shortest, longest, AT_RESTS)
+
+    def logarithm(theta: Array) -> Array:
+        creep = np.exp(theta[2])
+        return np.asarray(theta[0] + np.log(-np.expm1(-at / creep)) - np.log(-np.expm1(-typical / creep)))
+
+    middle, step = logarithm(maximum.theta), 1e-4
+    slopes = np.array([(logarithm(maximum.theta + step * unit) - middle) / step for unit in np.eye(len(PARAMETERS))])
+    sd = np.sqrt(np.einsum("ia,ij,ja->a", slopes, maximum.covariance, slopes))
+    return {
+        "rest_s": at.tolist(),
+        "strength": np.exp(middle).tolist(),
+        "lower": np.exp(middle - NORMAL * sd).tolist(),
+        "upper": np.exp(middle + NORMAL * sd).tolist(),
+    }
+
+
+def _odd(seen: Seen) -> Array:
+    """Numbers of the odd slips of a log (from 1)."""
+    return np.asarray(seen.sticks.number[seen.cycles.odd[:, 0] > ODD_FROM])
+
+
+def _cycle_table(seen: Seen) -> dict[str, Any]:
+    """What is known of every cycle of a log."""
+    sticks, cycles = seen.sticks, seen.cycles
+    return {
+        "log": seen.number + 1,
+        "cycle": sticks.number.tolist(),
+        "onset_s": sticks.anchor.tolist(),
+        "rest_s": sticks.rest.tolist(),
+        "onset": sticks.line.tolist(),
+        "drop": sticks.drop.tolist(),
+        "strength": np.exp(cycles.log_strength[:, 0]).tolist(),
+        "level": cycles.level[:, 0].tolist(),
+        "odd": cycles.odd[:, 0].tolist(),
+    }

@@ -1,0 +1,142 @@
+"""What the estimator of uneven records says to somebody in the laboratory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from identify.base.number_words import three_figures
+from identify.logs.prepare import Prepared
+from identify.uneven.events import Sticks
+
+UNLIKE_SLOPE = 0.25  # of the stick slope that stiffness and drive speed make: a difference that is said
+
+SLOWER_THAN_SPRING = (
+    "friction falls with sliding more slowly than the spring relaxes, so what the slips show is the level's wander and "
+    "not the weakening: strength and weakening length cannot be told; a softer spring, or a slower drive, would tell"
+)
+NO_MAXIMUM = (
+    "cycles differ, and the estimator of uneven records found no most likely answer: look for events that are no slips "
+    "(stickslip inspect --plot), or take a window of steady stick-slip"
+)
+FIXED_NOT_USED = "fixed in the scene; the estimator of uneven records does not use it"
+
+_FREED = {
+    "identified": "",
+    "weak": "; more cycles narrow it",
+    "bounded": "; it may be nothing: only its upper end is told; more cycles, or less noise, tell",
+    "not identifiable": ": these cycles do not tell it; more cycles, or less noise, tell",
+}
+_MEANT = {
+    "strength": "onset force above the slow level after the typical rest, over the load; how the weakening scales with "
+    "the strength is not told and moves it by about 13 %",
+    "strength_scatter": "scatter of the strength from stick to stick, as a share",
+    "weakening_length": "sliding in which the strength is lost",
+    "mass": "from the course of the slips; damping is taken as stated",
+    "level_wander": "random walk of the friction level along the track",
+    "level_roughness": "scatter of the friction level over a few micrometres",
+    "t_cr": "from the strength against the rest of each stick",
+}
+_SPEED = (
+    "a change of friction with speed is not told from the wander of the level within these slips; records at several "
+    "drive speeds on the same track would tell"
+)
+_UNIFORM = {
+    "mu_s": "the level wanders along the track, so that there is no one static coefficient; see strength, and the "
+    "distribution of the static peak",
+    "mu_k0": "the level wanders along the track, so that there is no one kinetic coefficient; see level_wander",
+    "delta_mu_k": _SPEED,
+    "a": _SPEED,
+    "D": "see weakening_length, which is told without the law of a uniform pair",
+}
+
+
+def reason(name: str, verdict: str) -> str:
+    """What a quantity is, and where it is not identified what would tell it."""
+    return f"{_MEANT[name]}{_FREED[verdict]}"
+
+
+def of_a_uniform_pair(name: str) -> str:
+    """Why a parameter of a uniform pair has no value."""
+    return _UNIFORM.get(name, "the estimator of uneven records does not tell it")
+
+
+def scatters_too_much(scatter: float) -> str:
+    """Why the strength is withheld where it scatters more than a strength can."""
+    return (
+        f"the strength scatters by {100 * scatter:.0f} % from stick to stick, more than one law of a stick describes: "
+        "strength and weakening length cannot be told; a slower drive, at which every slip ends in a rest, would tell"
+    )
+
+
+def creep_bounded(lower: float | None, upper: float | None, rest: float) -> str:
+    """A bound on one side."""
+    rests = f"sticks of about {three_figures(rest)} s"
+    if upper is not None:
+        return (
+            f"{rests} are as strong as longer ones within their scatter, so that it is below {three_figures(upper)} s; "
+            "a faster drive, or holds of graded length, tell how far below"
+        )
+    return (
+        f"the strength still grows over {rests}, so that it is above {three_figures(lower or 0.0)} s; a slower drive, "
+        "or longer holds, tell how far above"
+    )
+
+
+def creep_untold(rest: float) -> str:
+    """Neither bound within a factor that says anything."""
+    return (
+        f"sticks of about {three_figures(rest)} s differ too little in length, for their scatter, to tell it; several "
+        "drive speeds, or holds of graded length, would tell"
+    )
+
+
+def too_few(name: str, usable: int, seen: int, fewest: int) -> str:
+    """Too few cycles for a scatter."""
+    return (
+        f"{name} shows {usable} cycles whose stick and slip can be made out, of {seen} that were seen; at least "
+        f"{fewest} are needed to tell how they differ: record longer, or take a window of clear stick-slip"
+    )
+
+
+def not_cycling(name: str) -> str:
+    """A record that is no row of sticks and slips."""
+    return f"{name} does not stick and slip at one drive speed; take a window of it that does"
+
+
+def answered(logs: Sequence[Prepared], cycles: int, withheld: str) -> str:
+    """The sentence of an answer."""
+    worst = max(logs, key=lambda log: log.scatter)
+    differ = (
+        f"friction differs from cycle to cycle (in {worst.name} the drop changes by {100 * worst.scatter:.0f} % from "
+        f"one to the next), so {cycles} cycles were described one by one instead of by one friction pair"
+    )
+    if withheld:
+        return f"{differ}; only mass and level are told: {withheld}"
+    return (
+        f"{differ}; strength, weakening length and their scatter hold for this drive speed, stiffness and load, and "
+        "are no basis for others"
+    )
+
+
+def notes(logs: Sequence[Prepared], records: Sequence[Sticks]) -> list[str]:
+    """What the reader has to know of the rig and of cycles that were left out."""
+    out = []
+    for log, sticks in zip(logs, records, strict=True):
+        stated = log.rig.stiffness * log.data.drive_speed / log.data.mean_normal_force
+        ratio = sticks.rig.rate / stated
+        if abs(ratio - 1.0) > UNLIKE_SLOPE:
+            out.append(
+                f"{log.name}: sticks rise {100 * abs(ratio - 1.0):.0f} % {'faster' if ratio > 1 else 'slower'} than "
+                "stiffness times drive speed: one of the two is not as stated, and the mass goes with the stiffness."
+            )
+        lost = log.segmentation.count - log.entry.skip_cycles - sticks.count
+        if lost > 0:
+            out.append(
+                f"{log.name}: {lost} of {lost + sticks.count} cycles were left out: their slip or the sticks about it "
+                "could not be made out."
+            )
+    out.append(
+        "Extrapolated: not supported by these records, whatever is computed from these numbers for another drive "
+        "speed, stiffness or load; on measured pairs such predictions were 10 to 50 % off."
+    )
+    return out
