@@ -5,7 +5,12 @@ exists, and found again by every later process through the hash of what it compu
 of the arithmetic (no contraction, no fast-math), so both ways give the same numbers. A function that could not be
 compiled leaves a mark in the cache, and no process tries it again for a day or until the compiler is another.
 
-Environment: STICKSLIP_COMPILE=0 keeps the virtual machine; STICKSLIP_CACHE names another folder.
+Compiling takes one core at low priority, less processor time than the process it serves has taken so far, and ends
+`LINGER` seconds after that process at the latest, however it ended. The cache holds `LIMIT` bytes; what was not used
+for longest goes first.
+
+Environment: STICKSLIP_COMPILE=0 keeps the virtual machine; STICKSLIP_CACHE names another folder, STICKSLIP_CACHE_MB
+another limit.
 """
 
 from __future__ import annotations
@@ -15,6 +20,7 @@ import math
 import os
 import platform
 import shutil
+import signal
 import stat
 import subprocess
 import time
@@ -35,23 +41,34 @@ FLAGS = ("-ffp-contract=off", "-fPIC", "-shared")
 LEVELS = {"plain": ("-O0", 3e-5, 200_000), "improved": ("-O1", 1.5e-4, 90_000), "wide": ("-O1", 1.5e-4, 90_000)}
 STALE = 900.0  # seconds after which another process's unfinished work is taken for dead
 AGAIN = 86_400.0  # seconds after which a function that could not be compiled is tried again
+LINGER = 10  # seconds that compiling may go on after the process it serves: the next one finds it done
+LIMIT = 64_000_000  # bytes of machine code that are kept
+SLOWER = 2.0  # times what `LEVELS` tells, which a compilation is granted
 # Compiles every folder given, one after the other; those that still wait are kept from looking dead. A finished library
 # appears under its name at once or not at all, and a mark where there is none; the lock goes whatever happens.
 # It stays in the session of this process: Linux shares processors among sessions first, and nice counts in one only.
-# Hardly nicer than the fit: that is ten times as fast once its functions are compiled.
+# Its standard input is a pipe from this process: that ends when the process does, whatever ended it.
 SCRIPT = """
-trap '' HUP
+exec 3<&0 </dev/null
+(read -r nothing <&3; sleep "$LINGER"; kill -TERM 0) &
+watch=$!
+drop() { for work in "$@"; do name=$(cat "$work/name" 2>/dev/null) && rm -rf "$work" "$CACHE/$name.lock"; done; }
+trap 'drop "$@"; exit 0' TERM HUP INT
 for work in "$@"; do
   touch -c "$@"
   name=$(cat "$work/name") || continue
-  nice -n 3 "$CC" $(cat "$work/flag") $FLAGS -o "$work/function.so" "$work/function.c" -lm &&
+  (ulimit -t $(cat "$work/limit"); exec 3<&-
+   exec nice -n 10 "$CC" $(cat "$work/flag") $FLAGS -o "$work/function.so" "$work/function.c" -lm) &&
     mv "$work/function.so" "$CACHE/$name.so" || touch "$CACHE/$name.failed"
   rm -rf "$work" "$CACHE/$name.lock"
 done
+trap '' TERM
+kill -TERM 0
 """
 
-# One compiling process at a time; it goes on when this one ends.
+# One compiling process at a time.
 _running: list[subprocess.Popen[bytes]] = []
+_granted: list[float] = []  # seconds of processor time, one number per compilation that was started here
 
 
 @cache
@@ -123,7 +140,10 @@ def find(identity: str, name: str) -> ca.Function | None:
     if base is None or not (path := base / f"{identity}.so").is_file():
         return None
     try:
+        os.utime(path)  # used just now: the last to go where the cache is full
         return ca.external(name, str(path))
+    except OSError:  # another process has just made room
+        return None
     except RuntimeError:  # damaged, or nothing in this folder can be run: as if it could not be compiled
         path.unlink(missing_ok=True)
         _mark(base, identity)
@@ -149,26 +169,39 @@ def wait() -> None:
     _running.clear()
 
 
+def stop() -> None:
+    """End what is being compiled; it leaves nothing behind."""
+    for process in _running:
+        with suppress(OSError):
+            os.killpg(process.pid, signal.SIGTERM)
+
+
 def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
-    """Start compiling functions under their keys in the background, those that no other process is at or failed at."""
+    """Start compiling functions under their keys in the background, those that no other process is at or failed at, as
+    long as all that was started here takes less processor time than this process has taken."""
     base, cc = folder(), compiler()
     if base is None or cc is None:
         return
     works: dict[str, Path] = {}
     for function, identity in jobs:
-        if not failed(identity) and _claimed(base, identity):
+        needed = SLOWER * seconds(function, identity)
+        if not failed(identity) and sum(_granted) + needed <= time.process_time() and _claimed(base, identity):
+            _granted.append(needed)
             work = _prepared(base, function, identity)
             if work is not None:
                 works[identity] = work
     if not works:
         return
     _sweep(base)
-    environment = os.environ | {"CC": cc, "FLAGS": " ".join(FLAGS), "CACHE": str(base)}
+    make_room(base)
+    environment = os.environ | {"CC": cc, "FLAGS": " ".join(FLAGS), "CACHE": str(base), "LINGER": str(LINGER)}
     quiet = subprocess.DEVNULL
     command = ["sh", "-c", SCRIPT, "compile", *(str(work) for work in works.values())]
     try:
         _running.append(
-            subprocess.Popen(command, env=environment, stdin=quiet, stdout=quiet, stderr=quiet, process_group=0)
+            subprocess.Popen(
+                command, env=environment, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, process_group=0
+            )
         )
     except OSError:  # no more processes, say: the virtual machine goes on
         for identity, work in works.items():
@@ -213,6 +246,7 @@ def _write(work: Path, function: ca.Function, identity: str) -> None:
         generator.add(function)
         generator.generate(f"{work}{os.sep}")
     (work / "flag").write_text(flag, encoding="ascii")
+    (work / "limit").write_text(str(math.ceil(1.0 + SLOWER * seconds(function, identity))), encoding="ascii")
 
 
 def _give_up(base: Path, identity: str, work: Path) -> None:
@@ -225,6 +259,34 @@ def _give_up(base: Path, identity: str, work: Path) -> None:
 def _mark(base: Path, identity: str) -> None:
     with suppress(OSError):
         (base / f"{identity}.failed").touch()
+
+
+def limit() -> int:
+    """Bytes of machine code that are kept."""
+    told = os.environ.get("STICKSLIP_CACHE_MB", "")
+    return int(1e6 * float(told)) if told.replace(".", "", 1).isdigit() else LIMIT
+
+
+def contents(base: Path) -> list[tuple[float, int, Path]]:
+    """Every file of ours in the cache: when it was used last, its size in bytes, its path; the oldest first."""
+    found = []
+    for path in base.iterdir():
+        if path.suffix in (".so", ".failed") and path.stem.partition("-")[0] in LEVELS:
+            with suppress(OSError):
+                about = path.stat()
+                found.append((about.st_mtime, about.st_size, path))
+    return sorted(found)
+
+
+def make_room(base: Path) -> None:
+    """Remove what was not used for longest until the cache holds no more than its limit."""
+    files = contents(base)
+    held = sum(size for _, size, _ in files)
+    for _, size, path in files:
+        if held <= limit():
+            break
+        path.unlink(missing_ok=True)
+        held -= size
 
 
 def _age(path: Path) -> float:

@@ -16,6 +16,7 @@ from identify.cli.common import (
     Terminal,
     quantity,
 )
+from identify.cli.interrupt import ends_by_itself
 
 if TYPE_CHECKING:
     from identify.studies.planning import Plan
@@ -81,6 +82,7 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
     for note in planned.notes:
         terminal.note(f"note: {note}")
     workers = _workers(arguments, out)
+    ends_by_itself()
     try:
         with BatchProgress(terminal.notes) as teller:
             summary = run_batch(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identify.cli.common import CommandLineError
-from identify.cli.interrupt import check_interrupted
+from identify.cli.interrupt import check_interrupted, unfinished
 
 
 @dataclass(frozen=True)
@@ -89,14 +88,12 @@ def result_folder(out: Path, kind: Kind = RESULT) -> Iterator[Path]:
     out = Path(os.path.realpath(out))
     out.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
-    try:
+    with unfinished(temporary):
         fresh = temporary / "fresh"
         fresh.mkdir()
         yield fresh
         check_interrupted()
         _swap(fresh, out, temporary / "before")
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _swap(fresh: Path, out: Path, aside: Path) -> None:

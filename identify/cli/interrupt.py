@@ -1,24 +1,38 @@
-"""Ctrl-C and SIGTERM: both end a command, also where a solver swallows the KeyboardInterrupt that was raised in it."""
+"""Ctrl-C and SIGTERM: both end a command within seconds, also where a solver swallows the KeyboardInterrupt or works on
+in compiled code that no interrupt reaches."""
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
+import socket
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+GRACE = 1.0  # seconds in which a command may end by itself
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _received: list[int] = []  # signals since the command began
+_unfinished: set[Path] = set()  # folders that must not be left behind
+_stands_down = threading.Event()  # set where the command ends by itself, however long that takes
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
-    """While a command runs, both signals raise KeyboardInterrupt and are remembered for `check_interrupted`."""
+def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None]:
+    """While a command runs, both signals raise KeyboardInterrupt and are remembered for `check_interrupted`.
+
+    Args:
+        last_words: said where the command did not end within `GRACE`; then this process ends, with exit code 130.
+            None: the command may take its time.
+    """
     _received.clear()
-    signals = (signal.SIGINT, signal.SIGTERM)
     try:
-        before = [signal.signal(number, _interrupt) for number in signals]
+        before = [signal.signal(number, _interrupt) for number in SIGNALS]
     except ValueError:  # not the main thread: signals do not come here
         yield
         return
@@ -31,11 +45,70 @@ def interruptible() -> Iterator[None]:
 
     sys.unraisablehook = without_interruptions
     try:
-        yield
+        with _watched(last_words):
+            yield
     finally:
         sys.unraisablehook = unraisable
-        for number, handler in zip(signals, before, strict=True):
+        for number, handler in zip(SIGNALS, before, strict=True):
             signal.signal(number, handler)
+
+
+@contextmanager
+def _watched(last_words: Callable[[], None] | None) -> Iterator[None]:
+    """A thread hears of a signal at once, while Python's own handler waits until compiled code returns."""
+    if last_words is None:
+        yield
+        return
+    _stands_down.clear()
+    sender, receiver = socket.socketpair()
+    sender.setblocking(False)
+    before = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+    ended = threading.Event()
+
+    def watch() -> None:
+        while (heard := receiver.recv(1)) and heard[0] not in SIGNALS:
+            pass
+        if heard and not ended.wait(GRACE) and not _stands_down.is_set():
+            _leave(last_words)
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
+        signal.set_wakeup_fd(before)
+        sender.close()
+
+
+def _leave(last_words: Callable[[], None]) -> NoReturn:
+    """End this process here and now."""
+    if native := sys.modules.get("identify.base.native"):
+        native.stop()
+    for folder in _unfinished:
+        shutil.rmtree(folder, ignore_errors=True)
+    with suppress(Exception):
+        if sys.stderr.isatty():
+            sys.stderr.write("\r\x1b[K\x1b[?25h")  # the line of a progress bar, and the cursor it hid
+        last_words()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(130)
+
+
+def ends_by_itself() -> None:
+    """The command heeds signals between short steps and has to put things in order before it ends: no last resort."""
+    _stands_down.set()
+
+
+@contextmanager
+def unfinished(folder: Path) -> Iterator[None]:
+    """Have a temporary folder removed however the command ends."""
+    _unfinished.add(folder)
+    try:
+        yield
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        _unfinished.discard(folder)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:

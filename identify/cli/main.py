@@ -9,7 +9,7 @@ import sys
 import traceback
 import warnings
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, NoReturn
 
@@ -56,6 +56,7 @@ def commands() -> tuple[ModuleType, ...]:
     from identify.cli import (
         amplitude,
         batch,
+        cache,
         compare,
         convert,
         demo,
@@ -68,7 +69,7 @@ def commands() -> tuple[ModuleType, ...]:
         verify,
     )
 
-    return demo, inspect, steps, scene, fit, verify, batch, compare, simulate, stability, amplitude, convert
+    return demo, inspect, steps, scene, fit, verify, batch, compare, simulate, stability, amplitude, convert, cache
 
 
 def build_parser() -> ArgumentParser:
@@ -101,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     json_mode, debug = "--json" in given, "--debug" in given
     _never_stumble_over_an_encoding()
     try:
-        with interruptible():
+        with interruptible(_last_words(json_mode) if argv is None else None):
             answer = _ended(given, json_mode, debug)
         _print_document(answer, json_mode)
         sys.stdout.flush()
@@ -109,6 +110,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return answer.code
+
+
+def _last_words(json_mode: bool) -> Callable[[], None]:
+    """What is said where the command had to be ended from outside."""
+    out = sys.stdout  # while a command runs, its words may be sent elsewhere
+
+    def say() -> None:
+        with contextlib.redirect_stdout(out):
+            _print_document(_failed(INTERRUPTED, STOPPED, False), json_mode)
+
+    return say
 
 
 def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:

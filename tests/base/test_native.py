@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 import weakref
 from pathlib import Path
@@ -146,29 +148,115 @@ def test_lanes_beyond_the_last_full_call_are_not_filled_up(lanes, monkeypatch):
     assert calls == [(size, n) for size, n in ((32, lanes - lanes % 32), (2, lanes % 32)) if n]
 
 
-def ignores(process: int, what: signal.Signals) -> bool:
-    status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
-    ignored = next(line for line in status.splitlines() if line.startswith("SigIgn:"))
-    return bool(int(ignored.split()[1], 16) >> (what - 1) & 1)
+HEAVY = """
+import sys
+from identify.base import native
+from tests.base.test_native import large
+f = large(int(sys.argv[1]))
+native.start([(f, native.key(f))])
+print(native._running[0].pid, flush=True)
+sys.stdin.readline()
+"""
 
 
-@pytest.mark.skipif(
-    not Path("/proc/self/status").exists(), reason="signals of a process are looked up as Linux has them"
-)
-def test_the_compiler_steps_back_for_the_fit_and_outlives_its_terminal(machine_code):
+def large(terms: int) -> ca.Function:
+    """A function that takes seconds to compile."""
+    x, out = ca.SX.sym("x"), 0.0
+    for i in range(terms):
+        out = ca.sin(out * x + i)
+    return ca.Function("large", [x], [out])
+
+
+def group_is_gone(group: int, within: float) -> bool:
+    until = time.monotonic() + within
+    while time.monotonic() < until:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.parametrize("end", ["closed", signal.SIGKILL])
+def test_what_is_compiled_ends_with_its_process_however_that_ends(machine_code, end):
+    """And leaves nothing behind; a compiler that takes half a minute stands for a large function."""
+    script = f"import identify.base.native as n; n.LINGER = 0; n._granted.append(-1e3)\n{HEAVY}"
+    cc = machine_code.parent / "bin" / "cc"
+    cc.parent.mkdir()
+    cc.write_text("#!/bin/sh\nsleep 30\n", encoding="ascii")
+    cc.chmod(0o755)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
+        "PATH": f"{cc.parent}{os.pathsep}{os.environ['PATH']}",
+    }
+    command = [sys.executable, "-c", script, "50"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment) as process:
+        group = int(process.stdout.readline())
+        assert not group_is_gone(group, 0.5), "it works while its process lives"
+        process.stdin.close() if end == "closed" else process.send_signal(end)
+        process.wait()
+        assert group_is_gone(group, 2.0)
+    assert [path.name for path in machine_code.iterdir()] == []
+
+
+def test_the_compiler_steps_back_and_is_told_to_stop(machine_code):
     """Nice counts within a session only; an interrupt from the keyboard reaches the foreground's process group."""
-    f = function(7.0)
-    native.start([(f, native.key(f, lanes=True))])
+    f = large(5000)
+    native.start([(f, native.key(f))])
     (compiling,) = native._running
     assert os.getsid(compiling.pid) == os.getsid(0)
     assert os.getpgid(compiling.pid) != os.getpgid(0)
-    until = time.monotonic() + 10.0
-    while compiling.poll() is None and not ignores(compiling.pid, signal.SIGHUP) and time.monotonic() < until:
-        time.sleep(0.001)
-    assert compiling.poll() is None, "compiling takes longer than setting a trap"
-    os.killpg(compiling.pid, signal.SIGHUP)
+    assert "nice -n 10" in native.SCRIPT and "ulimit -t" in native.SCRIPT
+    time.sleep(0.5)  # it is at work
+    native.stop()
+    assert compiling.wait(5.0) == 0 and group_is_gone(compiling.pid, 2.0)
+    assert list(machine_code.iterdir()) == []
+
+
+def test_no_more_is_compiled_than_the_process_itself_has_taken(machine_code, monkeypatch):
+    needed = native.SLOWER * native.seconds(function(3.0), native.key(function(3.0), lanes=True))
+    for spent, expected in ((0.9, 0), (1.1, 1), (1.9, 1), (2.1, 2)):
+        monkeypatch.setattr(native, "_granted", [])
+        monkeypatch.setattr(native.time, "process_time", lambda spent=spent: spent * needed)
+        jobs = [(f, native.key(f, lanes=True)) for f in (function(2.0 + spent), function(20.0 + spent))]
+        native.start(jobs)
+        native.wait()
+        assert sum(native.find(key, "sample") is not None for _, key in jobs) == expected
+    assert not list(machine_code.glob("*.lock"))
+
+
+def test_a_compilation_that_takes_too_long_is_ended_and_marked(machine_code, monkeypatch):
+    monkeypatch.setattr(native, "LEVELS", {"plain": ("-O2", 1e-9, 10**9)})  # promised in no time, granted 1 s
+    f = large(20_000)
+    began = time.monotonic()
+    native.start([(f, native.key(f))])
     native.wait()
-    assert native.find(native.key(f, lanes=True), "sample") is not None
+    assert native.failed(native.key(f)) and time.monotonic() - began < 20.0
+    assert [path.suffix for path in machine_code.iterdir()] == [".failed"]
+
+
+def test_the_cache_keeps_to_its_limit_and_lets_go_of_the_oldest(machine_code, monkeypatch):
+    base, day = native.folder(), 86_400.0
+    for number in range(4):
+        path = base / f"plain-{number}.so"
+        path.write_bytes(bytes(400_000))
+        os.utime(path, (time.time() - day * (4 - number),) * 2)
+    (base / "mine.so").write_bytes(bytes(10))  # not of ours: stays
+    monkeypatch.setenv("STICKSLIP_CACHE_MB", "1")
+    native.make_room(base)
+    assert sorted(path.name for path in base.iterdir()) == ["mine.so", "plain-2.so", "plain-3.so"]
+    monkeypatch.setenv("STICKSLIP_CACHE_MB", "nonsense")
+    assert native.limit() == native.LIMIT
+
+
+def test_what_is_used_again_is_not_the_oldest(machine_code):
+    made(function())
+    (library,) = machine_code.glob("*.so")
+    os.utime(library, (time.time() - 1e6,) * 2)
+    assert native.find(native.key(function(), lanes=True), "sample") is not None
+    assert native._age(library) < 60.0
 
 
 def test_a_damaged_library_is_as_good_as_none(machine_code):
