@@ -82,8 +82,7 @@ def _watched(last_words: Callable[[], None] | None) -> Iterator[None]:
 
 def _leave(last_words: Callable[[], None]) -> NoReturn:
     """End this process here and now."""
-    if native := sys.modules.get("identify.base.native"):
-        native.stop()
+    _stop_compiling()
     for folder in _unfinished:
         shutil.rmtree(folder, ignore_errors=True)
     with suppress(Exception):
@@ -93,6 +92,11 @@ def _leave(last_words: Callable[[], None]) -> NoReturn:
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(130)
+
+
+def _stop_compiling() -> None:
+    if native := sys.modules.get("identify.base.native"):
+        native.stop()
 
 
 def ends_by_itself() -> None:
@@ -122,12 +126,13 @@ def interrupted() -> bool:
 
 
 def taken_as_handled() -> None:
-    """Let the exit code stand, once a KeyboardInterrupt was caught.
+    """Let the exit code stand, once a KeyboardInterrupt was caught, and leave no compiler at work.
 
     Where it came within the `exec` of a text, as dataclasses and namedtuples do, Python remembers it as unhandled and
     dies by the signal at its end (`python -m`); the next `exec` that ends well makes it forget.
     """
     exec("")
+    _stop_compiling()
 
 
 def check_interrupted() -> None:
