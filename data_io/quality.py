@@ -17,6 +17,7 @@ from data_io.rest import FEWEST, Rest, Rests, find_rests
 from data_io.sampling import Sampling, describe_sampling
 from data_io.thinned import kept, shown, thinned
 from data_io.thresholds import DEFAULTS, Thresholds
+from data_io.wording import percent
 
 Verdict = Literal["accept", "accept with warnings", "reject"]
 
@@ -118,7 +119,7 @@ def assess(record: Record, used: npt.NDArray[np.bool_] | None = None, thresholds
     notes += [*about_friction, *about_load, *about_rest]
     if severity := thresholds.severity("coefficient", error or 0.0):
         text = (
-            f"the file's own coefficient differs from friction force / normal force by {100 * (error or 0.0):.0f} % "
+            f"the file's own coefficient differs from friction force / normal force by {percent(error or 0.0)} "
             "(median); check zero points and columns"
         )
         notes.append(Finding("coefficient_disagrees", severity, text))
@@ -156,7 +157,7 @@ def _rest_findings(
     share = abs(residual or 0.0) / sliding if sliding else 0.0
     if residual is not None and (severity := limits.severity("residual_force", share)):
         text = (
-            f"the friction force shows {residual:.3g} N {when}, {100 * share:.0f} % of the sliding force; zero the "
+            f"the friction force shows {residual:.3g} N {when}, {percent(share, of='the sliding force')}; zero the "
             f"sensor or take it off with {remedy}"
         )
         notes.append(Finding("residual_force", severity, text))

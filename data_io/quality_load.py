@@ -11,6 +11,7 @@ from data_io.quality_signal import clipping
 from data_io.record import Record
 from data_io.thinned import kept, thinned
 from data_io.thresholds import Thresholds
+from data_io.wording import percent
 
 UNLOADED: Final = 0.1
 """Share of the typical load below which a row counts as not loaded."""
@@ -72,21 +73,21 @@ def _course(time: FloatArray, normal: FloatArray, level: float) -> tuple[float, 
 
 
 def _findings(load: Load, limits: Thresholds) -> list[Finding]:
-    notes = []
+    notes, level = [], f"{load.level:.3g} N"
     if severity := limits.severity("unloaded_rows", load.unloaded):
         share = f"{100 * load.unloaded:.1f} % of the rows press with less than {100 * UNLOADED:.0f} % of the load"
-        text = f"{share} ({load.level:.3g} N); leave them out with window or choose the loaded step"
+        text = f"{share} ({level}); leave them out with window or choose the loaded step"
         notes.append(Finding("unloaded_rows", severity, text))
     if severity := limits.severity("load_drift", abs(load.drift)):
         word = "rises" if load.drift > 0 else "falls"
         text = (
-            f"the normal force {word} by {100 * abs(load.drift):.0f} % of {load.level:.3g} N from the first to the "
+            f"the normal force {word} by {percent(abs(load.drift), of=level)} from the first to the "
             "last tenth; a fit follows it with the effect varying_normal_force, and else takes the mean"
         )
         notes.append(Finding("load_drift", severity, text))
     if severity := limits.severity("load_ripple", load.ripple):
         text = (
-            f"the normal force ripples by {100 * load.ripple:.0f} % of {load.level:.3g} N (standard deviation); check "
+            f"the normal force ripples by {percent(load.ripple, of=level)} (standard deviation); check "
             "the load control and the flatness of the track"
         )
         notes.append(Finding("load_ripple", severity, text))

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
 from identify.cli.interrupt import check_interrupted
+from identify.cli.progress import draws
 from identify.studies.pace import in_words
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class BatchProgress:
 
     def begins(self, total: int, kept: int) -> None:
         """So many groups in all, of which `kept` had ended before."""
-        if self._stream.isatty():
+        if draws(self._stream):
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bar

@@ -11,6 +11,7 @@ import numpy as np
 from data_io import Record, Step
 from data_io.record import WINDOW_START
 from data_io.thresholds import DEFAULTS, Thresholds
+from data_io.wording import percent
 from identify.base.plain_text import columns, wrapped
 from identify.base.speeds import programme_text
 from identify.cli.common import Terminal
@@ -96,7 +97,7 @@ def say(seen: Inspection, terminal: Terminal) -> None:
         if source := record.metadata.get(f"{role}_source"):
             terminal.say(f"  {role.replace('_', ' ')}: {source}")
     terminal.say(wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  "))
-    terminal.say(f"  normal force: {quantity(quality.load, 'N')}, drift {100 * quality.load_drift:+.1f} %")
+    terminal.say(f"  normal force: {quantity(quality.load, 'N')}, drift {percent(quality.load_drift, 1, signed=True)}")
     terminal.say(wrapped(f"drive speed: {_speed(seen)}", "  "))
     terminal.say(f"  verdict: {seen.judgement.verdict}")
     for finding in seen.judgement.findings:

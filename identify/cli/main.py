@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import sys
 import traceback
 import warnings
@@ -23,6 +22,7 @@ from identify.cli.common import (
     standard_terminal,
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
+from identify.cli.outlets import outlets
 from identify.cli.shortened import shortened
 
 STOPPED = "interrupted; no half-written result is left behind"
@@ -100,15 +100,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     json_mode, debug = "--json" in given, "--debug" in given
-    _never_stumble_over_an_encoding()
-    try:
+    with outlets():
         with interruptible(_last_words(json_mode) if argv is None else None):
             answer = _ended(given, json_mode, debug)
-        _print_document(answer, json_mode)
-        sys.stdout.flush()
-    except BrokenPipeError:  # the reader has what it wanted, as in: stickslip inspect LOG | head
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        try:
+            _print_document(answer, json_mode)
+            sys.stdout.flush()
+        except OSError as error:
+            answer = _failed(WRONG_INPUT, _sentence(error), debug)
     return answer.code
 
 
@@ -129,8 +128,6 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
         answer = _run(given, json_mode)
         check_interrupted()
         return answer
-    except BrokenPipeError:
-        raise
     except KeyboardInterrupt:
         taken_as_handled()
         return _failed(INTERRUPTED, STOPPED, debug)
@@ -190,15 +187,11 @@ def _failed(code: int, message: str, debug: bool) -> Answer:
 
 
 def _print_document(answer: Answer, json_mode: bool) -> None:
+    spelled_out = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
     if json_mode and answer.code in (DEFECT, WRONG_INPUT, INTERRUPTED):
-        print(json.dumps(answer.document, ensure_ascii=False))
+        print(json.dumps(answer.document, ensure_ascii=spelled_out))
     elif json_mode:
         from identify.report.document import plain
 
-        print(json.dumps({"schema": 1, **plain(answer.document)}, ensure_ascii=False, allow_nan=False))
-
-
-def _never_stumble_over_an_encoding() -> None:
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+        document = {"schema": 1, **plain(answer.document)}
+        print(json.dumps(document, ensure_ascii=spelled_out, allow_nan=False))

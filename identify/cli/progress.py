@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
@@ -10,6 +11,11 @@ from identify.cli.interrupt import check_interrupted
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
+
+
+def draws(stream: TextIO) -> bool:
+    """Whether a bar can be drawn there: on a terminal that moves its cursor."""
+    return stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
 class Progress:
@@ -22,7 +28,7 @@ class Progress:
         self._stage = ""
 
     def __enter__(self) -> Self:
-        if self._stream.isatty():
+        if draws(self._stream):
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bar

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from data_io.frozen import Finding
 from data_io.thresholds import Thresholds
+from data_io.wording import percent
 from identify.logs.segment import Segmentation
 from identify.logs.sharpness import Sharpness, harmonic_share, sharpness
 from identify.logs.still_loading import ENDS_LOADING, REMEDY, still_loading
@@ -70,20 +71,20 @@ def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
     if slope is not None and part.expected_slope and (severity := limits.severity("stick_slope", abs(slope))):
         text = (
             f"in stick the force rises at {(1 + slope) * part.expected_slope:.4g} N/s, where stiffness times drive "
-            f"speed is {part.expected_slope:.4g} N/s ({100 * slope:+.0f} %): check both, and the drive"
+            f"speed is {part.expected_slope:.4g} N/s ({percent(slope, signed=True)}): check both, and the drive"
         )
         notes.append(Finding("stick_slope", severity, text))
     if drift is not None and (severity := limits.severity("friction_drift", abs(drift))):
         word = "rises" if drift > 0 else "falls"
         text = (
-            f"the friction force over the load {word} by {100 * abs(drift):.0f} % from the first to the last third of "
+            f"the friction force over the load {word} by {percent(abs(drift))} from the first to the last third of "
             "the slips: running-in, wear or a drifting zero? Cut it with skip_cycles or window"
         )
         notes.append(Finding("friction_drift", severity, text))
     scatter = _scatter(found)
     if scatter is not None and (severity := limits.severity("uneven_cycles", scatter)):
         text = (
-            f"the slips differ: their drop scatters by {100 * scatter:.0f} % from one to the next, while the model "
+            f"the slips differ: their drop scatters by {percent(scatter)} from one to the next, while the model "
             "takes all cycles as alike; look for an uneven track, and judge by the classical table"
         )
         notes.append(Finding("uneven_cycles", severity, text))
@@ -182,5 +183,6 @@ def _drift(part: Part) -> float | None:
         return None
     middle = (cycles.middle / _load_at(part, cycles.fall))[1:]
     third = max(middle.size // 3, 1)
-    level = abs(float(np.median(middle)))
+    # about zero force the middles say nothing of how large the force is
+    level = max(abs(float(np.median(middle))), 0.5 * abs(float(np.median(cycles.drop))))
     return float(np.median(middle[-third:]) - np.median(middle[:third])) / level if level else None

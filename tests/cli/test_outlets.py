@@ -1,0 +1,116 @@
+"""Words arrive on consoles of any encoding, and exit codes do not depend on who listens."""
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from data_io.wording import percent
+from identify.cli.outlets import SPELLED
+
+ROOT = Path(__file__).parents[2]
+PLAIN, STROKES = (ROOT / "tests/cases" / name for name in ("plain.csv", "strokes_300_without_position.csv.gz"))
+AS_STROKES = (str(STROKES), "--columns", "friction_force=Ft", "--normal-force", "5 N")
+MISSING = "no_such_log.csv"
+
+
+def command(*words, shell="", encoding=None, **settings):
+    """Run `stickslip`, perhaps with what a shell puts behind it; returns the finished process."""
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    env |= {"PYTHONIOENCODING": encoding} if encoding else {}
+    run = [sys.executable, "-m", "identify", *words]
+    if shell:
+        run = ["bash", "-c", f'"$@" {shell}', "bash", *run]
+    return subprocess.run(run, capture_output=True, env=env, timeout=60, check=False, **settings)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii", "latin-1", "cp437"])
+def test_minus_signs_survive_a_console_that_has_none(encoding):
+    plain, there = command("inspect", str(PLAIN)), command("inspect", str(PLAIN), encoding=encoding)
+    assert plain.returncode == there.returncode == 0
+    (line,) = (text for text in plain.stdout.decode().split("\n") if "normal force drift" in text)
+    assert "−" in line
+    assert line.replace("−", "-") in there.stdout.decode(encoding)
+    assert "?" not in there.stdout.decode(encoding)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_document_of_a_foreign_console_is_sound_json(encoding):
+    done = command("inspect", *AS_STROKES, "--json", encoding=encoding)
+    assert json.loads(done.stdout.decode(encoding))["status"] == "done"
+
+
+def test_every_spelling_is_plain_ascii():
+    assert all(letter not in text and text.isascii() for letter, text in SPELLED.items())
+
+
+@pytest.mark.parametrize(
+    "closed", [">&-", "2>&-", ">&- 2>&-", "<&-", "<&- >&- 2>&-", "2>/dev/full", "| true", "2>&1 | true"]
+)
+@pytest.mark.parametrize(("log", "code"), [(PLAIN, 0), (MISSING, 2)])
+def test_exit_code_is_that_of_the_work_whoever_listens(log, code, closed):
+    done = command("inspect", str(log), shell=f"{closed}; exit ${{PIPESTATUS[0]}}")
+    assert done.returncode == code
+    assert b"Traceback" not in done.stderr and b"Exception ignored" not in done.stderr
+
+
+def test_full_disk_behind_standard_output_is_an_error_in_words():
+    done = command("inspect", str(PLAIN), shell=">/dev/full; exit ${PIPESTATUS[0]}")
+    assert done.returncode == 2
+    assert done.stderr.decode().startswith("stickslip: ") and done.stderr.count(b"\n") == 1
+
+
+def test_file_that_is_read_does_not_take_the_place_of_a_closed_output(tmp_path):
+    out = tmp_path / "log.h5"
+    assert command("convert", str(PLAIN), "--out", str(out), shell=">&- 2>&-").returncode == 0
+    assert command("inspect", str(out)).returncode == 0
+
+
+@pytest.mark.parametrize(("kind", "drawn"), [("xterm", True), ("dumb", False)])
+def test_dumb_terminal_gets_plain_lines(kind, drawn):
+    code = (
+        "import sys; from identify.cli.progress import Progress\n"
+        "with Progress(sys.stderr) as told:\n    told('reading', 0.5)\n"
+    )
+    child, terminal = pty.fork()
+    if child == 0:
+        os.environ["TERM"] = kind
+        os.chdir(ROOT)
+        os.execv(sys.executable, [sys.executable, "-c", code])
+    shown = b""
+    while True:
+        try:
+            block = os.read(terminal, 4096)
+        except OSError:  # Linux: the other end is closed
+            break
+        if not block:
+            break
+        shown += block
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert (b"\x1b" in shown) == drawn
+    assert b"reading" in shown
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [(0.123, "12 %"), (-1e-9, "0 %"), (-0.004, "0 %"), (-0.4, "-40 %"), (20.0, "20 times"), (6e13, "many times"),
+     (float("inf"), "many times")],
+)  # fmt: skip
+def test_shares_are_said_as_what_they_mean(share, words):
+    assert percent(share) == words
+
+
+def test_signed_and_whole():
+    assert percent(-1e-6, 1, signed=True) == "+0.0 %"
+    assert percent(0.031, 1, signed=True) == "+3.1 %"
+    assert percent(0.5, of="3 N") == "50 % of 3 N"
+    assert percent(50.0, of="3 N") == "50 times 3 N"
+
+
+def test_no_share_beyond_all_measure_of_a_force_about_zero():
+    told = command("inspect", *AS_STROKES).stdout.decode()
+    assert "from the first to the last third" not in " ".join(told.split())
