@@ -74,6 +74,7 @@ class ParameterView:
     verdict_mark: str
     reason: str
     bare: bool = False  # an interval, and no standard error that goes with it
+    practical: str = ""  # the interval with the tolerances of rig and sensors
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,17 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> ParameterView:
         verdict_mark=VERDICT_MARK.get(verdict, ""),
         reason=str(entry.get("reason") or ""),
         bare=error is None and scattered is not None,
+        practical=_practical(entry, shown, scale.factor),
     )
+
+
+def _practical(entry: Mapping[str, Any], shown: float | None, factor: float) -> str:
+    """The interval with the tolerances, with as many decimals as that one is worth."""
+    interval = entry.get("interval_with_tolerances")
+    if interval is None or shown is None:
+        return ""
+    ends = [abs(end / factor - shown) for end in interval if finite(end) is not None]
+    return _interval(interval, factor, places_for(min(ends, default=0.0) / 2, shown))
 
 
 def _interval(interval: Any, factor: float, places: int) -> str:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import time
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL
+from identify.base.level import LEVEL, NORMAL
 from identify.base.outcome import Status
 from identify.diagnosis.choice import Choice, as_listed, document_of
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.held import held_document
+from identify.estimation.allowed import slowness
 from identify.estimation.attempt import Clock
+from identify.estimation.tolerances import added_by_tolerances
 from identify.estimation.uncertainty import Estimate
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
@@ -28,6 +31,7 @@ from identify.report.log_document import log_document
 from identify.report.log_outlook import outlooks_of
 from identify.report.result_notes import notes_of
 from identify.scene import Scene
+from identify.scene.values import USUAL_TOLERANCES
 
 Array = NDArray[np.float64]
 
@@ -74,6 +78,8 @@ def document(
     }
     if converged and found.attempt is not None:
         result["rig_sensitivity"] = _rig_sensitivity(scene, found)
+        result["tolerances"] = tolerances = _tolerances(scene, found)
+        _add_second_intervals(result["parameters"], found, {n: t["relative"] for n, t in tolerances.items()})
         result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
     elif not converged:
         iterate: dict[str, Any] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
@@ -256,6 +262,45 @@ def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
             continue
         out[quantity] = _shifts(found, RIG_ERROR * move)
     return out
+
+
+def _tolerances(scene: Scene, found: Findings) -> dict[str, Any]:
+    """What the second intervals allow for: errors that the first ones take as none, one standard deviation each."""
+    settled = {*scene.parameters, *scene.rig.tolerances}  # the intervals of the fit hold these
+    if "force_sensor" in scene.effects:
+        settled.add("friction_force")
+    return {
+        name: {"relative": share, "source": "scene" if name in scene.tolerances else "usual"}
+        for name, share in {**USUAL_TOLERANCES, **scene.tolerances}.items()
+        if name not in settled and not (name == "damping" and "damping" not in found.unknowns.names)
+    }
+
+
+def _add_second_intervals(parameters: dict[str, Any], found: Findings, tolerances: Mapping[str, float]) -> None:
+    """Beside each interval the one that errors of rig and sensors widen; in the same list, null where that has none."""
+    assert found.information is not None and found.attempt is not None
+    unknowns, solved = found.unknowns, found.attempt.solved
+    values = unknowns.values(solved.theta, found.attempt.prepared[0].data.base)
+    memory = slowness(found.attempt, found.sure.colours) if found.sure is not None else 1.0
+    added = added_by_tolerances(found.information, values, tolerances, memory)
+    by_name = dict(zip(np.array(unknowns.names)[unknowns.free].tolist(), (NORMAL * added).tolist(), strict=True))
+    logarithmic = dict(zip(unknowns.names, unknowns.logarithmic.tolist(), strict=True))
+    for name, entry in parameters.items():
+        base = str(entry.get("parameter") or name)
+        if entry["verdict"] == "fixed" or base not in by_name or entry["value"] is None:
+            continue
+        entry["interval_with_tolerances"] = [
+            _farther(entry["value"], end, by_name[base], logarithmic[base]) for end in entry["interval"]
+        ]
+
+
+def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> float | None:
+    """The end of an interval, moved out by an independent error, which is one of the logarithm where that counts."""
+    if end is None or end == value:
+        return end
+    if logarithmic and end > 0.0:
+        return value * math.exp(math.copysign(math.hypot(math.log(end / value), by), end - value))
+    return value + math.copysign(math.hypot(end - value, by), end - value)
 
 
 def _shifts(found: Findings, move: Array) -> dict[str, Any]:

@@ -27,6 +27,8 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str]:
             yield wrapped(f"log {number} took no part: {log['reason_left_out']}", "  ")
     yield ""
     yield parameter_table(result["parameters"])
+    if meaning := tolerances_text(result.get("tolerances") or {}):
+        yield wrapped(meaning, "  ")
     yield ""
     effects = result.get("effects") or {}
     if effects.get("chosen") == "auto":
@@ -43,9 +45,28 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str]:
 
 
 def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
-    """Value, standard error, 95 % interval and verdict of each parameter, in lab units."""
-    rows = [["", "value", "95 % interval", "unit", "verdict"]]
-    for view in parameter_views(parameters):
-        value = f"{view.value} ± {view.error}" if view.error else view.value
-        rows.append([view.name, value, view.interval, view.unit, view.verdict])
+    """Value, both 95 % intervals and verdict of each parameter, in lab units; where no interval with tolerances is
+    known, the standard error stands beside the value."""
+    views = parameter_views(parameters)
+    both = any(view.practical for view in views)
+    rows = [["", "value", "95 %, rig exact", "95 %, tolerances", "unit", "verdict"]]
+    for view in views:
+        value = view.value if both or not view.error else f"{view.value} ± {view.error}"
+        rows.append([view.name, value, view.interval, view.practical, view.unit, view.verdict])
+    if not both:
+        rows = [[*row[:3], *row[4:]] for row in rows]
+        rows[0][2] = "95 % interval"
     return columns(rows)
+
+
+def tolerances_text(tolerances: Mapping[str, Mapping[str, Any]]) -> str:
+    """What the two intervals mean: "" where there is one only."""
+    if not tolerances:
+        return ""
+    words = {"friction_force": "gain of the friction force", "normal_force": "gain of the normal force"}
+    listed = [f"{words.get(n, n.replace('_', ' '))} {100 * t['relative']:g} %" for n, t in tolerances.items()]
+    usual = "" if all(t["source"] == "scene" for t in tolerances.values()) else "usual "
+    return (
+        "rig exact: noise alone, to compare runs on this rig. tolerances: with errors of rig and sensors, to compare "
+        f"with other rigs ({usual}standard deviations: {', '.join(listed)}; [tolerances] in the scene changes them)"
+    )

@@ -36,7 +36,7 @@ class Scene:
     A rig quantity (mass, stiffness, damping) stands in `parameters` only if it is to be estimated. While the effects
     are still to be chosen ("auto"), `parameters` holds those of every effect; `with_effects` settles them.
     `extrapolate`: effects that are used outside the range of their measurements. `thresholds`: of the quality gate.
-    `time_limit`: of a fit [s].
+    `time_limit`: of a fit [s]. `tolerances`: relative, of what the second intervals allow for, in place of the usual.
 
     Raises:
         SceneError: parts that contradict each other, one sentence.
@@ -52,6 +52,7 @@ class Scene:
     thresholds: Thresholds = DEFAULTS
     extrapolate: tuple[str, ...] = ()
     time_limit: float = DEFAULT_TIME_LIMIT
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     source: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -230,5 +231,6 @@ def _build(document: Mapping[str, Any], folder: Path, name: str, source: Path | 
         thresholds=parts.thresholds,
         extrapolate=parts.extrapolate,
         time_limit=parts.time_limit,
+        tolerances=parts.tolerances,
         source=source,
     )

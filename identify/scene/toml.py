@@ -17,10 +17,22 @@ from identify.scene.logs import read_log_entry
 from identify.scene.parameters import declared_by, read_parameters
 from identify.scene.rig import RIG, read_rig
 from identify.scene.tables import Table, nearest, quantity, share
-from identify.scene.values import Contact, Initial, LogEntry, ParameterSpec, Rig
+from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
 
 LONGEST_INTEGER = 10_000  # bits
-TOP = ("name", "effects", "extrapolate", "rig", "contact", "initial", "parameters", "quality", "fit", "logs")
+TOP = (
+    "name",
+    "effects",
+    "extrapolate",
+    "rig",
+    "contact",
+    "initial",
+    "parameters",
+    "quality",
+    "fit",
+    "tolerances",
+    "logs",
+)
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,7 @@ class Parts:
     contact: Contact
     thresholds: Thresholds
     time_limit: float
+    tolerances: Mapping[str, float]
 
 
 def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -156,7 +169,20 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
         contact=contact,
         thresholds=_thresholds(document.get("quality", {})),
         time_limit=_time_limit(document.get("fit", {})),
+        tolerances=_tolerances(document.get("tolerances", {})),
     )
+
+
+def _tolerances(value: Any) -> dict[str, float]:
+    """What the second intervals allow for, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
+    table = Table.of(value, "[tolerances]", USUAL_TOLERANCES, '[tolerances] stiffness = "2 %"')
+    found = {}
+    for name, said in table.data.items():
+        percent = share(said, table.place(name))
+        found[name] = quantity(said, "", table.place(name)) if percent is None else percent
+        if not 0.0 <= found[name] < 1.0:
+            raise SceneError(f'{table.place(name)} is {said!r}; expected a share from 0 to below 1, such as "2 %"')
+    return found
 
 
 def _time_limit(value: Any) -> float:

@@ -13,6 +13,16 @@ from identify.base.errors import SceneError
 
 DriveSpeed = float | tuple[tuple[float, float], ...]
 RIG_TOLERANCES = ("mass", "stiffness", "damping", "drive_speed")
+# What rigs and their force sensors are usually known to, relative, one standard deviation: a mass on a scale with what
+# moves along, a stiffness from a weight and a dial gauge, a damping from a ring-down, a drive, two calibrated sensors.
+USUAL_TOLERANCES: Mapping[str, float] = {
+    "mass": 0.02,
+    "stiffness": 0.02,
+    "damping": 0.2,
+    "drive_speed": 0.01,
+    "friction_force": 0.01,
+    "normal_force": 0.01,
+}
 
 
 def _positive(where: str, unit: str, value: float | None) -> None:

@@ -63,6 +63,7 @@ def document_of(scene: Scene) -> dict[str, Any]:
         "contact": _contact(scene),
         **({"quality": dict(scene.thresholds.own)} if scene.thresholds.own else {}),
         **({"fit": {"time_limit": scene.time_limit}} if scene.time_limit != DEFAULT_TIME_LIMIT else {}),
+        **({"tolerances": dict(scene.tolerances)} if scene.tolerances else {}),
         "initial": asdict(scene.initial),
         "parameters": {name: _parameter(spec) for name, spec in scene.parameters.items() if listed or spec.stated},
         "logs": [_log(entry) for entry in scene.logs],

@@ -1,0 +1,60 @@
+"""What the usual errors of a rig and its sensors add to intervals that take both as exact.
+
+Every such error is a direction in the space of all parameters, the rig's among them, so that the information at the
+answer already holds what the data say of it: an error of a mass, a stiffness or a damping is that parameter's own
+direction; one of all drive speeds is a change of the unit of length; one of the friction force's gain a change of the
+unit of force with the normal force kept; one of the normal force's gain divides the coefficients. Each error is
+estimated along with the parameters, its tolerance as its prior: what the data contradict is not believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.estimation.uncertainty import Information, inverse
+from identify.model.model import RIG_PARAMETERS
+
+Array = NDArray[np.float64]
+
+COEFFICIENTS = ("mu_s", "mu_k0", "delta_mu_k", "slope", "direct_strength")  # the friction force is linear in them
+
+
+LENGTHS = {"m": 1.0, "m/s": 1.0, "s/m": -1.0, "N/m": -1.0}  # powers of a length; an area only makes a pressure
+
+
+def added_by_tolerances(known: Information, values: Array, tolerances: Mapping[str, float], memory: float) -> Array:
+    """Standard deviations (f,) of the free theta that errors of rig and sensors add to those of the fit.
+
+    Args:
+        known: at the answer; values (n_p,) of all parameters there [SI].
+        tolerances: relative, one standard deviation each, of mass, stiffness, damping (where the fit holds them),
+            drive_speed, friction_force and normal_force (the gains of their sensors); what is absent is exact.
+        memory: by how much the memory of the noise widens a variance.
+    """
+    free, n_p = known.free, len(known.unknowns.names)
+    known_of = {name: direction for name, direction in _directions(known, values) if tolerances.get(name)}
+    moves = np.column_stack([np.eye(n_p)[:, free], *known_of.values()])
+    matrix = moves.T @ (known.data / memory) @ moves
+    priors = np.diag(known.total - known.data)[free]
+    matrix[np.diag_indices_from(matrix)] += [*priors, *(1.0 / tolerances[name] ** 2 for name in known_of)]
+    exact = np.diag(inverse(matrix[: free.size, : free.size]))
+    return np.sqrt(np.maximum(np.diag(inverse(matrix))[: free.size] - exact, 0.0))
+
+
+def _directions(known: Information, values: Array) -> Iterator[tuple[str, Array]]:
+    """How theta (n_p,) moves with a relative error, by what is in error."""
+    unknowns = known.unknowns
+    size = np.where(unknowns.logarithmic, 1.0, values)  # of a relative change
+    units = [parameter.unit for parameter in unknowns.model.parameters]
+    rig = np.array([name in RIG_PARAMETERS for name in unknowns.names])
+    coefficient = np.array([name in COEFFICIENTS for name in unknowns.names])
+    there = ~rig | (values > 0.0)
+    for i in np.flatnonzero(rig & there & ~unknowns.free):
+        yield unknowns.names[i], np.eye(values.size)[i]
+    lengths = np.array([LENGTHS.get(unit, 0.0) for unit in units])
+    yield "drive_speed", size * there * np.where(rig, -1.0, lengths)
+    yield "friction_force", size * there * (coefficient | rig | np.array(["N" in unit for unit in units]))
+    yield "normal_force", -size * coefficient

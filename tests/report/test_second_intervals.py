@@ -1,0 +1,94 @@
+"""The interval with the tolerances of rig and sensors: from the information at the answer, checked against what is
+known exactly."""
+
+import numpy as np
+import pytest
+
+from identify import Scene, SceneError, examples
+from identify.estimation.attempt import Clock
+from identify.estimation.tolerances import _directions, added_by_tolerances
+from identify.identification import find
+from identify.report.result import _farther
+from identify.report.summary import parameter_table, tolerances_text
+from tests.fake_fit import EFFECTS, RIG, fake_fit
+
+NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
+
+
+@pytest.fixture(scope="module")
+def answer():
+    scene = Scene.from_toml(examples.SCENE).choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])
+    prepared, found = find(scene, clock=Clock(), progress=lambda *_: None)
+    assert found.information is not None and found.attempt is not None
+    values = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base)
+    return found.information, values
+
+
+def added(answer, **tolerances):
+    information, values = answer
+    names = np.array(information.unknowns.names)[information.free]
+    return dict(zip(names.tolist(), added_by_tolerances(information, values, tolerances, 1.0).tolist(), strict=True))
+
+
+def test_an_error_of_the_speed_is_a_change_of_the_unit_of_length(answer):
+    """Against the derivative of the problem itself with respect to all drive speeds."""
+    information, values = answer
+    direction = dict(_directions(information, values))["drive_speed"]
+    expected = information.by_drive_speed[information.free]
+    found = -(information.total @ direction)[information.free]
+    assert found == pytest.approx(expected, rel=2e-3, abs=2e-3 * np.max(np.abs(expected)))
+
+
+def test_a_gain_of_the_normal_force_goes_into_the_coefficients_alone(answer):
+    information, values = answer
+    found = added(answer, normal_force=0.01)
+    value = dict(zip(information.unknowns.names, values.tolist(), strict=True))
+    for name in ("mu_s", "mu_k0", "delta_mu_k"):  # none of them is searched by its logarithm
+        assert found[name] == pytest.approx(0.01 * abs(value[name]), rel=1e-3)
+    assert max(found["D"], found["t_cr"], found["a"]) < 1e-5
+
+
+def test_what_the_data_tell_better_than_the_tolerance_is_not_believed(answer):
+    """The stick slope tells the stiffness: a tolerance of 20 % adds no more than what the data leave of it."""
+    information, _ = answer
+    exact, wide = (added(answer, stiffness=share) for share in (0.0, 0.2))
+    assert max(exact.values()) == 0.0
+    column = information.unknowns.names.index("stiffness")
+    free = information.free
+    left = information.total[column, column] + information.total[column, free] @ information.shift(column)
+    believed = 1.0 / np.sqrt(left + 1.0 / 0.2**2)
+    shifts = dict(zip(np.array(information.unknowns.names)[free].tolist(), information.shift(column), strict=True))
+    assert believed < 0.01
+    for name in NAMES:
+        assert wide[name] == pytest.approx(abs(shifts[name]) * believed, rel=0.02, abs=1e-9)
+
+
+def test_an_end_moves_out_and_an_open_one_stays_open():
+    assert _farther(1.0, None, 0.1, True) is None
+    assert _farther(2.0, 2.0 * np.exp(-0.3), 0.4, True) == pytest.approx(2.0 * np.exp(-0.5))
+    assert _farther(-0.1, -0.07, 0.04, False) == pytest.approx(-0.05)
+    assert _farther(1.0, 1.2, 0.0, True) == pytest.approx(1.2)
+
+
+def test_the_summary_says_which_interval_is_which():
+    parameters = {
+        name: {**entry, "interval_with_tolerances": [0.97 * entry["value"], 1.03 * entry["value"]]}
+        for name, entry in fake_fit().result["parameters"].items()
+    }
+    table = parameter_table(parameters)
+    assert "95 %, rig exact" in table and "95 %, tolerances" in table and "0.601 to 0.639" in table
+    assert max(map(len, table.splitlines())) <= 80 and "±" not in table
+    said = tolerances_text(
+        {"stiffness": {"relative": 0.05, "source": "scene"}, "mass": {"relative": 0.02, "source": "usual"}}
+    )
+    assert "usual standard deviations: stiffness 5 %, mass 2 %" in said
+
+
+def test_a_scene_states_its_own_tolerances():
+    rig = {**RIG, "drive_speed": "1 mm/s"}
+    scene = Scene.from_document({"effects": EFFECTS, "rig": rig, "tolerances": {"stiffness": "5 %", "mass": 0}})
+    assert scene.tolerances == {"stiffness": 0.05, "mass": 0.0}
+    assert Scene.from_document(scene.as_document()).tolerances == scene.tolerances
+    for wrong, words in (({"stifness": 0.1}, "did you mean 'stiffness'"), ({"mass": "150 %"}, "below 1")):
+        with pytest.raises(SceneError, match=words):
+            Scene.from_document({"effects": EFFECTS, "rig": rig, "tolerances": wrong})
