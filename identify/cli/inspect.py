@@ -35,6 +35,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--plot", metavar="FILE", help="draw force and phases over time (png, svg or pdf)")
     parser.add_argument("--stiffness", metavar="K", help='of the rig, to compare the sticks with: "1470 N/m"')
     parser.add_argument("--drive-speed", metavar="V", help='where the log does not tell it: "0.1 mm/s"')
+    parser.add_argument("--mass", metavar="M", help='moving mass of the rig, for how fast it slips: "0.2 kg"')
     parser.add_argument(
         "--threshold", metavar="NAME=NUMBER,…", help="move a threshold of the verdict, such as jitter=0.1,spikes=0.01"
     )
@@ -110,6 +111,7 @@ def _rig(arguments: Namespace) -> Rig:
     from identify.cli.inspection import Rig
 
     said = {"stiffness": ("N/m", arguments.stiffness), "drive_speed": ("m/s", arguments.drive_speed)}
+    said |= {"mass": ("kg", arguments.mass)}
     told = {
         name: None if text is None else quantity(text, unit, f"--{name.replace('_', '-')}")
         for name, (unit, text) in said.items()

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_io import Record, Step
 from data_io.record import WINDOW_START
@@ -16,24 +17,34 @@ from identify.base.plain_text import columns, wrapped
 from identify.base.speeds import programme_text
 from identify.cli.common import Terminal
 from identify.cli.scene import only
-from identify.logs.classical import classical_table
+from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
-from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation, segment
+from identify.logs.log_regime import LogRegime, joined, look, only_of
+from identify.logs.regime import Known
+from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.slip_quality import Part
+from identify.logs.strokes import Drive
 from identify.logs.told_drive import UNTOLD, ToldDrive, told_drive
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 
-HEADINGS = ("run", "step", "stroke")
+HEADINGS = ("run", "step", "stroke", "regime")
 MOST_STROKES = 2  # fit beside each other in 80 columns
 
 
 @dataclass(frozen=True)
 class StepSeen:
-    """One step of a log and its phases; `sign` is that of its sliding force."""
+    """One step of a log, its regime and phases; `signs` (n,): that of the sliding force in every row, which strokes to
+    and fro change."""
 
     step: Step
-    sign: int
+    signs: NDArray[np.int64]
+    seen: LogRegime
     phases: Segmentation
+
+    @property
+    def sign(self) -> int:
+        """That of most rows."""
+        return -1 if int(np.sum(self.signs)) < 0 else 1
 
 
 @dataclass(frozen=True)
@@ -46,39 +57,64 @@ class Inspection:
     steps: tuple[StepSeen, ...]
     classical: Mapping[str, Any]
     drive: ToldDrive
+    regime: LogRegime
 
 
 @dataclass(frozen=True)
 class Rig:
-    """What the user says of the rig, to hold the log against; None: not said. stiffness [N/m], drive_speed [m/s]."""
+    """What the user says of the rig, to hold the log against; None: not said. stiffness [N/m], drive_speed [m/s],
+    mass [kg]."""
 
     stiffness: float | None = None
     drive_speed: float | None = None
+    mass: float | None = None
+
+    @property
+    def known(self) -> Known:
+        """As the test of the regime takes it."""
+        k, m = self.stiffness or 0.0, self.mass or 0.0
+        return Known(k, half_period=float(np.pi * np.sqrt(m / k)) if k and m else 0.0)
 
 
 def inspection(path: str, record: Record, rig: Rig = Rig(), thresholds: Thresholds = DEFAULTS) -> Inspection:
     """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
-    steps = tuple(_seen(record, step) for step in record.steps)
     given = rig.drive_speed
     told = told_drive(record) if given is None else ToldDrive(((0.0, given),), "given")
+    drive = given if given is not None else drive_of(record, told)
+    regime = look(record, drive, rig.known)
+    steps = tuple(_seen(record, step, regime, drive) for step in record.steps)
     parts = [_part(record, step, told.speed, rig.stiffness) for step in steps]
-    table = classical_table(record, drive_speed=record.drive_speed if rig.drive_speed is None else rig.drive_speed)
-    return Inspection(path, record, judge(record, parts, thresholds), steps, table, told)
+    table = table_of(record, regime, stiffness=rig.stiffness)
+    return Inspection(path, record, judge(record, parts, thresholds), steps, table, told, regime)
+
+
+def drive_of(record: Record, told: ToldDrive) -> Drive:
+    """The drive that the strokes of a record are told by: what a column of it surely says; None where none does."""
+    if record.drive_speed is not None and not isinstance(record.drive_speed, np.ndarray):
+        return record.drive_speed
+    if told.programme is None or not told.named:
+        return None
+    speeds = [speed for _, speed in told.programme]
+    if min(speeds) < 0.0 < max(speeds):  # its rests are part of a stroke, and the force turns later than the drive
+        return float(np.median(np.abs([speed for speed in speeds if speed])))
+    return told.speed if told.speed is not None else told.programme
 
 
 def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> Part:
     rows = slice(seen.step.start, seen.step.stop)
     expected = stiffness * abs(speed) if stiffness is not None and speed else None
-    force, load = seen.sign * record.friction_force[rows], record.normal_force[rows]
+    force, load = seen.signs * record.friction_force[rows], record.normal_force[rows]
     return Part(record.time[rows], force, seen.phases, expected, load)
 
 
-def _seen(record: Record, step: Step) -> StepSeen:
-    rows = slice(step.start, step.stop)
-    force = record.friction_force[rows]
-    finite = force[np.isfinite(force)]
-    sign = -1 if finite.size and np.median(finite) < 0 else 1
-    return StepSeen(step, sign, segment(record.time[rows], sign * force))
+def _seen(record: Record, step: Step, whole: LogRegime, drive: Drive) -> StepSeen:
+    """A step with those strokes of the log that are in it."""
+    own = [i for i, stroke in enumerate(whole.strokes) if step.start <= stroke.start < step.stop]
+    signs = np.ones(step.stop - step.start, dtype=np.int64)
+    for i in own:
+        signs[whole.strokes[i].start - step.start :] = whole.strokes[i].direction
+    parts = [(whole.strokes[i].start - step.start, whole.verdicts[i].found) for i in own]
+    return StepSeen(step, signs, only_of(whole, own, drive), joined(parts, step.stop - step.start))
 
 
 def say(seen: Inspection, terminal: Terminal) -> None:
@@ -99,12 +135,15 @@ def say(seen: Inspection, terminal: Terminal) -> None:
     terminal.say(wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  "))
     terminal.say(f"  normal force: {quantity(quality.load, 'N')}, drift {percent(quality.load_drift, 1, signed=True)}")
     terminal.say(wrapped(f"drive speed: {_speed(seen)}", "  "))
+    if len(seen.steps) == 1:
+        _say_regime(seen.regime, terminal)
     terminal.say(f"  verdict: {seen.judgement.verdict}")
     for finding in seen.judgement.findings:
         terminal.say(wrapped(f"{finding.severity}: {finding.message}", "    "))
     for step in seen.steps:
         _say_step(step, len(seen.steps) > 1, terminal)
     _say_classical(seen.classical["rows"], terminal)
+    _say_directions(seen.classical["directions"], terminal)
     terminal.say()
 
 
@@ -124,11 +163,18 @@ def _drive(drive: ToldDrive) -> str:
     return speed(drive.speed) if drive.speed is not None else programme_text(drive.programme or ())
 
 
+def _say_regime(seen: LogRegime, terminal: Terminal) -> None:
+    word = "none yet" if seen.regime is None else seen.regime.value.replace("_", " ")
+    sure = f"{100 * seen.confidence:.0f} % sure"
+    terminal.say(wrapped(f"regime: {word} ({sure}): {'; '.join(seen.evidence)}", "  "))
+
+
 def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
     phases, step = seen.phases, seen.step
     if several:
         given = ", ".join(f"{key} = {value}" for key, value in list(step.parameters.items())[:6])
         terminal.say(wrapped(f"step {step.number}: rows {step.start + 1} to {step.stop}; {given}", "  "))
+        _say_regime(seen.seen, terminal)
     shares = ", ".join(
         f"{100 * phases.share(phase):.1f} % {word}"
         for phase, word in ((STICK, "rising as in stick"), (SLIP, "falling as in slip"), (SLIDING, "sliding"))
@@ -159,6 +205,17 @@ def _say_classical(strokes: Sequence[Mapping[str, Any]], terminal: Terminal) -> 
         terminal.say(f"  … and {len(strokes) - len(shown)} strokes more: see --json")
 
 
+def _say_directions(directions: Sequence[Mapping[str, Any]], terminal: Terminal) -> None:
+    """Both directions of strokes to and fro, apart."""
+    if not directions:
+        return
+    rows = [["all strokes", *("forth" if way["direction"] > 0 else "back" for way in directions)]]
+    rows.append(["strokes", *(str(way["strokes"]) for way in directions)])
+    rows.append(["coefficient", *(_cell(way["coefficient"], way["coefficient_sd"], "") for way in directions)])
+    rows.append(["last against first tenth", *(_cell(way["trend_percent"], None, "%") for way in directions)])
+    terminal.say(columns(rows))
+
+
 def _cell(value: float | None, sd: float | None, unit: str) -> str:
     if value is None:
         return DASH
@@ -180,6 +237,7 @@ def document(seen: Inspection) -> dict[str, Any]:
         "drive_speed_m_per_s": seen.drive.speed,
         "drive_speed_programme": None if programme is None else [list(pair) for pair in programme],
         "drive_speed_source": seen.drive.source,
+        **_regime(seen.regime),
         "sampling": asdict(quality.sampling),
         "quality": {
             **seen.judgement.document(),
@@ -191,6 +249,11 @@ def document(seen: Inspection) -> dict[str, Any]:
     }
 
 
+def _regime(seen: LogRegime) -> Mapping[str, Any]:
+    value = None if seen.regime is None else seen.regime.value
+    return {"regime": value, "confidence": seen.confidence, "evidence": list(seen.evidence)}
+
+
 def _step_document(seen: StepSeen) -> Mapping[str, Any]:
     phases, step = seen.phases, seen.step
     return {
@@ -199,6 +262,7 @@ def _step_document(seen: StepSeen) -> Mapping[str, Any]:
         "rows": step.stop - step.start,
         "parameters": dict(step.parameters),
         "friction_sign": seen.sign,
+        **_regime(seen.seen),
         "cycles": phases.count,
         "noise_N": phases.noise,
         "share": {"stick": phases.share(STICK), "slip": phases.share(SLIP), "sliding": phases.share(SLIDING)},

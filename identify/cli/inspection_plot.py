@@ -99,8 +99,9 @@ def _marks(axes: Axes, item: Inspection, span: tuple[float, float]) -> None:
     for seen in item.steps:
         cycles = seen.phases.cycles
         if np.count_nonzero((cycles.onset >= span[0]) & (cycles.onset <= span[1])) <= 2 * CLOSE_CYCLES:
-            axes.plot(cycles.onset, seen.sign * cycles.onset_force, "v", ms=4, color="C3", label="peak")
-            axes.plot(cycles.arrest, seen.sign * cycles.arrest_force, "^", ms=4, color="C2", label="valley")
+            signs = seen.signs[np.searchsorted(record.time[seen.step.start : seen.step.stop], cycles.onset)]
+            axes.plot(cycles.onset, signs * cycles.onset_force, "v", ms=4, color="C3", label="peak")
+            axes.plot(cycles.arrest, signs * cycles.arrest_force, "^", ms=4, color="C2", label="valley")
         rows = np.flatnonzero(seen.phases.spikes) + seen.step.start
         rows = rows[np.isfinite(record.friction_force[rows])]
         if rows.size:

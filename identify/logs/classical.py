@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.thinned import kept, thinned
-from identify.logs.segment import SLIDING, SLIP, STICK, Cycles, Segmentation, segment
-from identify.logs.strokes import Drive, Stroke, strokes
+from identify.logs.log_regime import LogRegime, look
+from identify.logs.regime import Known, Verdict
+from identify.logs.segment import SLIDING, SLIP, STICK, Cycles, Segmentation
+from identify.logs.strokes import Drive, Stroke
 from identify.logs.zigzag import smooth
 
 Array = NDArray[np.float64]
-Figures = dict[str, float | int | None]
+Figures = dict[str, float | int | str | None]
 Reasons = dict[str, str]
 
 FEWEST_ROWS = 20
@@ -36,6 +38,10 @@ DEFINITIONS: Mapping[str, str] = {
     "frequency_Hz": "one over the mean time from slip to slip",
     "stick_slip_percent": "share of the time in sticks and slips",
     "sliding_percent": "share of the time in sliding without stick-slip",
+    "sliding_trend_percent": "coefficient of the last tenth of what slides against the first tenth",
+    "rhythm_Hz": "how often the force of steady sliding swings, where one line stands out of its spectrum",
+    "rhythm_N": "range of that swing, peak to valley",
+    "rhythm_turns": "turns of the disc that one swing takes, where a column tells how fast it turns",
     "normal_force_drift_percent": "mean normal force of the last tenth against the first tenth",
 }
 
@@ -74,35 +80,59 @@ def classical_table(
     Returns: {"rows": one dict per stroke, "reasons": for each row why a figure is None, by its name,
     "definitions": what each figure is (DEFINITIONS)}.
     """
-    parts = strokes(record, drive_speed)
+    known = Known(stiffness=stiffness or 0.0, half_period=half_period or 0.0)
+    seen = look(record, drive_speed, known, tare=tare, found=segmentation)
+    return table_of(record, seen, stiffness=stiffness, tare=tare)
+
+
+def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None, tare: float = 0.0) -> dict[str, Any]:
+    """The classical table of a log whose regime is known; see `classical_table`."""
     rows, reasons = [], []
-    for stroke in parts:
-        figures, why = _row(record, stroke, segmentation if len(parts) == 1 else None, stiffness, half_period, tare)
+    for stroke, verdict in zip(seen.strokes, seen.verdicts, strict=True):
+        figures, why = _row(record, stroke, verdict, stiffness, tare)
         rows.append({key: _plain(value) for key, value in figures.items()})
         reasons.append({key: why.get(key, "not a finite number") for key, value in rows[-1].items() if value is None})
-    return {"rows": rows, "reasons": reasons, "definitions": dict(DEFINITIONS)}
+    return {"rows": rows, "directions": _directions(rows), "reasons": reasons, "definitions": dict(DEFINITIONS)}
 
 
-def _plain(value: float | int | None) -> float | int | None:
-    if value is None or isinstance(value, int):
+def _directions(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Both directions apart, where there are strokes to and fro: their number, the mean coefficient of all of one
+    direction with its scatter from stroke to stroke, and that of the last tenth of the strokes against the first."""
+    if len({row["direction"] for row in rows}) < 2:
+        return []
+    made = []
+    for direction in (1, -1):
+        levels = [
+            row["sliding_mean_coefficient"] or row["mean_coefficient"] for row in rows if row["direction"] == direction
+        ]
+        known = np.array([level for level in levels if level is not None])
+        tenth = max(known.size // 10, 1)
+        trend = 100.0 * (known[-tenth:].mean() / known[:tenth].mean() - 1.0) if known.size > 1 and known[0] else None
+        made.append(
+            {
+                "direction": direction,
+                "strokes": len(levels),
+                "coefficient": float(known.mean()) if known.size else None,
+                "coefficient_sd": float(known.std(ddof=1)) if known.size > 1 else None,
+                "trend_percent": None if trend is None else float(trend),
+            }
+        )
+    return made
+
+
+def _plain(value: float | int | str | None) -> float | int | str | None:
+    if value is None or isinstance(value, int | str):
         return value
     return float(value) if np.isfinite(value) else None
 
 
 def _row(
-    record: Record,
-    stroke: Stroke,
-    segmentation: Segmentation | None,
-    stiffness: float | None,
-    half_period: float | None,
-    tare: float,
+    record: Record, stroke: Stroke, verdict: Verdict, stiffness: float | None, tare: float
 ) -> tuple[Figures, Reasons]:
-    rows = slice(stroke.start, stroke.stop)
+    rows, segmentation = slice(stroke.start, stroke.stop), verdict.found
     time, load = record.time[rows], record.normal_force[rows]
     force = record.friction_force[rows] - tare if tare else record.friction_force[rows]
     force = -force if stroke.direction < 0 else force
-    if segmentation is None or segmentation.phase.size != time.size:
-        segmentation = segment(time, force, half_period=half_period)
     good = np.isfinite(force) & np.isfinite(load) & ~segmentation.spikes
     figures: Figures = {
         "run": stroke.run,
@@ -112,11 +142,16 @@ def _row(
         "samples": int(np.count_nonzero(good)),
         "duration_s": float(time[-1] - time[0]),
         "drive_speed_m_per_s": stroke.speed,
+        "regime": None if verdict.regime is None else verdict.regime.value,
         "cycles": segmentation.count,
     }
-    reasons: Reasons = {"drive_speed_m_per_s": "the drive speed is unknown, zero or not constant in this stroke"}
+    reasons: Reasons = {
+        "drive_speed_m_per_s": "the drive speed is unknown, zero or not constant in this stroke",
+        "regime": "the force only rises: no slip has come yet",
+    }
     part = _Part(time, force, _filled(load), good, segmentation)
-    for told, why in (_loads(part), _coefficients(part), _slips(part), _sticks(part, stroke.speed, stiffness)):
+    steps = (_loads(part), _coefficients(part), _slips(part), _sticks(part, stroke.speed, stiffness))
+    for told, why in (*steps, _slides(part, verdict)):
         figures |= told
         reasons |= why
     if np.count_nonzero(good) < FEWEST_ROWS:
@@ -174,6 +209,24 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
         told["kinetic_mean_coefficient"] = told["sliding_mean_coefficient"]
         told["kinetic_mean_coefficient_sd"] = told["sliding_mean_coefficient_sd"]
     return told, _coefficient_reasons(cycles)
+
+
+def _slides(part: _Part, verdict: Verdict) -> tuple[Figures, Reasons]:
+    """Trend and rhythm of what slides without stick-slip."""
+    told: Figures = dict.fromkeys(("sliding_trend_percent", "rhythm_Hz", "rhythm_N", "rhythm_turns"))
+    sliding = part.good & (part.found.phase == SLIDING) & (part.load > 0.0)
+    coefficient = part.force[sliding] / part.load[sliding]
+    tenth = coefficient.size // 10
+    if tenth and (first := float(np.mean(coefficient[:tenth]))) > 0.0:
+        told["sliding_trend_percent"] = 100.0 * (float(np.mean(coefficient[-tenth:])) / first - 1.0)
+    if verdict.rhythm is not None:
+        told |= {"rhythm_Hz": verdict.rhythm.frequency, "rhythm_N": verdict.rhythm.range}
+        told["rhythm_turns"] = verdict.rhythm.turns
+    reasons = dict.fromkeys(told, "no rhythm stands out of the noise of steady sliding")
+    reasons["sliding_trend_percent"] = "too little slides without stick-slip"
+    if verdict.rhythm is not None:
+        reasons["rhythm_turns"] = "no column tells how fast a disc turns, or the rhythm is not that of its turns"
+    return told, reasons
 
 
 def _steady(load: Array) -> Array:

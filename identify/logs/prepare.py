@@ -18,7 +18,8 @@ from identify.logs.loads import Course, as_far_as_told, as_modelled
 from identify.logs.log_data import LogData, Pull
 from identify.logs.manner import FEW, Manner, manner_of, moving_pieces
 from identify.logs.parting import name_of
-from identify.logs.segment import Segmentation, segment
+from identify.logs.regime import Known, Regime, Verdict, judged
+from identify.logs.segment import Segmentation
 from identify.logs.segmented import Segmented, segmented
 from identify.logs.slip_quality import Part
 from identify.logs.still_loading import ENDS_LOADING, REMEDY
@@ -47,7 +48,8 @@ class Prepared:
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
     account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
-    as a share); manner: how it moves; pieces: the stretches of a course of its own that are logs of constant speed.
+    as a share); verdict: on its regime; manner: how it is followed; pieces: the stretches of a course of its own that
+    are logs of constant speed.
     """
 
     record: Record
@@ -64,6 +66,7 @@ class Prepared:
     account: Account
     judgement: Judgement
     hidden_swing: float = 0.0
+    verdict: Verdict | None = None
     manner: Manner = field(default_factory=lambda: Manner("cycles", None, False))
     pieces: tuple[Prepared, ...] = ()
 
@@ -71,6 +74,11 @@ class Prepared:
     def as_course(self) -> Prepared:
         """The same log, to be followed by the model instead of cycle by cycle as they were seen."""
         return replace(self, manner=replace(self.manner, name="course", faint=False))
+
+    @property
+    def regime(self) -> Regime | None:
+        """What it shows; None where no slip has come yet, or where it was not looked at."""
+        return None if self.verdict is None else self.verdict.regime
 
     @property
     def typical(self) -> int:
@@ -130,7 +138,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         FitError: no drive speed, a drive that turns, or a log of which nothing is left.
         SceneError: an effect outside its measured range.
     """
-    log = segmented(entry, record, scene.rig_for(entry))
+    elastic = not (soft(scene, unknowns) or unknowns.model.vibrates)
+    log = segmented(entry, record, scene.rig_for(entry), elastic=elastic)
     judgement = _judged(log, scene, unknowns)
     stiffness = 0.0 if unknowns.model.vibrates else log.rig.stiffness  # else the mass swings with something else
     manner = manner_of(
@@ -164,6 +173,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         account=account(entry, record, log.corrected, log.sign, float(log.time[0]), begin),
         judgement=judgement,
         hidden_swing=hidden,
+        verdict=log.verdict,
         manner=manner,
     )
     if manner.name != "course":
@@ -171,10 +181,14 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     return replace(made, pieces=_pieces(made, log.noise, stiffness, log.half_period))
 
 
+def soft(scene: Scene, unknowns: Unknowns) -> bool:
+    """Whether the stiffness that loads the sticks is not known."""
+    return "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
+
+
 def _judged(log: Segmented, scene: Scene, unknowns: Unknowns) -> Judgement:
     """What the quality gate says of a log."""
-    soft = "stiffness" in scene.parameters or "skin_compliance" in unknowns.model.effects
-    expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
+    expected = None if soft(scene, unknowns) or not log.drive.constant else log.speed * log.rig.stiffness
     part = Part(log.time, log.measured, log.found, expected, log.load)
     return judge(log.record, [part], scene.thresholds, log.used)
 
@@ -265,7 +279,8 @@ def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
-        found = segment(time, force, half_period=half_period or None, noise=noise)
+        verdict = judged(time, force, Known(stiffness, speed, half_period), noise=noise)
+        found = verdict.found
         drive = Drive.of(speed)
         manner = manner_of(
             found,
@@ -287,7 +302,7 @@ def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -
         else:
             continue
         piece = replace(data, begin=begin, end=end, drive_speed=speed, programme=None)
-        out.append(replace(log, data=piece, falls=falls, manner=manner, segmentation=found, pieces=()))
+        out.append(replace(log, data=piece, falls=falls, manner=manner, segmentation=found, verdict=verdict, pieces=()))
     return tuple(out)
 
 

@@ -135,7 +135,9 @@ def _mean_and_sd(values: Array) -> tuple[float, float] | None:
     return float(np.mean(values)), float(np.std(values, ddof=1)) if values.size > 1 else 0.0
 
 
-def segment(time: Array, force: Array, *, half_period: float | None = None, noise: float | None = None) -> Segmentation:
+def segment(
+    time: Array, force: Array, *, half_period: float | None = None, noise: float | None = None, slips: bool = True
+) -> Segmentation:
     """Finds the sticks and slips of a force record.
 
     A slip is a fall of the smoothed force by more than the noise spans, with a rise before and after it.
@@ -146,6 +148,7 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
         force: friction force, positive in the direction of sliding [N], shape (n,); NaN where not measured.
         half_period: pi sqrt(m/k) [s] where the rig is known: it bounds the smoothing.
         noise: standard deviation of the force [N] where it is known, else estimated.
+        slips: False where it is known that no fall of it is one: loading, then sliding.
 
     Raises:
         ValueError: time and force of different shapes.
@@ -163,20 +166,21 @@ def segment(time: Array, force: Array, *, half_period: float | None = None, nois
     interval = float(np.median(thinned_steps(time)))
     sd = white if noise is None else noise
     turns = find_falls(clean, sd, None if half_period is None else half_period / interval)
+    turns = turns if slips else turns.without_falls()
     trace = Trace(time, clean, turns.smoothed, sd, turns.hysteresis)
-    slips = judge(trace, turns)
-    phase, ends_sliding = label(trace, slips)
-    cycles = _cycles(trace, slips)
+    falls = judge(trace, turns)
+    phase, ends_sliding = label(trace, falls)
+    cycles = _cycles(trace, falls)
     faint = _faint(cycles, sd, interval, half_period)
     return Segmentation(
         cycles=cycles,
         noise=_noise(kept(force, ~holes), clean, phase, white, faint) if noise is None else noise,
         spikes=masked | holes,
         phase=phase,
-        begins_in_slip=slips.starts_falling and bool(slips.kept.any()),
+        begins_in_slip=falls.starts_falling and bool(falls.kept.any()),
         ends_sliding=ends_sliding,
-        stick_slopes=slips.stick_slopes,
-        loading_slope=_loading_slope(trace, slips),
+        stick_slopes=falls.stick_slopes,
+        loading_slope=_loading_slope(trace, falls),
         sample_interval=interval,
         faint=faint,
     )

@@ -13,6 +13,7 @@ from data_io.thinned import kept, shown, thinned
 from identify.base.errors import FitError
 from identify.logs.cutting import cut_and_correct, refuse_too_few
 from identify.logs.parting import name_of
+from identify.logs.regime import Known, Regime, Verdict, judged
 from identify.logs.segment import Segmentation, segment
 from identify.scene.values import LogEntry, Rig
 from identify.simulation.drive import Drive
@@ -27,7 +28,7 @@ class Segmented:
     entry; rig of this log; drive while the record counts; corrected: its record; sign applied to the friction force;
     force (n,) [N], sliding positive, tare taken off; used (n,) samples that may count; counted (n,): of these, those
     that are no spikes; time, measured (k,) [s], [N] from the first of the used samples to the last, NaN where one does
-    not count; found: what was segmented; noise [N].
+    not count; found: what was segmented; noise [N]; verdict: on its regime.
     """
 
     entry: LogEntry
@@ -42,6 +43,7 @@ class Segmented:
     measured: Array
     found: Segmentation
     noise: float
+    verdict: Verdict
 
     @property
     def name(self) -> str:
@@ -75,8 +77,11 @@ class Segmented:
         return self.found.cycles.fall[self.entry.skip_cycles :]
 
 
-def segmented(entry: LogEntry, record: Record, rig: Rig) -> Segmented:
+def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True) -> Segmented:
     """Cut, correct and segment one log.
+
+    Args:
+        elastic: False where something else than the stated spring may load the sticks, or swing the mass.
 
     Raises:
         FitError: no drive speed, a drive that turns, or a log of which nothing is left.
@@ -92,7 +97,10 @@ def segmented(entry: LogEntry, record: Record, rig: Rig) -> Segmented:
     force = -force if sign < 0 else force
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
-    found = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
+    verdict = _verdict(time, measured, rig, drive, elastic)
+    found = verdict.found
+    if found.faint:  # the model follows what it can, and how the period of the rig smooths it is the one to be followed
+        found = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
     spikes = np.ones(record.time.size, bool)
     spikes[inner] = found.spikes
     return Segmented(
@@ -108,7 +116,17 @@ def segmented(entry: LogEntry, record: Record, rig: Rig) -> Segmented:
         measured=measured,
         found=found,
         noise=rig.noise or found.noise,
+        verdict=verdict,
     )
+
+
+def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -> Verdict:
+    """The regime of a log; one whose drive changes its speed is a programme, whose phases are looked at as they are."""
+    if not drive.constant:
+        found = segment(time, force, half_period=rig.half_period or None, noise=rig.noise)
+        return Verdict(Regime.PROGRAMME, 1.0, ("the drive changes its speed",), found)
+    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
+    return judged(time, force, known, noise=rig.noise)
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:

@@ -11,13 +11,19 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.thinned import thinned
+from identify.logs.noise import bridged, white_noise
 from identify.logs.zigzag import smooth
 
 Array = NDArray[np.float64]
 Drive = float | Sequence[tuple[float, float]] | Array | None
 
+FEWEST = 20  # samples in which a change of sign is looked for
 LEAST_SHARE = 0.1  # of the samples: a sign of the force that holds for fewer is no stroke of its own
 CLEAR = 0.3  # of the typical force: what counts as a sign
+ALIKE = 2.0  # times: strokes rub to both sides by about as much; a force that swings through zero does not
+QUIET = 0.1  # of the typical force: noise that is left where signs are told
+WIDEST = 20  # part of a record over which it is smoothed at most
+HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
 STEADY = 0.05  # of the median speed: a drive that varies more has no one speed
 
 
@@ -41,8 +47,8 @@ def strokes(record: Record, drive_speed: Drive) -> tuple[Stroke, ...]:
     Args:
         record: the log; without steps it is one step.
         drive_speed: [m/s], a programme ((start [s], speed), ...), one value per row, or None where unknown. A drive
-            that changes its speed by a programme, or its sign, begins a new stroke; without it a lasting change
-            of the sign of the force does.
+            that changes its speed by a programme, or its sign, begins a new stroke, and standstill is none; without
+            it a lasting change of the sign of the force does.
     """
     steps = [(s.run, s.number, s.start, s.stop) for s in record.steps] or [(1, 1, 0, record.time.size)]
     speed = _per_row(record, drive_speed)
@@ -50,10 +56,12 @@ def strokes(record: Record, drive_speed: Drive) -> tuple[Stroke, ...]:
     for run, step, start, stop in steps:
         if stop <= start:
             continue
-        edges = _edges(record.friction_force[start:stop], None if speed is None else speed[start:stop])
-        for number, (first, last) in enumerate(pairwise(edges), start=1):
+        force = record.friction_force[start:stop]
+        edges = _edges(force, None if speed is None else speed[start:stop])
+        moving = [rows for rows in edges if speed is None or np.any(speed[start + rows[0] : start + rows[1]])]
+        for number, (first, last, way) in enumerate(moving or edges, start=1):
             rows = slice(start + first, start + last)
-            direction = _direction(record.friction_force[rows])
+            direction = way or _direction(record.friction_force[rows])
             constant = _one(drive_speed) if speed is None else _constant(speed[rows])
             found.append(Stroke(run, step, number, rows.start, rows.stop, direction, constant))
     return tuple(found)
@@ -79,35 +87,49 @@ def _per_row(record: Record, drive_speed: Drive) -> Array | None:
     return table
 
 
-def _edges(force: Array, speed: Array | None) -> list[int]:
-    """Where strokes begin and end, first 0 and last the number of rows."""
+def _edges(force: Array, speed: Array | None) -> list[tuple[int, int, int]]:
+    """First row, end and direction of every stroke; direction 0 where the force of the whole stroke has to tell it."""
     if speed is not None and np.unique(speed[np.isfinite(speed)]).size > 1:
         levels = np.unique(speed)
         key = speed if levels.size <= 20 else np.sign(speed)
-        changes = np.flatnonzero(key[1:] != key[:-1]) + 1
-        return [0, *changes.tolist(), force.size]
-    sign = _lasting_sign(force)
-    return [0, *(np.flatnonzero(sign[1:] != sign[:-1]) + 1).tolist(), force.size]
+        changes = (np.flatnonzero(key[1:] != key[:-1]) + 1).tolist()
+        return [(a, b, 0) for a, b in pairwise([0, *changes, force.size])]
+    return turns_of_sign(force)
 
 
-def _lasting_sign(force: Array) -> NDArray[np.int64]:
+def turns_of_sign(force: Array) -> list[tuple[int, int, int]]:
+    """First row, end and sign of every stretch in which a force (n,) keeps its sign, cut where it leaves its level.
+
+    A force that changes its sign and rubs to both sides by about as much is that of a drive to and fro. How much it is
+    smoothed goes by its noise, never by the length of the record. One stretch of sign 0 where it keeps its sign.
+    """
+    whole = [(0, force.size, 0)]
     finite = np.isfinite(force)
-    one = np.ones(force.size, dtype=np.int64)
-    if np.count_nonzero(finite) < 20:
-        return one
-    filled = force if finite.all() else np.where(finite, force, np.median(force[finite]))
-    clear = CLEAR * float(np.quantile(np.abs(thinned(filled)), 0.9))
-    up, down = np.count_nonzero(filled > clear), np.count_nonzero(filled < -clear)
-    if min(up, down) < LEAST_SHARE * filled.size:
-        return one
-    slow = smooth(filled, max(3, force.size // 100) | 1)
-    decided = np.abs(slow) > clear
-    if not decided.any():
-        return one
-    # an undecided sample has the sign of the last decided one, at the start of the first
-    last = np.maximum.accumulate(np.where(decided, np.arange(force.size), 0))
-    last[: int(np.argmax(decided))] = int(np.argmax(decided))
-    return np.where(slow[last] >= 0, 1, -1)
+    if np.count_nonzero(finite) < FEWEST:
+        return whole
+    filled = bridged(force, ~finite)
+    typical = float(np.quantile(np.abs(thinned(filled)), 0.9))
+    clear = CLEAR * typical
+    up, down = (side[side > clear] for side in (filled, -filled))
+    if min(up.size, down.size) < LEAST_SHARE * filled.size:
+        return whole
+    if not 1.0 / ALIKE < float(np.median(up)) / float(np.median(down)) < ALIKE:
+        return whole
+    width = int(np.clip((white_noise(filled) / (QUIET * typical)) ** 2, 1, max(force.size // WIDEST, 1))) | 1
+    slow = smooth(filled, width)
+    decided = np.flatnonzero(np.abs(slow) > clear)
+    sign = np.sign(slow[decided]).astype(int)
+    changes = np.flatnonzero(sign[1:] != sign[:-1])
+    if not changes.size:
+        return whole
+    starts = [0]
+    for i in changes.tolist():
+        last, way = int(decided[i]), sign[i]
+        own = way * slow[(starts[-1] + last) // 2 : last + 1]
+        held = np.flatnonzero(own >= HELD * float(np.median(own)))
+        starts.append(last + 1 - own.size + int(held[-1]) + 1 if held.size else last + 1)
+    ways = [int(sign[0]), *(int(sign[i + 1]) for i in changes)]
+    return [(a, b, way) for (a, b), way in zip(pairwise([*starts, force.size]), ways, strict=True) if b > a]
 
 
 def _direction(force: Array) -> int:

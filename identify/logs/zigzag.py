@@ -54,6 +54,11 @@ class Turns:
         """Number of falls."""
         return int(self.peaks.size)
 
+    def without_falls(self) -> Turns:
+        """The same force, of which no fall counts."""
+        none = np.empty(0, dtype=np.int64)
+        return replace(self, peaks=none, valleys=none, starts_falling=False)
+
 
 def smooth(force: Array, width: int) -> Array:
     """Centred moving average over an odd number of samples; constant where the window would leave the record,

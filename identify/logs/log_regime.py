@@ -1,0 +1,140 @@
+"""The regime of a log: of each of its strokes and speeds, and of all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.logs.regime import UNKNOWN, Known, Regime, Verdict, judged
+from identify.logs.segment import SLIDING, Cycles, Segmentation
+from identify.logs.strokes import Drive, Stroke, strokes
+
+Array = NDArray[np.float64]
+
+STEADY = 0.1  # of the speed of a disc: one that varies more has no turns of one length
+
+
+@dataclass(frozen=True)
+class LogRegime:
+    """regime of the log, None where nothing moves yet; confidence, 0.5 to 1; evidence: sentences; strokes and, for
+    each, the verdict on it."""
+
+    regime: Regime | None
+    confidence: float
+    evidence: tuple[str, ...]
+    strokes: tuple[Stroke, ...]
+    verdicts: tuple[Verdict, ...]
+
+
+def look(
+    record: Record, drive: Drive, known: Known = UNKNOWN, *, tare: float = 0.0, found: Segmentation | None = None
+) -> LogRegime:
+    """The regime of every stroke of a record, and of all of it.
+
+    Args:
+        drive: [m/s], a programme ((start [s], speed), ...), one value per row, or None where unknown.
+        known: of the rig; its drive speed and turns are those of each stroke.
+        tare: force to take off the friction force [N]. found: the phases of the whole record where they are known;
+            used where it is one stroke.
+    """
+    parts = strokes(record, drive)
+    verdicts = []
+    for stroke in parts:
+        rows = slice(stroke.start, stroke.stop)
+        force = stroke.direction * (record.friction_force[rows] - tare)
+        own = replace(known, drive_speed=stroke.speed or 0.0, turn=turn_of(record, rows))
+        given = found if len(parts) == 1 and found is not None and found.phase.size == force.size else None
+        verdicts.append(judged(record.time[rows], force, own, given=given))
+    return LogRegime(*_of_all(drive, parts, verdicts), parts, tuple(verdicts))
+
+
+def turn_of(record: Record, rows: slice) -> float:
+    """How often a disc turns in some rows [Hz], from a column in rpm; 0 where none tells it, or it changes."""
+    for name, unit in record.channel_units.items():
+        values = record.channels[name][rows] if unit == "rpm" else np.empty(0)
+        values = np.abs(values[np.isfinite(values)])
+        if values.size and np.median(values) > 0.0 and np.std(values) < STEADY * np.median(values):
+            return float(np.median(values)) / 60.0
+    return 0.0
+
+
+def _of_all(
+    drive: Drive, parts: Sequence[Stroke], verdicts: Sequence[Verdict]
+) -> tuple[Regime | None, float, tuple[str, ...]]:
+    """Regime, confidence and evidence of a log from those of its strokes: what holds for most of the time."""
+    if changes_speed(drive):
+        return Regime.PROGRAMME, 0.99, ("the drive changes its speed or stands in between; see each part",)
+    if not verdicts:
+        return None, 0.5, ("no rows",)
+    lasts = np.array([stroke.stop - stroke.start for stroke in parts], float)
+    moving = [verdict.regime for verdict in verdicts]
+    totals = {regime: lasts[[own == regime for own in moving]].sum() for regime in dict.fromkeys(moving)}
+    slips = sum(total for regime, total in totals.items() if regime is not None and regime.slips)
+    family = slips > 0.5 * lasts.sum()
+    chosen = {r: total for r, total in totals.items() if (r is not None and r.slips) == family}
+    regime = max(chosen, key=lambda r: chosen[r])
+    like = [i for i, own in enumerate(moving) if own == regime]
+    confidence = float(np.average([verdicts[i].confidence for i in like], weights=lasts[like]))
+    evidence = verdicts[max(like, key=lambda i: lasts[i])].evidence
+    count = _turning(parts)
+    if count > 1:
+        tells = "the force changes its sign" if drive is None or isinstance(drive, int | float) else "the drive turns"
+        evidence = (f"{tells}: {count} strokes to and fro, of which {len(like)} are of this regime", *evidence)
+    return regime, confidence, evidence
+
+
+def changes_speed(drive: Drive) -> bool:
+    """Whether a drive has several speeds, or stands between moving one way."""
+    if drive is None or isinstance(drive, int | float):
+        return False
+    table = np.asarray(drive, dtype=np.float64)
+    speeds = table[:, 1] if table.ndim == 2 else table[np.append(True, table[1:] != table[:-1])]
+    speeds = speeds[np.isfinite(speeds)]
+    sizes = np.abs(speeds[speeds != 0.0])
+    if not sizes.size or (speeds.size > 0.1 * np.size(drive) and table.ndim == 1):
+        return False  # noise of a column is no programme
+    several = float(sizes.max() - sizes.min()) > 0.05 * float(sizes.max())
+    return several or (bool(np.any(speeds == 0.0)) and not (speeds.min() < 0.0 < speeds.max()))
+
+
+def _turning(parts: Sequence[Stroke]) -> int:
+    return len(parts) if len({stroke.direction for stroke in parts}) > 1 else 1
+
+
+def only_of(whole: LogRegime, numbers: Sequence[int], drive: Drive) -> LogRegime:
+    """The regime of some of the strokes of a log, by their numbers."""
+    parts, verdicts = [whole.strokes[i] for i in numbers], [whole.verdicts[i] for i in numbers]
+    if len(numbers) == len(whole.strokes):
+        return whole
+    return LogRegime(*_of_all(drive, parts, verdicts), tuple(parts), tuple(verdicts))
+
+
+def joined(parts: Sequence[tuple[int, Segmentation]], rows: int) -> Segmentation:
+    """The phases of one step of so many rows, put together of those of its strokes, each with its first row. Between
+    strokes, where the drive stands, nothing is stick nor slip."""
+    if len(parts) == 1 and parts[0][1].phase.size == rows:
+        return parts[0][1]
+
+    phase, spikes = np.full(rows, SLIDING, dtype=np.int8), np.zeros(rows, dtype=bool)
+    for first, found in parts:
+        phase[first : first + found.phase.size] = found.phase
+        spikes[first : first + found.phase.size] = found.spikes
+    names = ("onset", "onset_force", "fall", "arrest", "arrest_force")
+    seen = [found for _, found in parts]
+    cycles = Cycles(*(np.concatenate([getattr(found.cycles, name) for found in seen]) for name in names))
+    return Segmentation(
+        cycles=cycles,
+        noise=float(np.median([found.noise for found in seen])),
+        spikes=spikes,
+        phase=phase,
+        begins_in_slip=seen[0].begins_in_slip,
+        ends_sliding=seen[-1].ends_sliding,
+        stick_slopes=np.concatenate([found.stick_slopes for found in seen]),
+        loading_slope=next((found.loading_slope for found in seen if found.loading_slope is not None), None),
+        sample_interval=float(np.median([found.sample_interval for found in seen])),
+        faint=any(found.faint for found in seen),
+    )
