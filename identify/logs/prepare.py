@@ -20,7 +20,7 @@ from identify.logs.manner import FEW, Manner, manner_of, moving_pieces
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
 from identify.logs.segment import Segmentation
-from identify.logs.segmented import Segmented, segmented
+from identify.logs.segmented import Segmented, followed, segmented
 from identify.logs.slip_quality import Part
 from identify.logs.still_loading import ENDS_LOADING, REMEDY
 from identify.logs.unknowns import Unknowns
@@ -280,7 +280,7 @@ def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
         verdict = judged(time, force, Known(stiffness, speed, half_period), noise=noise)
-        found = verdict.found
+        found = followed(time, force, verdict, half_period or None, noise)
         drive = Drive.of(speed)
         manner = manner_of(
             found,

@@ -98,9 +98,7 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
     verdict = _verdict(time, measured, rig, drive, elastic)
-    found = verdict.found
-    if found.faint:  # the model follows what it can, and how the period of the rig smooths it is the one to be followed
-        found = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
+    found = followed(time, measured, verdict, rig.half_period or None, rig.noise)
     spikes = np.ones(record.time.size, bool)
     spikes[inner] = found.spikes
     return Segmented(
@@ -118,6 +116,14 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
         noise=rig.noise or found.noise,
         verdict=verdict,
     )
+
+
+def followed(
+    time: Array, force: Array, verdict: Verdict, half_period: float | None, noise: float | None
+) -> Segmentation:
+    """The phases that a fit follows: those of the verdict; of slips half lost in the noise those that the period of the
+    rig shows, since it is the model that has to tell the others."""
+    return segment(time, force, half_period=half_period, noise=noise) if verdict.found.faint else verdict.found
 
 
 def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -> Verdict:

@@ -35,6 +35,7 @@ def log_document(
         "labels": dict(log.entry.labels),
         "noise_N": float(log.rig.noise or log.segmentation.noise),
         "friction_sign": log.sign,
+        **_regime(log),
         "slip_count": int(log.segmentation.count),
         "normal_force_N": load,
         "drive_speed_m_per_s": log.data.drive_speed,
@@ -44,6 +45,16 @@ def log_document(
         "quality": _quality(log),
         **log.account.document(),
         "derived": answer,
+    }
+
+
+def _regime(log: Prepared) -> dict[str, Any]:
+    """What the log shows, as `inspect` says it."""
+    verdict, regime = log.verdict, log.regime
+    return {
+        "regime": None if regime is None else regime.value,
+        "confidence": None if verdict is None else verdict.confidence,
+        "evidence": [] if verdict is None else list(verdict.evidence),
     }
 
 
