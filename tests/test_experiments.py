@@ -9,7 +9,8 @@ from identify.estimation import valleys
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 IN_VIVO, WRONG_RIG = FOLDER / "run_in_vivo_study.py", FOLDER / "run_wrong_rig.py"
-SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG})
+WINDOWS = FOLDER / "run_window_study.py"  # run by tests/prediction/test_windows.py
+SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS})
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

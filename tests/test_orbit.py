@@ -15,15 +15,15 @@ import pytest
 from identify import stability
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.prediction.branch import follow
 from identify.prediction.comparison import closed_forms, contact
 from identify.prediction.cycle import CycleMap
 from identify.prediction.orbit import settle
 from identify.prediction.outlook import OperatingPoint, outlook, outlooks
-from identify.prediction.prospect import Outcome, prospect
+from identify.prediction.prospect import prospect
 from identify.prediction.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities
 from identify.prediction.sliding import sliding, unstable_speeds
 from identify.prediction.spread import Spread
+from identify.prediction.windows import Outcome
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {
@@ -91,7 +91,7 @@ def test_without_weakening_and_ageing_the_closed_forms_are_exact() -> None:
     forms = closed_forms(contact(values), 1e-3, 1.0)
     assert [drop, period, slip] == pytest.approx([forms.drop, forms.period, forms.slip_duration], rel=1e-6)
     assert peak == pytest.approx(forms.peak_speed, rel=1e-3)
-    end = follow(map_, orbit, 1.0, lambda *_: 12.0).end
+    end = prospect(map_, 1e-3).end
     assert end == pytest.approx(forms.critical_speed, rel=5e-4)
 
 
@@ -111,9 +111,9 @@ def test_ageing_and_weakening_matter() -> None:
 def test_slopes_agree_with_orbits_solved_again() -> None:
     map_, speed = map_of(), 1e-3
     answer = prospect(map_, speed)
-    assert answer.orbit is not None and answer.branch is not None
+    assert answer.orbit is not None and answer.windows.end is not None
     names = ["mu_s", "delta_mu_k", "a", "t_cr", "mass"]
-    slopes, ends = orbit_slopes(map_, answer.orbit, names), end_slopes(map_, answer.branch, names)
+    slopes, ends = orbit_slopes(map_, answer.orbit, names), end_slopes(map_, answer.windows.end, names)
     for j, name in enumerate(names):
         moved: list[Any] = []
         for sign in (1, -1):
@@ -147,7 +147,7 @@ def test_outlook_is_a_document_with_intervals() -> None:
     assert 0.015 < high - low < 0.03
     assert (
         "it sticks and slips, however the motion starts" in document["text"]
-        and "Steady sliding is unstable below 10.4 mm/s" in document["text"]
+        and "By drive speed: stick-slip up to 10.4 mm/s; " in document["text"]
     )
     assert outlook(assemble(ALL), DEMO, 1e-4, 1.0)["amplitude"]["drop"]["interval"] is None
 

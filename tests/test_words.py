@@ -29,6 +29,12 @@ def document(outcome="always sticks", drop=0.889, low=0.88871, high=0.88929):
             "critical_speed": entry(0.02112, "m/s", [0.021079, 0.021163]),
             "sliding_unstable_between": [],
             "searched_between": [1e-6, 1.0],
+            "sliding": {"stable": outcome == "bistable"},
+            "stick_slip_between": [{"from": None, "to": entry(0.02112, "m/s", [0.021079, 0.021163])}],
+            "windows": [
+                {"from": 1e-6, "to": 0.02112, "outcome": outcome},
+                {"from": 0.02112, "to": 1.0, "outcome": "never sticks"},
+            ],
         },
         "amplitude": {
             "drop": entry(0.9 * drop, "N"),

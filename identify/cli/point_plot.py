@@ -13,7 +13,6 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from data_io.atomic import atomic_path
 from identify.cli.common import CommandLineError
 from identify.prediction.cycle import CycleMap
-from identify.prediction.orbit import settle
 from identify.prediction.prospect import Prospect, prospect
 from identify.prediction.sensitivity import QUANTITIES, quantities
 from identify.prediction.sliding import sliding
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from identify.cli.point import Point
 
 MM = 1e3
-GRID = 24  # drive speeds at which the orbit is found, beside those of its branch
 
 
 def draw(point: Point, speeds: Sequence[float], part: str, path: Path) -> None:
@@ -53,7 +51,10 @@ def draw(point: Point, speeds: Sequence[float], part: str, path: Path) -> None:
 
 def _stability(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[float]) -> None:
     """Growth rate of a disturbance of steady sliding, and where stick-slip exists."""
-    fastest = 3.0 * max(*speeds, answer.end or 0.0, *(stop for _, stop in answer.unstable if stop < answer.searched[1]))
+    windows = answer.windows
+    fastest = 3.0 * max(
+        *speeds, answer.end or 0.0, *(stop for _, stop in windows.unstable if stop < windows.searched[1])
+    )
     grid = np.geomspace(0.3 * min(speeds), fastest, 200)
     steady = [sliding(map_.model, map_.p, float(v), map_.normal_force) for v in grid]
     worn = np.array([state.worn for state in steady])
@@ -61,31 +62,34 @@ def _stability(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[fl
     for part, label in ((~worn, "growth rate of a disturbance of steady sliding"), (worn, None)):
         axes.plot(MM * grid[part], growth[part], color="C0", label=label)  # it jumps where the contact wears out
     axes.axhline(0.0, color="0.3", lw=0.8)
-    if answer.branch is not None:
-        end = answer.end if answer.end is not None else fastest
-        axes.axvspan(MM * grid[0], MM * end, color="C1", alpha=0.15, label="stick-slip exists")
+    for number, known in enumerate(windows.sticking):
+        low = grid[0] if known.low is None else known.low.speed
+        high = fastest if known.high is None else known.high.speed
+        axes.axvspan(MM * low, MM * high, color="C1", alpha=0.15, label=None if number else "stick-slip exists")
     axes.set_xlim(MM * grid[0], MM * fastest)
     axes.set_ylabel("growth rate [1/s]; below 0: steady sliding is stable")
 
 
 def _amplitude(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[float]) -> None:
-    """Fall of the force in a jump, and its onset and arrest levels, up to where stick-slip ends."""
-    if answer.branch is None:
+    """Fall of the force in a jump, and its onset and arrest levels, wherever jumps settle on one size."""
+    parts = answer.windows.sticking
+    if not parts:
         raise CommandLineError("there is no stick-slip at any drive speed, so there is no amplitude to draw")
-    last = answer.branch.orbits[-1].drive_speed
-    grid = np.geomspace(0.3 * min(*speeds, last), last, GRID)[:-1]
-    slower = [settle(map_, float(v)).orbit for v in grid]
-    orbits = sorted([o for o in slower if o is not None] + list(answer.branch.orbits), key=lambda o: o.drive_speed)
+    slowest = 0.3 * min(*speeds, *(part.speeds[-1] for part in parts))
     names = list(QUANTITIES)
-    rows = np.array([quantities(map_, orbit.cycle, orbit.drive_speed) for orbit in orbits])
-    v = MM * np.array([orbit.drive_speed for orbit in orbits])
-    for name, label, style in (
-        ("onset_force", "force at the onset of a jump", "C0-"),
-        ("arrest_force", "force at its end (rest)", "C2-"),
-        ("peak_to_valley", "peak to valley", "C1-"),
-    ):
-        axes.plot(v, rows[:, names.index(name)], style, label=label)
-    if answer.end is not None:
-        axes.axvline(MM * answer.end, color="C3", lw=1.0, label="stick-slip ends")
+    for number, part in enumerate(parts):
+        known = {o.drive_speed: o for o in part.orbits if o is not None and o.stable and o.drive_speed >= slowest}
+        orbits = [known[v] for v in sorted(known)]
+        rows = np.array([quantities(map_, orbit.cycle, orbit.drive_speed) for orbit in orbits]).reshape(-1, len(names))
+        v = MM * np.array([orbit.drive_speed for orbit in orbits])
+        for name, label, style in (
+            ("onset_force", "force at the onset of a jump", "C0-"),
+            ("arrest_force", "force at its end (rest)", "C2-"),
+            ("peak_to_valley", "peak to valley", "C1-"),
+        ):
+            axes.plot(v, rows[:, names.index(name)], style, label=None if number else label)
+        limits = [limit for limit in (part.low, part.high) if limit is not None]
+        for n, limit in enumerate(limits):
+            axes.axvline(MM * limit.speed, color="C3", lw=1.0, label=None if number or n else "stick-slip ends")
     axes.set_ylabel("force [N]")
     axes.set_ylim(bottom=0.0)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.prediction.course import Course, drive_course
+from identify.prediction.course import Course
 from identify.prediction.cycle import CycleMap, Tangent
-from identify.prediction.orbit import Orbit, close, settle
+from identify.prediction.orbit import Orbit, close
 from identify.prediction.trace import End, trace
 
 Array = NDArray[np.float64]
@@ -18,43 +18,6 @@ Patience = Callable[[CycleMap, float], float]  # by map and drive speed [m/s], s
 
 FINEST = 4e-4  # step of the coordinate at which an end that is no fold counts as found
 WIDEST = 2.0
-JUMPS = 4  # other orbits looked for beyond an end, before it is believed
-
-
-@dataclass(frozen=True)
-class Branch:
-    """Orbits at rising drive speeds, and the end above which there is none.
-
-    `ending` is None when the orbit still exists at the highest speed tried, `highest`; its place is the logarithm of
-    the speed there. setting: of the first orbit.
-    """
-
-    orbits: tuple[Orbit, ...]
-    ending: End | None
-    highest: float
-
-    @property
-    def end(self) -> float | None:
-        """Drive speed above which stick-slip ends [m/s]."""
-        return None if self.ending is None else float(np.exp(self.ending.place))
-
-    @property
-    def end_slopes(self) -> Array | None:
-        """Derivatives of that drive speed by parameters, normal force and drive speed (n_w,)."""
-        return None if self.ending is None else np.exp(self.ending.place) * self.ending.slopes
-
-    @property
-    def normal_force(self) -> float:
-        """Normal force [N] for which the branch was followed."""
-        return float(self.orbits[0].cycle.setting[-2])
-
-    def under(self, normal_force: float) -> Branch:
-        """The branch as it is under a normal force [N] close by: only its end is moved, by its derivative."""
-        if self.ending is None or normal_force == self.normal_force:
-            return self
-        power = float(self.ending.slopes[-2]) * self.normal_force
-        moved = self.ending.place + power * float(np.log(normal_force / self.normal_force))
-        return Branch(self.orbits, End(moved, self.ending.slopes), self.highest)
 
 
 @dataclass(frozen=True)
@@ -67,7 +30,7 @@ class Followed:
     ending: End | None
 
 
-def _advance(map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience) -> Followed:
+def advance(map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience) -> Followed:
     """Orbits up to the end of this piece of branch by shorter and shorter steps, and that end."""
     orbits, places = list(done.orbits), list(done.places)
     step, failed = 0.5, float("inf")
@@ -122,57 +85,8 @@ def _slopes_at(map_: CycleMap, orbit: Orbit, course: Course, place: float) -> Ar
         return np.asarray(-slopes / (slopes @ course.slope(place)))
 
 
-def reach(map_: CycleMap, start: Orbit, drive_speed: float, patience: Patience) -> Orbit | None:
-    """The orbit at a faster drive speed [m/s] on the branch of `start`; None where the branch ends before."""
-    begun = Followed((start,), (float(np.log(start.drive_speed)),), None)
-    course = drive_course(start.cycle.setting)
-    found = _advance(map_, begun, course, float(np.log(drive_speed)), patience)
-    return found.orbits[-1] if found.ending is None else None
-
-
-def follow(map_: CycleMap, start: Orbit, highest: float, patience: Patience) -> Branch:
-    """The branch of orbits from `start` towards faster drives, up to drive speed `highest` [m/s]."""
-    course = drive_course(start.cycle.setting)
-    found = follow_course(map_, start, course, float(np.log(start.drive_speed)), float(np.log(highest)), patience)
-    return Branch(found.orbits, found.ending, highest)
-
-
-def follow_course(
-    map_: CycleMap, start: Orbit, course: Course, place: float, last: float, patience: Patience
-) -> Followed:
-    """The branch of orbits from `start`, at coordinate `place` of a course, up to coordinate `last`.
-
-    Beyond an end the motion from the last orbit, and the one from a rested contact, are looked at: where
-    they settle on an orbit again, the branch goes on from there.
-    """
-    done = Followed((start,), (place,), None)
-    for _ in range(JUMPS):
-        done = piece(map_, done, course, last, patience)
-        beyond = None if done.ending is None else _beyond(map_, done, course, last, patience)
-        if beyond is None:
-            break
-        done = Followed((*done.orbits, beyond[0]), (*done.places, beyond[1]), None)
-    return done
-
-
 def piece(map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience) -> Followed:
     """What was followed, and the branch of its last orbit up to where that ends, or up to coordinate `last`."""
     found = trace(map_.at(course.setting(done.places[-1])), done.orbits[-1], course, done.places[-1], last)
     done = Followed((*done.orbits, *found.orbits[1:]), (*done.places, *found.places[1:]), found.end)
-    return _advance(map_, done, course, last, patience) if found.lost else done
-
-
-def _beyond(
-    map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience
-) -> tuple[Orbit, float] | None:
-    """An orbit just beyond the end, and its place."""
-    end = last if done.ending is None else done.ending.place
-    for place, y in ((end + 0.05, done.orbits[-1].y), (end + 0.1, None)):
-        if place < last:
-            w = course.setting(place)
-            there, speed = map_.at(w), float(w[-1])
-            stretched = None if y is None else y * there.scale / map_.at(done.orbits[-1].cycle.setting).scale
-            orbit = settle(there, speed, stretched, patience=patience(there, speed), cycles=6).orbit
-            if orbit is not None:
-                return orbit, place
-    return None
+    return advance(map_, done, course, last, patience) if found.lost else done

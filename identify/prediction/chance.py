@@ -20,10 +20,11 @@ from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
 from identify.prediction.drawn import POINT, Drawn, draw, unknown
 from identify.prediction.orbit import Orbit, close, settle
-from identify.prediction.prospect import Outcome, Prospect, long_enough
+from identify.prediction.prospect import Prospect
 from identify.prediction.sensitivity import QUANTITIES, end_slopes, growth_slopes, quantities
 from identify.prediction.sliding import growth_rates
 from identify.prediction.spread import Interval, Spread
+from identify.prediction.windows import Limit, long_enough
 
 Array = NDArray[np.float64]
 
@@ -130,12 +131,19 @@ def linear_chances(
 
 
 def _possible(map_: CycleMap, answer: Prospect, names: Sequence[str], spread: Spread) -> float | None:
-    branch, speed = answer.branch, answer.steady.drive_speed
-    if branch is None:
-        return 0.0 if answer.outcome is Outcome.NEVER_STICKS else None
-    if branch.end is None:
-        return 1.0
-    ratio, slopes = branch.end / speed, end_slopes(map_, branch, names) / speed
+    """By the limits of the range with stick-slip that is nearest to the drive speed."""
+    speed, parts = answer.steady.drive_speed, answer.windows.sticking
+    if not parts:
+        return 0.0
+    part = min(parts, key=lambda each: each.distance(speed))
+    low = 0.0 if part.low is None else _above(map_, part.low, speed, names, spread)
+    high = 1.0 if part.high is None else _above(map_, part.high, speed, names, spread)
+    return None if low is None or high is None else max(0.0, high - low)
+
+
+def _above(map_: CycleMap, limit: Limit, speed: float, names: Sequence[str], spread: Spread) -> float | None:
+    """Probability that a limit lies above the drive speed [m/s]; None where it is open."""
+    ratio, slopes = limit.speed / speed, end_slopes(map_, limit, names) / speed
     if "drive_speed" in names:
         slopes[list(names).index("drive_speed")] = -ratio / speed
     deviation = spread.deviation(ratio, slopes)

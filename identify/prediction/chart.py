@@ -19,8 +19,8 @@ from identify.prediction.flood import Flood, Sea
 from identify.prediction.map_axes import Site
 from identify.prediction.outline import Edge, Loop, outline
 from identify.prediction.plane import Plane, plane
-from identify.prediction.prospect import Outcome, outcome_of
 from identify.prediction.sensitivity import QUANTITIES, quantities
+from identify.prediction.windows import Outcome, outcome_of
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

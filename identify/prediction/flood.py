@@ -19,8 +19,8 @@ from identify.prediction.cycle import CycleMap
 from identify.prediction.orbit import Orbit, close, settle
 from identify.prediction.outline import Edge
 from identify.prediction.plane import Plane
-from identify.prediction.prospect import long_enough, patience
 from identify.prediction.trace import End
+from identify.prediction.windows import long_enough, patience
 
 Array = NDArray[np.float64]
 Node = tuple[int, int]  # row, column

@@ -101,10 +101,12 @@ def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLI
 
 @dataclass(frozen=True)
 class Settled:
-    """What becomes of a motion: it settles on `orbit`; without one it `sticks` irregularly, or slides."""
+    """What becomes of a motion: it settles on `orbit`; without one it `sticks` irregularly, or slides. state: the rest
+    state (n_y,) it came to last."""
 
     orbit: Orbit | None
     sticks: bool
+    state: Array
 
 
 def settle(
@@ -127,7 +129,7 @@ def settle(
             break
         cycle = map_.run(y, drive_speed, patience=patience)
         if cycle is None:
-            return Settled(None, sticks=False)
+            return Settled(None, False, y)
         before, y = y, rest_state(cycle.end)
         now = float(np.sign(y[ELONGATION] - before[ELONGATION]))
         drift, lasted = now, lasted + 1 if now == drift else 0
@@ -135,5 +137,5 @@ def settle(
         if still or i in TRIES or i == cycles - 1 or (i >= cycles and i % cycles == 0):
             orbit = close(map_, y, drive_speed, patience=patience)
             if orbit is not None and (orbit.stable or i >= min(SURE, cycles - 1)):
-                return Settled(orbit, sticks=True)
-    return Settled(None, sticks=True)
+                return Settled(orbit, True, orbit.y)
+    return Settled(None, True, y)

@@ -18,11 +18,12 @@ from identify.prediction.cycle import CycleMap
 from identify.prediction.drawn import POINT
 from identify.prediction.form_slopes import Table, form_slopes
 from identify.prediction.groups import MEANING
-from identify.prediction.outlook_words import amplitude_text, closed_form_text, stability_text
-from identify.prediction.prospect import Outcome, Prospect, prospects
+from identify.prediction.outlook_words import amplitude_text, closed_form_text, said, stability_text
+from identify.prediction.prospect import Prospect, prospects
 from identify.prediction.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
 from identify.prediction.spread import Interval, Spread
 from identify.prediction.stability import printed_form
+from identify.prediction.windows import Limit, Outcome
 
 Array = NDArray[np.float64]
 
@@ -220,10 +221,13 @@ class _Intervals:
         return [self._spread.positive(float(v), s) for v, s in zip(values, self._slopes, strict=True)]
 
     def end(self) -> Interval | None:
-        branch = self._answer.branch
-        if self._spread is None or branch is None or branch.end is None:
+        return self.limit(self._answer.windows.end)
+
+    def limit(self, limit: Limit | None) -> Interval | None:
+        """Of a drive speed at which stick-slip ends."""
+        if self._spread is None or limit is None:
             return None
-        return self._spread.positive(branch.end, end_slopes(self._map, branch, self._names))
+        return self._spread.positive(limit.speed, end_slopes(self._map, limit, self._names))
 
     def growth(self) -> Interval | None:
         if self._spread is None:
@@ -232,11 +236,12 @@ class _Intervals:
 
 
 def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
-    steady, branch = answer.steady, answer.branch
-    if branch is None:
-        why = "no stick-slip was found at any drive speed"
-    elif branch.end is None:
-        why = f"stick-slip still exists at {branch.highest:.3g} m/s, the highest speed tried"
+    steady, windows = answer.steady, answer.windows
+    low, high = windows.searched
+    if not windows.sticking:
+        why = f"no stick-slip was found at any drive speed from {said(low, 'm/s')} to {said(high, 'm/s')}"
+    elif windows.end is None:
+        why = f"stick-slip still exists at {said(high, 'm/s')}, the highest speed tried"
     else:
         why = MODEL
     return {
@@ -249,8 +254,18 @@ def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
             "eigenvalues": [[float(z.real), float(z.imag)] for z in steady.eigenvalues],
             "worn": steady.worn,
         },
-        "sliding_unstable_between": [list(pair) for pair in answer.unstable],
-        "searched_between": list(answer.searched),
+        "sliding_unstable_between": [list(pair) for pair in windows.unstable],
+        "searched_between": [low, high],
+        "stick_slip_between": [
+            {
+                "from": None if part.low is None else number(part.low.speed, "m/s", MODEL, spread.limit(part.low)),
+                "to": None if part.high is None else number(part.high.speed, "m/s", MODEL, spread.limit(part.high)),
+            }
+            for part in windows.sticking
+        ],
+        "windows": [
+            {"from": window.low, "to": window.high, "outcome": window.outcome.value} for window in windows.listed()
+        ],
         "multiplier": None if answer.orbit is None else answer.orbit.multiplier,
         "multipliers": [[float(z.real), float(z.imag)] for z in answer.orbit.multipliers] if answer.orbit else None,
     }

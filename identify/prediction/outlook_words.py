@@ -85,38 +85,63 @@ def _where(document: Document) -> str:
     return f"{said(speed['value'], 'm/s')} and {said(force['value'], 'N')}"
 
 
+OUTCOMES = {
+    "always sticks": "it sticks and slips, however the motion starts",
+    "never sticks": "it slides steadily, however the motion starts",
+    "bistable": "it depends on the start: stick-slip that has begun goes on, and so does steady sliding",
+    "sticks irregularly": "it sticks and slips, but the jumps do not settle on one size",
+    "undecided": "neither stick-slip nor stable sliding was found: the sliding speed oscillates without coming to rest",
+}
+WINDOWS = {
+    "always sticks": "stick-slip",
+    "never sticks": "steady sliding",
+    "bistable": "stick-slip or steady sliding, depending on the start,",
+    "undecided": "oscillation without rest",
+}  # what holds over a range of drive speeds
+
+
 def stability_text(document: Document) -> str:
-    """What the pair does here, and where that changes."""
+    """What the pair does here, and over which drive speeds."""
     answer = document["stability"]
-    sentence = {
-        "always sticks": "it sticks and slips, however the motion starts",
-        "never sticks": "it slides steadily, however the motion starts",
-        "bistable": "it depends on the start: stick-slip that has begun goes on, and so does steady sliding",
-        "sticks irregularly": "it sticks and slips, but the jumps do not settle on one size",
-        "undecided": (
-            "neither stick-slip nor stable sliding was found: the sliding speed oscillates without coming to rest"
-        ),
-    }[answer["outcome"]]
+    sentence = OUTCOMES[answer["outcome"]]
+    if answer["outcome"] == "sticks irregularly" and answer["sliding"]["stable"]:
+        sentence += ", and steady sliding goes on too where it has begun"
     lines = [f"At {_where(document)} {sentence}."]
-    end = answer["critical_speed"]
-    if end["value"] is not None:
-        lines.append(f"Stick-slip ends above a drive speed of {with_interval(end)}.")
-    else:
-        lines.append(f"Drive speed above which stick-slip ends: none; {end['validity']}.")
-    spans = answer["sliding_unstable_between"]
-    low, high = answer["searched_between"]
-    for begin, stop in spans:
-        if begin <= low and stop >= high:
-            lines.append(f"Steady sliding is unstable at every drive speed up to {said(high, 'm/s')}.")
-        elif begin <= low:
-            lines.append(f"Steady sliding is unstable below {said(stop, 'm/s')}.")
-        elif stop >= high:
-            lines.append(f"Steady sliding is unstable above {said(begin, 'm/s')}.")
-        else:
-            lines.append(f"Steady sliding is unstable between {said(begin, 'm/s')} and {said(stop, 'm/s')}.")
-    if not spans:
-        lines.append("Steady sliding is stable at every drive speed searched.")
-    return " ".join(lines) + _why_open([end])
+    ends = [limit for part in answer["stick_slip_between"] for limit in (part["from"], part["to"]) if limit]
+    if not answer["stick_slip_between"]:
+        lines.append(f"{_capital(answer['critical_speed']['validity'])}.")
+    lines += [_stretch(part, answer["searched_between"]) for part in answer["stick_slip_between"]]
+    lines.append(_windows(answer["windows"]))
+    return " ".join(lines) + _why_open(ends)
+
+
+def _stretch(part: Document, searched: Sequence[float]) -> str:
+    """Between which drive speeds there is stick-slip."""
+    low, high = part["from"], part["to"]
+    if low is not None and high is not None:
+        return f"Stick-slip exists from {with_interval(low)} to {with_interval(high)}."
+    if high is not None:
+        return f"Stick-slip ends above a drive speed of {with_interval(high)}."
+    reach = f"the highest speed tried ({said(searched[1], 'm/s')})"
+    if low is not None:
+        return f"Stick-slip begins above {with_interval(low)} and still exists at {reach}."
+    return f"Stick-slip exists at every drive speed up to {reach}."
+
+
+def _windows(windows: Sequence[Document]) -> str:
+    """The windows of drive speed in one sentence."""
+    if len(windows) == 1:
+        return f"At every drive speed searched: {WINDOWS[windows[0]['outcome']].rstrip(',')}."
+    parts = []
+    for i, window in enumerate(windows):
+        low, high = said(window["from"], "m/s"), said(window["to"], "m/s")
+        where = f"up to {high}" if i == 0 else f"above {low}" if i + 1 == len(windows) else f"from {low} to {high}"
+        parts.append(f"{WINDOWS[window['outcome']]} {where}")
+    return f"By drive speed: {'; '.join(parts)}."
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def amplitude_text(document: Document) -> str:

@@ -15,11 +15,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.prediction.branch import follow
+from identify.prediction.course import drive_course
 from identify.prediction.cycle import CycleMap
 from identify.prediction.orbit import Orbit, close, settle
-from identify.prediction.prospect import long_enough, patience, typical_speed
 from identify.prediction.sliding import clearances, growth_rates
+from identify.prediction.trace import End, trace
+from identify.prediction.windows import long_enough
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ STEP = 1.25  # factor between the values looked at
 HALVINGS = 22
 NEAR = 1e-4  # share of the value by which the stick-slip that is followed to its end lies inside
 DIFFERENCE, LEAST = 1e-5, 1e-6  # relative step of a difference, and absolute for what is zero
+REACH = 0.5  # of the logarithm of the drive speed, within which that end is looked for
 POLISHED = 0.02  # share by which the end of stick-slip may differ from where it was found
 
 
@@ -136,30 +138,39 @@ class Search:
         return float(by[columns] @ w[columns]) / value
 
     def _by_fold(self, name: str, value: float, orbit: Orbit | None) -> tuple[float, Array]:
-        """Limit and slopes from the end of the branch over drive speed at the value found; NaN slopes without one."""
+        """Limit and slopes from the fold over drive speed at the value found; NaN slopes without one."""
         unknown = value, np.full(self.w.size, np.nan)
         if orbit is None:
             return unknown
         speed = float(self.w[-1])
         at = self.w if name == "drive_speed" else self.moved(name, value)
-        map_ = self.map.at(at)
-        slower = orbit.drive_speed * (1 - 10 * NEAR)
-        seed = close(map_, orbit.y, slower) or settle(map_, slower).orbit
-        if seed is None:
+        end = self._fold(self.map.at(at), orbit)
+        if end is None:
             return unknown
-        branch = follow(map_, seed, 30.0 * max(typical_speed(map_), slower), patience)
-        if branch.end is None or branch.end_slopes is None:
-            return unknown
-        slopes = np.array(branch.end_slopes)
+        ending, slopes = float(np.exp(end.place)), np.exp(end.place) * end.slopes
         if name == "drive_speed":
             slopes[-1] = np.nan
-            return branch.end, slopes
+            return ending, slopes
         slopes[-1] = -1.0  # the end of stick-slip is to stay at the drive speed
         by = self._rate(name, slopes, at, value)
         with np.errstate(all="ignore"):
-            better = value * float(np.exp((speed - branch.end) / (by * value)))
+            better = value * float(np.exp((speed - ending) / (by * value)))
             slopes = -slopes / by
         return (better, slopes) if abs(better / value - 1) < POLISHED else (value, slopes)
+
+    def _fold(self, map_: CycleMap, orbit: Orbit) -> End | None:
+        """The fold over the logarithm of the drive speed nearest to an orbit, towards faster or slower drives."""
+        ends = []
+        here = float(np.log(orbit.drive_speed))
+        for sign in (1, -1):
+            place = here - sign * 10 * NEAR
+            speed = float(np.exp(place))
+            seed = close(map_, orbit.y, speed) or settle(map_, speed).orbit
+            if seed is not None:
+                course = drive_course(seed.cycle.setting)
+                path = trace(map_, seed, course if sign > 0 else course.reversed(), sign * place, sign * place + REACH)
+                ends += [] if path.end is None else [End(sign * path.end.place, sign * path.end.slopes)]
+        return min(ends, key=lambda end: abs(end.place - here), default=None)
 
 
 def _outwards(now: float, low: float, high: float) -> list[tuple[float, float]]:

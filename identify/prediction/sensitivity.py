@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.prediction.branch import Branch, along
+from identify.prediction.branch import along
 from identify.prediction.cycle import Cycle, CycleMap, loads
 from identify.prediction.extremes import peak_to_valley, peak_to_valley_slope
 from identify.prediction.orbit import Orbit
 from identify.prediction.sliding import slidings
+from identify.prediction.windows import Limit
 
 Array = NDArray[np.float64]
 
@@ -66,10 +67,9 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
     return np.asarray((rows[:, n:] + rows[:, :n] @ closing)[:, _columns(map_, names)])
 
 
-def end_slopes(map_: CycleMap, branch: Branch, names: Sequence[str]) -> Array:
-    """Derivatives of the end of a branch [m/s] by parameters: shape (len(names),), NaN where not to be had."""
-    slopes = branch.end_slopes
-    return np.full(len(names), np.nan) if slopes is None else np.asarray(slopes[_columns(map_, names)])
+def end_slopes(map_: CycleMap, limit: Limit, names: Sequence[str]) -> Array:
+    """Derivatives of a limit of stick-slip [m/s] by parameters: shape (len(names),), NaN where not to be had."""
+    return np.asarray(limit.slopes[_columns(map_, names)])
 
 
 def growth_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from identify.prediction.chart import NO_ANSWER, NOT_ADMITTED, Chart
-from identify.prediction.prospect import Outcome
+from identify.prediction.windows import Outcome
 from identify.report.map_view import FONT, View, region_path
 
 Array = NDArray[np.float64]

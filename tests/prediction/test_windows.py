@@ -1,0 +1,151 @@
+"""Windows of drive speed: the same whatever speed is asked at, those of plain simulation, never against themselves."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).parents[2] / "experiments"))
+
+import brute_force
+import run_window_study as study
+from brute_force_lanes import Lanes, simulate
+
+from identify.cli.main import main
+from identify.model.model import assemble
+from identify.prediction.cycle import CycleMap
+from identify.prediction.outlook import OperatingPoint, outlook, outlooks
+from identify.prediction.windows import speed_windows
+from identify.scene import Scene
+
+CASES = Path(__file__).parent / "cases"
+PAIR = study.random_pairs(1, seed=3)[0]
+
+
+def pair_of(name: str) -> dict[str, float]:
+    """Values of a scene of the cases."""
+    scene = Scene.from_toml(CASES / name)
+    return {**scene.values(), "normal_force": scene.rig.normal_force}
+
+
+def ask(pair: dict[str, float], speed: float) -> dict:
+    """The answer at a drive speed [m/s]."""
+    return outlook(assemble(study.EFFECTS), pair, speed, pair["normal_force"])
+
+
+WINDOW, FLIP = pair_of("window_of_stickslip.toml"), pair_of("flip_end_of_stickslip.toml")
+
+
+@pytest.mark.parametrize(
+    ("pair", "speeds"),
+    [
+        (WINDOW, (0.379164e-3, 0.62e-3, 0.9e-3, 2e-3)),
+        (FLIP, (2.6684923e-3, 0.1, 0.3)),
+        (WINDOW | {"normal_force": 0.2}, (0.2e-3, 0.8e-3, 3e-3)),
+        (FLIP | {"t_cr": 0.1}, (2e-3, 4e-2)),
+        (PAIR, tuple(np.geomspace(*study.speed_span(PAIR), 3))),
+    ],
+    ids=["window", "flip", "window, more load", "flip, faster ageing", "random"],
+)
+def test_windows_do_not_depend_on_the_speed_asked_at(pair, speeds):
+    answers = [ask(pair, float(speed)) for speed in speeds]
+    assert all(study.alike(answers[0], other) for other in answers[1:])
+    assert [study.contradiction(document) for document in answers] == [""] * len(answers)
+
+
+def test_a_window_with_two_ends_is_that_of_a_simulation():
+    """Stick-slip that has begun goes on inside and stops outside; from rest too."""
+    ((low, high),) = [
+        (part["from"]["value"], part["to"]["value"]) for part in ask(WINDOW, 2e-3)["stability"]["stick_slip_between"]
+    ]
+    assert low == pytest.approx(0.6250e-3, rel=2e-3) and high == pytest.approx(1.036e-3, rel=2e-3)
+    pair, begun = brute_force.Pair.of(WINDOW, WINDOW["normal_force"]), None
+    for inside, outside in ((1.003 * low, 0.997 * low), (0.997 * high, 1.003 * high)):
+        begun = brute_force.settled(pair, inside)
+        assert begun is not None
+        assert brute_force.settled(pair, outside, begun.end) is None
+
+
+def test_irregular_motion_has_an_end_too():
+    document = ask(FLIP, 2.6684923e-3)
+    assert document["stability"]["outcome"] == "sticks irregularly"
+    end = document["stability"]["critical_speed"]["value"]
+    pair = brute_force.Pair.of(FLIP, FLIP["normal_force"])
+    begun = brute_force.settled(pair, 0.99 * end)
+    assert begun is not None and brute_force.settled(pair, 1.01 * end, begun.end) is None
+    assert "no stick-slip" not in document["text"]
+
+
+def test_windows_are_those_of_the_range_whatever_was_asked(capsys):
+    """The command line at two speeds: one sentence on the windows, the same in both, and none that denies it."""
+    said = []
+    for at in ((), ("--at", "drive_speed=0.9 mm/s")):
+        assert main(["stability", "--scene", str(CASES / "window_of_stickslip.toml"), *at]) == 0
+        said.append(" ".join(capsys.readouterr().out.split()))
+    sentences = [
+        re.search(r"Stick-slip exists from .*? mm/s\. By drive speed: .*?\.(?= [A-Z])", text)[0] for text in said
+    ]
+    assert sentences[0] == sentences[1]
+    assert "it slides steadily" in said[0] and "it depends on the start" in said[1]
+    assert not any("no stick-slip" in text for text in said)
+
+
+def test_without_stick_slip_the_range_that_was_searched_is_said():
+    pair = WINDOW | {"damping": 4.0 * WINDOW["damping"]}
+    document = ask(pair, 1e-3)
+    assert document["stability"]["stick_slip_between"] == []
+    assert re.search(
+        r"No stick-slip was found at any drive speed from [\d.]+ mm/\w+ to [\d.]+ mm/s\.", document["text"]
+    )
+    speeds = np.geomspace(0.2e-3, 3e-3, 6)
+    lanes = Lanes.of([pair] * 6, speeds)
+    assert simulate(lanes, np.stack([np.zeros(6), np.ones(6)]), 10).slides.all()
+
+
+def test_points_of_one_pair_share_their_windows_and_close_loads_carry_them():
+    model, force = assemble(study.EFFECTS), WINDOW["normal_force"]
+    points = [OperatingPoint(WINDOW, speed, force * share) for speed, share in ((3e-4, 1.0), (9e-4, 1.0), (9e-4, 1.02))]
+    first, second, third = outlooks(model, points, ())
+    assert first["stability"]["windows"] == second["stability"]["windows"]
+    own = outlook(model, WINDOW, 9e-4, 1.02 * force)
+    (carried,), (exact,) = (document["stability"]["stick_slip_between"] for document in (third, own))
+    for side in ("from", "to"):
+        assert carried[side]["value"] == pytest.approx(exact[side]["value"], rel=5e-3)
+    assert abs(exact["to"]["value"] / first["stability"]["stick_slip_between"][0]["to"]["value"] - 1) > 5e-3
+
+
+def test_slopes_of_both_ends_are_those_of_windows_searched_again():
+    model = assemble(study.EFFECTS)
+
+    def ends(**changes):
+        values = WINDOW | changes
+        map_ = CycleMap(model, values["normal_force"], np.array([values[name] for name in model.parameter_names]))
+        (part,) = speed_windows(map_).sticking
+        return part.low, part.high
+
+    step = 2e-3
+    for name in ("mu_s", "damping"):
+        up, down = ends(**{name: WINDOW[name] * (1 + step)}), ends(**{name: WINDOW[name] * (1 - step)})
+        place = model.parameter_names.index(name)
+        for limit, above, below in zip(ends(), up, down, strict=True):
+            assert limit.slopes[place] == pytest.approx(
+                (above.speed - below.speed) / (2 * step * WINDOW[name]), rel=0.1
+            )
+
+
+def test_the_study_of_random_pairs_agrees_with_simulation(capsys):
+    assert study.main(fast=True) == 1.0
+    assert "contradict themselves: 0" in capsys.readouterr().out
+
+
+def test_the_reader_of_contradictions_sees_them():
+    """Negative control."""
+    document = ask(WINDOW, 0.9e-3)
+    denied = document | {"text": document["text"] + " No stick-slip was found at any drive speed."}
+    assert "no stick-slip" in study.contradiction(denied)
+    slides = document | {"stability": document["stability"] | {"outcome": "never sticks"}}
+    assert "whose window says bistable" in study.contradiction(slides)
