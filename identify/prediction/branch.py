@@ -67,6 +67,14 @@ def expected(here: Orbit, scale: Array, there: CycleMap, w: Array) -> Array:
     return np.asarray((here.y / scale + move * min(1.0, 0.3 / max(float(np.max(np.abs(move))), 1e-300))) * there.scale)
 
 
+def moved_orbit(near: Orbit, map_: CycleMap, drive_speed: float, patience: float) -> Orbit | None:
+    """The stable orbit at a drive speed [m/s] of another map, sought where the derivatives of one expect it."""
+    w = near.cycle.setting
+    scale = CycleMap(map_.model, float(w[-2]), w[:-2]).scale
+    orbit = close(map_, expected(near, scale, map_, map_.setting(drive_speed)), drive_speed, patience=patience)
+    return orbit if orbit is not None and orbit.stable else None
+
+
 def along(scale: Array, tangent: Tangent, jacobian: Array) -> Array:
     """How the rest state of an orbit, of typical size `scale`, moves with its setting while it stays an orbit:
     shape (n_y, n_w)."""

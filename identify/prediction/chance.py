@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.level import LEVEL
 from identify.base.quantiles import beta, normal_below
 from identify.model.model import Model
+from identify.prediction.branch import moved_orbit
 from identify.prediction.cycle import CycleMap
 from identify.prediction.drawn import POINT, Drawn, draw, unknown
-from identify.prediction.orbit import Orbit, close, settle
+from identify.prediction.orbit import Orbit, settle
 from identify.prediction.prospect import Prospect
 from identify.prediction.sensitivity import QUANTITIES, end_slopes, growth_slopes, quantities
 from identify.prediction.sliding import growth_rates
@@ -105,10 +106,12 @@ def ask(model: Model, drawn: Drawn, near: Orbit | None) -> Asked:
     for i in range(count):
         map_ = CycleMap(model, float(drawn.normal_force[i]), drawn.p[i])
         speed, patience = float(drawn.drive_speed[i]), long_enough(float(growth[i]) * map_.half_period)
-        orbit = close(map_, near.y, speed, patience=patience) if near is not None else None
-        if orbit is None or not orbit.stable:
-            settled = settle(map_, speed, patience=patience)
+        orbit = None if near is None else moved_orbit(near, map_, speed, patience)
+        for y in () if orbit is not None else (None,) if near is None else (None, near.y):
+            settled = settle(map_, speed, y, patience=patience)
             orbit, sticks[i] = settled.orbit, settled.sticks
+            if settled.sticks:
+                break
         if orbit is not None:
             sticks[i], rows[i] = True, quantities(map_, orbit.cycle, speed)
     return Asked(rows, sticks, growth)
@@ -183,7 +186,7 @@ def document(found: Certainty, linear: Mapping[str, Interval | None], values: Ma
         rows[name] = {
             "value": values.get(name),
             "unit": QUANTITIES[name],
-            "linear": None if line is None else [line.low, line.high],
+            "linear": None if line is None or same is False else [line.low, line.high],
             "interval": list(ends),
             "alike": same,
             "validity": "interval from draws",

@@ -149,7 +149,8 @@ def _percent(share: float) -> str:
 def number(value: Any, unit: str, validity: str, interval: Interval | None = None) -> dict[str, Any]:
     """One number of an answer as the interface writes it; what is not finite becomes null.
 
-    Ends of an interval that is open are null too, and "reason" says why.
+    Ends of an interval that is open are null too, and "reason" says why; "interval_from" is "draws" where the interval
+    is that of draws.
     """
     finite = value is not None and bool(np.isfinite(value))
     out: dict[str, Any] = {
@@ -160,4 +161,6 @@ def number(value: Any, unit: str, validity: str, interval: Interval | None = Non
     }
     if finite and interval is not None and interval.reason:
         out["reason"] = f"interval open: {interval.reason}"
+    if finite and interval is not None and interval.drawn:
+        out["interval_from"] = "draws"
     return out

@@ -12,24 +12,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
+from identify.prediction.branch import moved_orbit
 from identify.prediction.calculable import check_calculable
+from identify.prediction.chance import ask
 from identify.prediction.comparison import ClosedForms, beyond, closed_forms_each, contact, judged, number
 from identify.prediction.cycle import CycleMap
-from identify.prediction.drawn import POINT
+from identify.prediction.drawn import POINT, Drawn
 from identify.prediction.form_slopes import Table, form_slopes
 from identify.prediction.groups import MEANING
 from identify.prediction.outlook_words import amplitude_text, closed_form_text, said, stability_text
 from identify.prediction.prospect import Prospect, prospects
 from identify.prediction.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
+from identify.prediction.skew import Uncertain, maps, sampled
 from identify.prediction.spread import Interval, Spread
 from identify.prediction.stability import printed_form
-from identify.prediction.windows import Limit, Outcome
+from identify.prediction.windows import Limit, Outcome, patience
 
 Array = NDArray[np.float64]
 
 MODEL = "nonlinear model, valid at any speed"
 EITHER_SIGN = ("alpha", "z", "overshoot", "loading")  # groups told by their value, not its logarithm
 STAND_INS = ("slope", "damping_frequency")  # parameters of other effects that the closed forms take for the paper's own
+PERIOD, SLIP, PEAK = (list(QUANTITIES).index(name) for name in ("period", "slip_duration", "peak_speed"))
+POSITIVE = [i for i, name in enumerate(QUANTITIES) if name not in ("onset_force", "arrest_force")]
 QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it were this large
 
 
@@ -63,33 +68,39 @@ def outlook(
         {"operating_point", "stability", "amplitude", "closed_forms", "groups", "text"}; every number is
         {"value", "unit", "interval", "validity"}, null where there is none; "text" is plain words, and each of
         "stability", "amplitude" and "closed_forms" has its own "text". Intervals are 95 %, by linear propagation
-        (of the logarithm where a quantity is positive), null without a covariance; where the parameters are not
-        known well enough for that, both ends are null and "reason" says which.
+        (of the logarithm where a quantity is positive), null without a covariance; of jumps and of limits of
+        stick-slip that are skew within what is known they are quantiles of draws ("interval_from"); where the
+        parameters are not known well enough for either, both ends are null and "reason" says which.
 
     Raises:
         SimulationError: an operating point without meaning, or a motion that cannot be integrated.
     """
-    return _documents(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or ())[0]
+    return _documents(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or (), True)[0]
 
 
-def outlooks(model: Model, points: Sequence[OperatingPoint], names: Sequence[str]) -> list[dict[str, Any]]:
+def outlooks(
+    model: Model, points: Sequence[OperatingPoint], names: Sequence[str], *, draws: bool = True
+) -> list[dict[str, Any]]:
     """The outlooks of several operating points, sharing what they have in common: see `outlook`.
 
-    A point without an answer gets {"text": why}; the others are not held up by it.
+    A point without an answer gets {"text": why}; the others are not held up by it. Without `draws` intervals are those
+    of straight lines, however skew the answers are: for many points of one curve.
     """
     try:
         check_calculable(model)
     except SimulationError as error:
         return [{"text": f"Stability and amplitude: no answer; {error}."} for _ in points]
     try:
-        return _documents(model, points, names)
+        return _documents(model, points, names, draws)
     except SimulationError as error:
         if len(points) == 1:
             return [{"text": f"no answer for this operating point: {error}"}]
-        return [document for point in points for document in outlooks(model, [point], names)]
+        return [document for point in points for document in outlooks(model, [point], names, draws=draws)]
 
 
-def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[str]) -> list[dict[str, Any]]:
+def _documents(
+    model: Model, points: Sequence[OperatingPoint], names: Sequence[str], draws: bool
+) -> list[dict[str, Any]]:
     check_calculable(model)
     maps = [_map(model, point) for point in points]
     speeds = [abs(float(point.drive_speed)) for point in points]
@@ -100,8 +111,9 @@ def _documents(model: Model, points: Sequence[OperatingPoint], names: Sequence[s
     at = np.array(speeds), np.array([map_.normal_force for map_ in maps])
     uncertain = bool(names) and any(point.covariance is not None for point in points)
     slopes = form_slopes(pairs, *at) if uncertain else [({}, {})] * len(points)
+    shared: dict[tuple[int, bytes], Array | None] | None = {} if draws else None
     return [
-        _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), tables), forms)
+        _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), tables, shared), forms)
         for map_, point, answer, tables, forms in zip(
             maps, points, prospects(maps, speeds), slopes, closed_forms_each(pairs, *at), strict=True
         )
@@ -151,13 +163,17 @@ class _Intervals:
         covariance: ArrayLike | None,
         names: tuple[str, ...],
         forms: tuple[Table, Table],
+        shared: dict[tuple[int, bytes], Array | None] | None,
     ) -> None:
-        """forms: derivatives of the closed forms and of the groups."""
+        """forms: derivatives of the closed forms and of the groups; shared: draws of limits that several points have in
+        common; None: straight lines only."""
         self._map, self._answer, self._names = map_, answer, names
         matrix = None if covariance is None or not names else np.asarray(covariance, float)
         point = dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
         self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix, point)
-        self._forms = forms
+        self._forms, self._shared = forms, shared
+        values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True)) | point
+        self._uncertain = None if matrix is None else Uncertain(map_.model, values, names, matrix)
         if self._spread is not None:
             steady = answer.steady
             self._growth, self._force = sliding_slopes(map_, steady.drive_speed, names)
@@ -167,6 +183,24 @@ class _Intervals:
         """Derivatives of QUANTITIES of the orbit by the names (9, f); there must be an orbit."""
         assert self._answer.orbit is not None
         return orbit_slopes(self._map, self._answer.orbit, self._names)
+
+    @cached_property
+    def _drawn(self) -> tuple[Drawn, Array] | None:
+        """Draws of what is known, and the QUANTITIES (n, 9) of their orbits (NaN without one), where straight lines do
+        not hold; None where they do, or where there is nothing to draw from."""
+        orbit = self._answer.orbit
+        if self._uncertain is None or orbit is None or not self._uncertain.known or self._shared is None:
+            return None
+
+        def answer(map_: CycleMap, speed: float) -> Array | None:
+            moved = moved_orbit(orbit, map_, speed, patience(map_, speed))
+            return None if moved is None else quantities(map_, moved.cycle, speed)[POSITIVE]
+
+        centre = quantities(self._map, orbit.cycle, orbit.drive_speed)[POSITIVE]
+        if not self._uncertain.is_skew(answer, centre, self._slopes[POSITIVE]):
+            return None
+        drawn = self._uncertain.drawn()
+        return drawn, ask(self._map.model, drawn, orbit).quantities
 
     def form(self, name: str, value: float) -> Interval | None:
         """Of a number of the closed forms."""
@@ -195,8 +229,10 @@ class _Intervals:
         orbit = self._answer.orbit
         if self._spread is None or orbit is None or not a * peak > 0.0:
             return None
-        slopes = a * self._slopes[list(QUANTITIES).index("peak_speed")]
-        slopes = slopes + np.array([peak if name == "a" else 0.0 for name in self._names])
+        if self._drawn is not None and "a" in self._map.model.parameter_names:
+            drawn, rows = self._drawn
+            return sampled(drawn.p[:, self._map.model.parameter_names.index("a")] * rows[:, PEAK])
+        slopes = a * self._slopes[PEAK] + np.array([peak if name == "a" else 0.0 for name in self._names])
         return self._spread.positive(a * peak, slopes)
 
     def share(self, values: Array) -> Interval | None:
@@ -204,10 +240,11 @@ class _Intervals:
         orbit = self._answer.orbit
         if self._spread is None or orbit is None:
             return None
-        slopes = self._slopes
-        slip, period = (list(QUANTITIES).index(name) for name in ("slip_duration", "period"))
-        share = values[slip] / values[period]
-        return self._spread.positive(float(share), (slopes[slip] - share * slopes[period]) / values[period])
+        if self._drawn is not None:
+            return sampled(self._drawn[1][:, SLIP] / self._drawn[1][:, PERIOD])
+        share = values[SLIP] / values[PERIOD]
+        slopes = (self._slopes[SLIP] - share * self._slopes[PERIOD]) / values[PERIOD]
+        return self._spread.positive(float(share), slopes)
 
     def force(self) -> Interval | None:
         """Of the force in steady sliding."""
@@ -215,24 +252,53 @@ class _Intervals:
         return None if self._spread is None else self._spread.signed(force, self._force, abs(force))
 
     def orbit(self, values: Array) -> list[Interval | None]:
+        """Of QUANTITIES of the orbit: from draws where one of them is skew."""
         orbit = self._answer.orbit
         if self._spread is None or orbit is None:
             return [None] * values.size
-        return [self._spread.positive(float(v), s) for v, s in zip(values, self._slopes, strict=True)]
+        if self._drawn is not None:
+            return [sampled(column) for column in self._drawn[1].T]
+        return [
+            self._spread.positive(float(v), s) if i in POSITIVE else self._spread.signed(float(v), s, abs(float(v)))
+            for i, (v, s) in enumerate(zip(values, self._slopes, strict=True))
+        ]
 
     def end(self) -> Interval | None:
+        """Of the drive speed above which there is no stick-slip."""
         return self.limit(self._answer.windows.end)
 
     def limit(self, limit: Limit | None) -> Interval | None:
-        """Of a drive speed at which stick-slip ends."""
-        if self._spread is None or limit is None:
+        """Of a drive speed at which stick-slip ends: from draws where it is skew."""
+        if self._spread is None or self._uncertain is None or limit is None:
             return None
-        return self._spread.positive(limit.speed, end_slopes(self._map, limit, self._names))
+        slopes = end_slopes(self._map, limit, self._names)
+        line = self._spread.positive(limit.speed, slopes)
+        if limit.orbit is None or not self._uncertain.known or self._shared is None:
+            return line
+        key = id(limit.orbit), self._uncertain.covariance.tobytes()
+        if key not in self._shared:
+            self._shared[key] = _limits_of_draws(limit, slopes, self._uncertain)
+        drawn = self._shared[key]
+        return line if drawn is None else sampled(limit.speed * drawn)
 
     def growth(self) -> Interval | None:
         if self._spread is None:
             return None
         return self._spread.signed(self._answer.steady.growth, self._growth, QUIET / self._map.time)
+
+
+def _limits_of_draws(limit: Limit, slopes: Array, uncertain: Uncertain) -> Array | None:
+    """A limit of stick-slip (n,) of every draw over that of the estimate, NaN where there is none; None where it
+    follows the parameters in a straight line."""
+
+    def answer(map_: CycleMap, _speed: float) -> Array | None:
+        speed = limit.of(map_)
+        return None if speed is None else np.array([speed])
+
+    if not uncertain.is_skew(answer, np.array([limit.speed]), slopes[None, :]):
+        return None
+    ends = [answer(*point) for point in maps(uncertain.model, uncertain.drawn())]
+    return np.array([np.nan if end is None else float(end[0]) / limit.speed for end in ends])
 
 
 def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:

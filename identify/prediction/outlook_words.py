@@ -79,6 +79,12 @@ def _why_open(entries: Iterable[Mapping[str, Any]]) -> str:
     return f" Intervals are open where {'; or '.join(reasons)}." if reasons else ""
 
 
+def _how(entries: Iterable[Mapping[str, Any]]) -> str:
+    """One sentence where intervals are those of draws."""
+    drawn = any(entry.get("interval_from") == "draws" for entry in entries)
+    return " Intervals are those of draws, as a straight line does not hold so far." if drawn else ""
+
+
 def _where(document: Document) -> str:
     point = document["operating_point"]
     speed, force = point["drive_speed"], point["normal_force"]
@@ -112,7 +118,7 @@ def stability_text(document: Document) -> str:
         lines.append(f"{_capital(answer['critical_speed']['validity'])}.")
     lines += [_stretch(part, answer["searched_between"]) for part in answer["stick_slip_between"]]
     lines.append(_windows(answer["windows"]))
-    return " ".join(lines) + _why_open(ends)
+    return " ".join(lines) + _why_open(ends) + _how(ends)
 
 
 def _stretch(part: Document, searched: Sequence[float]) -> str:
@@ -144,6 +150,9 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+SHOWN = ("peak_to_valley", "drop", "period", "peak_speed")  # with their intervals
+
+
 def amplitude_text(document: Document) -> str:
     """Size and timing of the jumps."""
     part = document["amplitude"]
@@ -157,7 +166,8 @@ def amplitude_text(document: Document) -> str:
         f"at up to {with_interval(part['peak_speed'])}; "
         f"the mass begins to slip at {plain['onset_force']}, before the peak, and rests again at "
         f"{plain['arrest_force']}, after the valley: a drop of {with_interval(part['drop'])} from onset to rest."
-        + _why_open(part[name] for name in ("peak_to_valley", "drop", "period", "peak_speed"))
+        + _why_open(part[name] for name in SHOWN)
+        + _how(part[name] for name in SHOWN)
     )
 
 

@@ -32,11 +32,13 @@ TOO_WIDE = "the data leave it open by more than a factor of ten"
 
 @dataclass(frozen=True)
 class Interval:
-    """Ends of a 95 % interval, both None where it is open, and then the reason."""
+    """Ends of a 95 % interval, both None where it is open, and then the reason; drawn: whether they are quantiles of
+    draws, else of a straight line."""
 
     low: float | None
     high: float | None
     reason: str = ""
+    drawn: bool = False
 
 
 class Spread:

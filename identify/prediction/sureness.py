@@ -72,18 +72,12 @@ def _text(where: str, found: Certainty, told: Mapping[str, Any]) -> str:
         f"That it starts by itself from steady sliding: {_probability(found.certain, found.draws)}.",
     ]
     compared = {name: row for name, row in told["quantities"].items() if row["alike"] is not None}
-    apart = [name for name, row in compared.items() if not row["alike"]]
-    if compared and not apart:
+    if compared and all(row["alike"] for row in compared.values()):
         sentences.append("Intervals from draws and from straight lines agree.")
-    for name in apart:
-        row = compared[name]
-        line, drawn = (
-            f"{said(e[0], row['unit'])} to {said(e[1], row['unit'])}" for e in (row["linear"], row["interval"])
-        )
-        if drawn != line:  # as they are printed
-            sentences.append(
-                f"Of the {name.replace('_', ' ')} draws say {drawn}, straight lines {line}: take the draws."
-            )
+    for name, row in told["quantities"].items():
+        low, high = (said(end, row["unit"]) for end in row["interval"])
+        if name in compared and not row["alike"]:
+            sentences.append(f"95 % of the draws of the {name.replace('_', ' ')} lie from {low} to {high}.")
     if found.refused:
         sentences.append(f"{found.refused} draws were left out: no pair has such friction.")
     return " ".join(sentences)

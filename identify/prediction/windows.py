@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.prediction.branch import Followed, advance
+from identify.prediction.branch import Followed, advance, moved_orbit
 from identify.prediction.course import drive_course
 from identify.prediction.cycle import SLIDES_AFTER, CycleMap
 from identify.prediction.orbit import Orbit, Settled, settle
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 SPACING = 0.2  # of the logarithm of the drive speed between nodes
 SLOWEST, FASTEST = 1e-2, 30.0  # range searched, over the slowest and the typical speed of pair and rig
 BEYOND = 1e-2  # of the logarithm: where stick-slip is looked for beyond the end of a branch
+MARGINS, FARTHEST = (0.03, 0.1, 0.3, 1.0), 5.0  # of the logarithm: before a limit expected, and beyond
 HALVINGS = 9  # of the gap between two nodes, where a motion ends in no fold
 GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
 LONGEST_PATIENCE = 100.0  # half periods
@@ -43,18 +44,38 @@ class Outcome(Enum):
     UNDECIDED = "undecided"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limit:
     """A drive speed [m/s] at which stick-slip ends, and its derivatives (n_w,) by parameters, normal force and drive
-    speed; NaN where they are not to be had."""
+    speed; NaN where they are not to be had. upper: whether it sticks below; orbit: the last one before a fold."""
 
     speed: float
     slopes: Array = field(repr=False)
+    upper: bool
+    orbit: Orbit | None = field(default=None, repr=False)
 
     def under(self, now: float, normal_force: float) -> Limit:
         """The limit under another normal force [N] close to the one `now`, by its derivative."""
         power = float(self.slopes[-2]) * now / self.speed
-        return Limit(self.speed * (normal_force / now) ** power, self.slopes)
+        return replace(self, speed=self.speed * (normal_force / now) ** power)
+
+    def of(self, map_: CycleMap) -> float | None:
+        """The same limit [m/s] of another pair: the fold that the branch there comes to; None where it is not found."""
+        if self.orbit is None:
+            return None
+        sign, moved = 1.0 if self.upper else -1.0, map_.setting(self.speed) - self.orbit.cycle.setting
+        there = float(np.log(self.speed) + self.slopes[:-1] @ moved[:-1] / self.speed)
+        gap = abs(float(np.log(self.orbit.drive_speed / self.speed)))
+        for margin in (gap, *(m for m in MARGINS if m > gap)):
+            place = there - sign * margin
+            speed = float(np.exp(place))
+            orbit = moved_orbit(self.orbit, map_, speed, patience(map_, speed))
+            if orbit is not None:
+                course = drive_course(orbit.cycle.setting)
+                course = course if self.upper else course.reversed()
+                path = trace(map_, orbit, course, sign * place, sign * place + FARTHEST)
+                return None if path.end is None else float(np.exp(sign * path.end.place))
+        return None
 
 
 @dataclass(frozen=True)
@@ -325,7 +346,7 @@ class _Sweep:
             settled = None if sign * (slides - beyond) <= 0.0 else self._settle(beyond, orbit.y, wait)
             if settled is None or not settled.sticks:
                 speed = float(np.exp(place))
-                return Limit(speed, speed * sign * end.slopes)
+                return Limit(speed, speed * sign * end.slopes, sign > 0, orbit)
             sticks, state = beyond, settled.state
         for _ in range(HALVINGS):
             middle = 0.5 * (sticks + slides)
@@ -334,7 +355,7 @@ class _Sweep:
                 sticks, state = middle, settled.state
             else:
                 slides = middle
-        return Limit(float(np.exp(0.5 * (sticks + slides))), np.full(self._map.setting(1.0).size, np.nan))
+        return Limit(float(np.exp(0.5 * (sticks + slides))), np.full(self._map.setting(1.0).size, np.nan), sign > 0)
 
     def _ending(self, sign: int, first: float, last: float, motion: _Motion) -> tuple[End, Orbit] | None:
         """The end of a branch between two coordinates, and its last orbit: a fold that was met, else that of the

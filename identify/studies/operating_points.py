@@ -170,9 +170,13 @@ def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence
 def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[str], found: Joint) -> GroupAnswer:
     spreads = _spreads(comparison, ground, group, names, found)
     curve = _amplitude_speeds(ground)
-    speeds = (*ground.speeds, *curve)
-    mean = _ask(ground, spreads, speeds, spreads.mean)
-    people = _ask(ground, spreads, speeds, spreads.people)
+    mean, people = (
+        [
+            *_ask(ground, spreads, ground.speeds, covariance, draws=True),
+            *_ask(ground, spreads, curve, covariance, draws=False),
+        ]
+        for covariance in (spreads.mean, spreads.people)
+    )
     if "stability" not in mean[0]:
         reason = str(mean[0].get("text", "no answer"))
         return GroupAnswer(group, NOTHING, (), _friction(ground, spreads), None, reason)
@@ -185,9 +189,11 @@ def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[
     return GroupAnswer(group, critical, at, _friction(ground, spreads), amplitude)
 
 
-def _ask(ground: Common, spreads: _Spreads, speeds: Sequence[float], covariance: Array) -> list[dict[str, Any]]:
+def _ask(
+    ground: Common, spreads: _Spreads, speeds: Sequence[float], covariance: Array, *, draws: bool
+) -> list[dict[str, Any]]:
     points = [OperatingPoint(spreads.values, speed, ground.normal_force, covariance) for speed in speeds]
-    return outlooks(ground.model, points, spreads.names)
+    return outlooks(ground.model, points, spreads.names, draws=draws)
 
 
 def _pair(entry: Mapping[str, Any]) -> tuple[float, float] | None:
