@@ -170,7 +170,7 @@ def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
     ("arguments", "words"),
     [
         ([], "no command was given"),
-        (["fitt"], "invalid choice: 'fitt'"),
+        (["fitt"], "no command 'fitt'"),
         (["fit"], "--scene"),
         (["fit", "--scene", "none.toml"], "none.toml: no such scene file"),
         (["fit", "--scene", examples.SCENE, "--set", "rig.mas=1"], "'mass'"),

@@ -77,7 +77,7 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
 
     out = Path(arguments.out)
     check_place(out, arguments.resume)
-    with Progress(terminal.notes) as progress:
+    with Progress(terminal.notes, terminal.verbose) as progress:
         planned = plan(Path(arguments.source), Path(arguments.scene), arguments.set, progress)
     for note in planned.notes:
         terminal.note(f"note: {note}")

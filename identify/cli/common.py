@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -30,10 +31,14 @@ class Answer:
 
 @dataclass(frozen=True)
 class Terminal:
-    """Where words for people go: standard output, or standard error while --json is on."""
+    """Where words for people go: standard output, or standard error while --json is on.
+
+    `notes` is a stream that keeps nothing with --quiet; `verbose`: every stage of the work is said with its seconds.
+    """
 
     words: TextIO
     notes: TextIO
+    verbose: bool = False
 
     def say(self, text: str = "") -> None:
         """Words that are the answer."""
@@ -178,7 +183,7 @@ def read(path: str, arguments: Namespace, terminal: Terminal | None = None) -> R
         return read_log(path, **options)
     from identify.cli.progress import Progress
 
-    with Progress(terminal.notes) as progress:
+    with Progress(terminal.notes, terminal.verbose) as progress:
         return read_log(path, **options, progress=lambda share: progress(f"reading {Path(path).name}", share))
 
 
@@ -203,6 +208,12 @@ def quantity(text: str, unit: str, option: str) -> float:
         raise CommandLineError(f"{option}: {error}") from None
 
 
-def standard_terminal(json_mode: bool) -> Terminal:
+def standard_terminal(json_mode: bool, *, quiet: bool = False, verbose: bool = False) -> Terminal:
     """Standard output for words, or standard error while standard output is kept for the JSON document."""
-    return Terminal(words=sys.stderr if json_mode else sys.stdout, notes=sys.stderr)
+    notes = open(os.devnull, "w", encoding="utf-8") if quiet else sys.stderr  # noqa: PTH123, SIM115 - until the end
+    return Terminal(words=sys.stderr if json_mode else sys.stdout, notes=notes, verbose=verbose)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that looks most like this one."""
+    return max(known, key=lambda name: SequenceMatcher(None, word.lower(), name.lower()).ratio())

@@ -21,6 +21,7 @@ from identify.cli.common import (
 )
 
 if TYPE_CHECKING:
+    from identify.estimation.starts import Sources
     from identify.report.finished import Fit
     from identify.scene import Scene
     from identify.shooting.fit_options import Asked
@@ -49,6 +50,12 @@ def add_depth_options(parser: ArgumentParser) -> None:
     group.add_argument(
         "--time-limit", metavar="T", help="of the search and its examination (default: [fit] time_limit, or 60 s)"
     )
+    group.add_argument(
+        "--starts",
+        choices=("data", "user", "both"),
+        help="where the search starts: from the data, from the scene's start values, or both (default: both where the "
+        "scene gives a start, else data)",
+    )
     group.add_argument("--profile", action="store_true", help="profile likelihood of every parameter")
     group.add_argument("--bootstrap", type=int, metavar="N", help="cycle-block bootstrap with N replicates")
     group.add_argument("--accuracy-table", action="store_true", help="what each level of accuracy costs and changes")
@@ -72,7 +79,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
 
         return run_preview(scene, out, terminal)
     check_replaceable(out)
-    fit = fit_and_report(scene, out, terminal, asked)
+    fit = fit_and_report(scene, out, terminal, asked, arguments.starts)
     return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
 
 
@@ -173,7 +180,9 @@ def check_there(path: Path) -> None:
     raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
 
 
-def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None) -> Fit:
+def fit_and_report(
+    scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None, starts: Sources | None = None
+) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.base.mapped import keep
     from identify.cli.counsel import with_counsel
@@ -185,8 +194,8 @@ def fit_and_report(scene: Scene, out: Path, terminal: Terminal, asked: Asked | N
     from identify.report.summary import summary
     from identify.shooting.fit_options import NOTHING_MORE
 
-    with Progress(terminal.notes) as progress:
-        outcome = fit(scene, progress=progress, asked=asked or NOTHING_MORE)
+    with Progress(terminal.notes, terminal.verbose) as progress:
+        outcome = fit(scene, progress=progress, starts=starts, asked=asked or NOTHING_MORE)
         progress("what to change, and how sure that is")
         outcome = with_counsel(scene_of(outcome.result, out), outcome)  # with the drives that columns told
         with result_folder(out) as folder:

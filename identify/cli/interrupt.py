@@ -3,6 +3,7 @@ in compiled code that no interrupt reaches."""
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 import signal
@@ -13,12 +14,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 GRACE = 1.0  # seconds in which a command may end by itself
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _received: list[int] = []  # signals since the command began
 _unfinished: set[Path] = set()  # folders that must not be left behind
+_muted: list[TextIO] = []  # standard error, while nothing but the last words is of interest
 _stands_down = threading.Event()  # set where the command ends by itself, however long that takes
 
 
@@ -31,6 +33,7 @@ def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None
             None: the command may take its time.
     """
     _received.clear()
+    _stands_down.clear()
     try:
         before = [signal.signal(number, _interrupt) for number in SIGNALS]
     except ValueError:  # not the main thread: signals do not come here
@@ -48,6 +51,7 @@ def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None
         with _watched(last_words):
             yield
     finally:
+        _unmute()
         sys.unraisablehook = unraisable
         for number, handler in zip(SIGNALS, before, strict=True):
             signal.signal(number, handler)
@@ -59,7 +63,6 @@ def _watched(last_words: Callable[[], None] | None) -> Iterator[None]:
     if last_words is None:
         yield
         return
-    _stands_down.clear()
     sender, receiver = socket.socketpair()
     sender.setblocking(False)
     before = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
@@ -86,6 +89,7 @@ def _leave(last_words: Callable[[], None]) -> NoReturn:
     for folder in _unfinished:
         shutil.rmtree(folder, ignore_errors=True)
     with suppress(Exception):
+        _unmute()
         if sys.stderr.isatty():
             sys.stderr.write("\r\x1b[K\x1b[?25h")  # the line of a progress bar, and the cursor it hid
         last_words()
@@ -116,8 +120,17 @@ def unfinished(folder: Path) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    """Raise KeyboardInterrupt, and keep quiet what a solver says of that: it takes it for a failed evaluation."""
     _received.append(number)
+    if not _muted and not _stands_down.is_set():
+        _muted.append(sys.stderr)
+        sys.stderr = io.StringIO()
     raise KeyboardInterrupt
+
+
+def _unmute() -> None:
+    if _muted:
+        sys.stderr = _muted.pop()
 
 
 def interrupted() -> bool:
@@ -132,6 +145,7 @@ def taken_as_handled() -> None:
     dies by the signal at its end (`python -m`); the next `exec` that ends well makes it forget.
     """
     exec("")
+    _unmute()
     _stop_compiling()
 
 

@@ -8,7 +8,8 @@ import sys
 import traceback
 import warnings
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 from types import ModuleType
 from typing import Any, NoReturn
 
@@ -19,6 +20,7 @@ from identify.cli.common import (
     WRONG_INPUT,
     Answer,
     CommandLineError,
+    nearest,
     standard_terminal,
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
@@ -44,6 +46,30 @@ class _Parser(ArgumentParser):
     def __init__(self, **arguments: Any) -> None:
         super().__init__(allow_abbrev=False, **arguments)
 
+    commands: Mapping[str, ArgumentParser] = {}
+
+    def check_words(self, given: Sequence[str]) -> None:
+        """Refuse a command or an option that there is not, by the name that is nearest to it.
+
+        Raises:
+            CommandLineError: the first such word.
+        """
+        name = next((word for word in given if not word.startswith("-")), None)
+        if name is not None and name not in self.commands:
+            raise CommandLineError(
+                f"there is no command {name!r}; did you mean {nearest(name, self.commands)!r}? "
+                f"Known are {', '.join(self.commands)}"
+            )
+        place = self if name is None else self.commands[name]
+        options = place._option_string_actions
+        for word in takewhile(lambda word: word != "--", given):
+            option = word.partition("=")[0]
+            if option.startswith("--") and option not in options:
+                raise CommandLineError(
+                    f"{place.prog} has no option {option}; did you mean {nearest(option, options)}? See: "
+                    f"{place.prog} --help"
+                )
+
     def error(self, message: str) -> NoReturn:
         raise CommandLineError(f"{message}; see: {self.prog} --help")
 
@@ -58,6 +84,7 @@ def commands() -> tuple[ModuleType, ...]:
         batch,
         cache,
         compare,
+        completion,
         convert,
         demo,
         fit,
@@ -69,16 +96,32 @@ def commands() -> tuple[ModuleType, ...]:
         verify,
     )
 
-    return demo, inspect, steps, scene, fit, verify, batch, compare, simulate, stability, amplitude, convert, cache
+    calculators = (stability, amplitude)
+    return (
+        demo,
+        inspect,
+        steps,
+        scene,
+        fit,
+        verify,
+        batch,
+        compare,
+        simulate,
+        *calculators,
+        convert,
+        cache,
+        completion,
+    )
 
 
-def build_parser() -> ArgumentParser:
+def build_parser() -> _Parser:
     """The parser of all commands."""
     parser = _Parser(
         prog="stickslip", description=DESCRIPTION, epilog=EPILOG, formatter_class=RawDescriptionHelpFormatter
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     known = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    parser.commands = known.choices
     for command in commands():
         sub = known.add_parser(command.NAME, help=command.HELP, description=command.HELP)
         command.add_arguments(sub)
@@ -86,6 +129,8 @@ def build_parser() -> ArgumentParser:
     for place in (parser, *known.choices.values()):
         place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
         place.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        place.add_argument("--quiet", action="store_true", help="no progress and no notes: the answer alone")
+        place.add_argument("--verbose", action="store_true", help="every stage of the work with its seconds")
     return parser
 
 
@@ -143,10 +188,11 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
 
 def _run(given: list[str], json_mode: bool) -> Answer:
     parser = build_parser()
-    terminal = standard_terminal(json_mode)
+    terminal = standard_terminal(json_mode, quiet="--quiet" in given, verbose="--verbose" in given)
     # whatever a library prints must not spoil the document
     with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
         try:
+            parser.check_words(given)
             arguments: Namespace = parser.parse_args(given)
         except SystemExit:  # help was asked for and printed
             return Answer(document={"status": "done"})

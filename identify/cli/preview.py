@@ -39,7 +39,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from identify.scene.variant import scene_with
 
     file = preview_file(out)
-    with Progress(terminal.notes) as progress:
+    with Progress(terminal.notes, terminal.verbose) as progress:
         progress("reading the logs", 0.0)
         scene, drives = with_drives(scene)
         scene, records = with_records(scene, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
@@ -21,19 +22,21 @@ def draws(stream: TextIO) -> bool:
 class Progress:
     """Called by the work as `progress(stage, share)`; share of the whole work done, 0 to 1 (None: unknown)."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, verbose: bool = False) -> None:
+        """verbose: plain lines with the seconds since the beginning, on a terminal too."""
+        self._stream, self._verbose, self._began = stream, verbose, time.monotonic()
         self._bar: Bar | None = None
         self._task: TaskID | None = None
         self._stage = ""
 
     def __enter__(self) -> Self:
-        if draws(self._stream):
+        if draws(self._stream) and not self._verbose:
             from rich.console import Console
-            from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+            from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
             from rich.progress import Progress as Bar
 
-            columns = (TextColumn("{task.description:<34}"), BarColumn(bar_width=24), TimeElapsedColumn())
+            stage, left = TextColumn("{task.description:<34}"), TimeRemainingColumn(elapsed_when_finished=True)
+            columns = (stage, BarColumn(bar_width=18), TimeElapsedColumn(), TextColumn("left about"), left)
             self._bar = Bar(*columns, console=Console(file=self._stream), transient=True)
             self._task = self._bar.add_task("starting", total=1.0)
             self._bar.start()
@@ -45,7 +48,8 @@ class Progress:
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, description=stage, completed=share)
         elif stage != self._stage:
-            print(stage, file=self._stream, flush=True)
+            since = f"{time.monotonic() - self._began:7.2f} s  " if self._verbose else ""
+            print(f"{since}{stage}", file=self._stream, flush=True)
         self._stage = stage
 
     def __exit__(

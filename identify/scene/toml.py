@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from data_io import list_steps
 from data_io.errors import LogError
 from data_io.thresholds import Thresholds
 from identify.base.budget import DEFAULT_TIME_LIMIT
@@ -63,8 +65,10 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     except (FileNotFoundError, IsADirectoryError):
         raise SceneError("no such scene file; give an existing one, or write one with: stickslip scene LOG") from None
     except UnicodeDecodeError:
+        _refuse_a_log(path)
         raise SceneError("this is not UTF-8 text; save the scene file as UTF-8") from None
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, and numbers or brackets without end
+        _refuse_a_log(path)
         raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
     except OSError as error:
         raise SceneError(f"the scene file cannot be read ({error.strerror}); check its permissions") from None
@@ -84,6 +88,19 @@ def _refuse_long_integers(value: Any) -> None:
         raise SceneError(f"a whole number of {value.bit_length()} bits was found; 64 at most were expected; shorten it")
     for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
         _refuse_long_integers(item)
+
+
+def _refuse_a_log(path: Path) -> None:
+    """Say so where a file that is no scene is a log.
+
+    Raises:
+        SceneError: it is one.
+    """
+    with suppress(LogError, OSError):
+        list_steps(path)
+        raise SceneError(
+            f"this is a log, not a scene; write a scene from it with: stickslip scene {path} --out SCENE.toml"
+        )
 
 
 def put(document: dict[str, Any], override: str) -> None:

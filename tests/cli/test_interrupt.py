@@ -74,3 +74,23 @@ def test_a_command_that_has_to_put_things_in_order_may_take_its_time(tmp_path):
     longer = interrupt.GRACE + 1.0
     code, _, _, took = stopped(tmp_path, signal.SIGINT, before="interrupt.ends_by_itself()", seconds=longer)
     assert code == 130 and took > interrupt.GRACE and list(tmp_path.iterdir()) == []
+
+
+def test_what_a_solver_says_of_an_interrupt_is_not_shown(tmp_path):
+    """A callback that raises is a failed evaluation to CasADi, which says so in words of its own."""
+    solver = (
+        "import casadi as ca\n"
+        "        class Slow(ca.Callback):\n"
+        "            def __init__(self):\n"
+        "                ca.Callback.__init__(self); self.construct('slow', {})\n"
+        "            def eval(self, given):\n"
+        "                print('working', file=sys.__stderr__, flush=True); time.sleep(5)\n"
+        "                return given\n"
+        "        x, slow = ca.MX.sym('x'), Slow()\n"
+        "        try:\n"
+        "            ca.nlpsol('s', 'ipopt', {'x': x, 'f': x**2 + 0 * slow(x)}, {'ipopt.print_level': 0})(x0=1.0)\n"
+        "        except Exception: pass"
+    )
+    code, _, words, _ = stopped(tmp_path, signal.SIGINT, before=solver, seconds=0.0)
+    assert code == 130 and "CasADi" not in words and "Traceback" not in words
+    assert words.splitlines()[-1] == "stickslip: interrupted; no half-written result is left behind"

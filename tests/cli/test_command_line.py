@@ -1,0 +1,114 @@
+"""The command line helps whoever mistypes: nearest names, logs taken for scenes; quiet, verbose, completion."""
+
+import io
+import json
+import subprocess
+
+import pytest
+
+from identify import examples, identification
+from identify.cli import fit as fit_command
+from identify.cli import main as cli
+from identify.cli.common import Answer
+from identify.cli.completion import script_for
+from identify.cli.progress import Progress
+from tests.fake_fit import fit_of_a_scene
+
+LOG = examples.FOLDER / "5_mm_per_s.txt.gz"
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (["fit", "--sceen", "x.toml"], "no option --sceen; did you mean --scene?"),
+        (["fit", "--scene", "x.toml", "--acuracy=tight"], "no option --acuracy; did you mean --accuracy?"),
+        (["simulate", "--scene", "x", "--outt", "a.csv"], "no option --outt; did you mean --out?"),
+        (["fitt", "--scene", "x"], "no command 'fitt'; did you mean 'fit'?"),
+        (["--jsn"], "no option --jsn; did you mean --json?"),
+    ],
+)
+def test_a_word_that_is_not_known_is_answered_by_the_nearest(given, words, capsys):
+    assert cli.main(given) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["fit", "simulate", "stability"])
+def test_a_log_given_as_a_scene_is_recognised(command, tmp_path, capsys):
+    more = ["--duration", "1", "--rate", "100", "--out", str(tmp_path / "x.csv")] if command == "simulate" else []
+    assert cli.main([command, "--scene", str(LOG), *more]) == 2
+    said = capsys.readouterr().err
+    assert "this is a log, not a scene; write a scene from it with: stickslip scene" in said
+    broken = tmp_path / "scene.toml"
+    broken.write_text("[rig\nmass = 1")
+    assert cli.main([command, "--scene", str(broken), *more]) == 2
+    assert "not valid TOML" in capsys.readouterr().err
+
+
+def test_the_advice_for_a_log_given_as_a_scene_gets_further(tmp_path, capsys):
+    assert cli.main(["scene", str(LOG), "--out", str(tmp_path / "scene.toml")]) == 0
+    assert cli.main(["fit", "--scene", str(tmp_path / "scene.toml")]) == 2
+    assert "still to fill in" in capsys.readouterr().err
+
+
+def test_quiet_says_the_answer_alone_and_verbose_the_seconds(monkeypatch, capsys):
+    def run(_arguments, terminal):
+        with Progress(terminal.notes, terminal.verbose) as progress:
+            progress("reading", 0.1)
+        terminal.say("the answer")
+        return Answer()
+
+    monkeypatch.setattr(fit_command, "run", run)
+    heard = []
+    for more in ([], ["--quiet"], ["--verbose"]):
+        assert cli.main(["fit", "--scene", "x", *more]) == 0
+        heard.append(capsys.readouterr())
+    assert [h.out for h in heard] == ["the answer\n"] * 3
+    assert [h.err for h in heard[:2]] == ["reading\n", ""] and heard[2].err.split()[1:] == ["s", "reading"]
+    assert cli.main(["fit", "--quiet"]) == 2
+    assert "--scene" in capsys.readouterr().err, "an error is said all the same"
+
+
+def test_a_bar_says_how_long_it_will_take(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setenv("TERM", "xterm")
+    stream = Terminal()
+    with Progress(stream) as progress:
+        progress("solving", 0.5)
+    assert "left about" in stream.getvalue()
+
+
+@pytest.mark.parametrize("starts", ["data", "user", "both", None])
+def test_where_the_search_starts_can_be_said(starts, monkeypatch, tmp_path, capsys):
+    asked = []
+
+    def fit(_scene, *, starts, **_):
+        asked.append(starts)
+        return fit_of_a_scene()
+
+    monkeypatch.setattr(identification, "fit", fit)
+    monkeypatch.setattr("identify.report.write_report", lambda *_: None)
+    monkeypatch.setattr("identify.cli.counsel.with_counsel", lambda _, fit: fit)
+    monkeypatch.chdir(tmp_path)
+    more = [] if starts is None else ["--starts", starts]
+    assert cli.main(["fit", "--scene", str(examples.SCENE), *more]) == 0 and asked == [starts]
+    assert cli.main(["fit", "--scene", str(examples.SCENE), "--starts", "mine"]) == 2
+
+
+def completed(script, *words):
+    """What bash would offer for the last of these words."""
+    line = f"{script}\nCOMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; _stickslip; echo ${{COMPREPLY[@]}}"
+    return subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_shell_completes_commands_and_options(capsys):
+    assert cli.main(["completion", "bash", "--json"]) == 0
+    script = json.loads(capsys.readouterr().out)["script"]
+    assert completed(script, "stickslip", "si") == ["simulate"]
+    assert completed(script, "stickslip", "fit", "--acc") == ["--accuracy", "--accuracy-table"]
+    assert completed(script, "stickslip", "fit", "lo") == [], "a file, as the shell does it"
+    commands = cli.build_parser().commands
+    assert "bashcompinit" in script_for("zsh", commands)
+    assert "complete -c stickslip -n '__fish_seen_subcommand_from fit' -l scene" in script_for("fish", commands)
