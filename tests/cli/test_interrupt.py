@@ -24,10 +24,10 @@ def run(arguments, terminal):
     with result_folder(Path("out")) as fresh:
         (fresh / "result.json").write_text("half")
         {before}
-        print("working", file=sys.stderr, flush=True)
-        until = time.monotonic() + {seconds}
+        until, said = time.monotonic() + {seconds}, False
         while time.monotonic() < until:  # as a solver that takes an interrupt for a failed evaluation
             try:
+                said = said or not print("working", file=sys.stderr, flush=True)
                 time.sleep(0.01)
             except KeyboardInterrupt:
                 pass
