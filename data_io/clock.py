@@ -59,6 +59,13 @@ def read_date(text: str) -> datetime | None:
         return None
 
 
+def seconds_apart(stamps: Sequence[str]) -> list[float]:
+    """Return when each of several channels was started [s], from the first one on; 0 where no date stands."""
+    dates = [read_date(stamp) for stamp in stamps]
+    first = next((date for date in dates if date is not None), None)
+    return [0.0 if date is None or first is None else (date - first).total_seconds() for date in dates]
+
+
 def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, list[Finding]]:
     """Return a rising time, the rows of the step it belongs to, and what was noticed.
 

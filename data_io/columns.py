@@ -9,17 +9,47 @@ from typing import Final
 from data_io.units import kind_of
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
-    "time": ("time", "t", "timestamp", "elapsedtime", "testtime", "zeit", "xvalue", "czas", "temps", "tiempo"),
+    "time": (
+        "time", "t", "timestamp", "elapsedtime", "testtime", "zeit", "xvalue", "czas", "temps", "tiempo", "tempo",
+        "steptime", "runtime", "totaltime", "datetime", "dateandtime", "datetimestamp", "zeitstempel", "messzeit",
+        "prüfzeit", "时间", "测试时间", "试验时间", "采样时间", "時間", "経過時間", "試験時間",
+    ),
     "normal_force": (
         "fz", "normalforce", "fn", "normal", "normalload", "load", "axialforce", "normalkraft", "nominalload",
-        "nominalforce", "appliedload", "nacisk",
+        "nominalforce", "appliedload", "nacisk", "ballload", "forcenormale", "effortnormal", "charge", "chargenormale",
+        "fuerzanormal", "carga", "carganormal", "forzanormale", "carico", "cariconormale", "siłanormalna",
+        "silanormalna", "si³anormalna", "obciążenie", "obciazenie", "siłanacisku", "forçanormal", "正压力", "法向力",
+        "法向载荷", "载荷", "垂直荷重", "荷重", "法線力", "垂直力", "垂直抗力",
     ),
     "friction_force": (
         "fx", "frictionforce", "friction", "ff", "ft", "fr", "tangentialforce", "tangential", "lateralforce",
-        "reibkraft", "reibungskraft", "fricforce", "frictionalforce",
+        "reibkraft", "reibungskraft", "fricforce", "frictionalforce", "tractionforce", "forcedefrottement",
+        "frottement", "forcetangentielle", "efforttangentiel", "fuerzadefricción", "fuerzadefriccion",
+        "fuerzaderozamiento", "fricción", "rozamiento", "fuerzatangencial", "forzadiattrito", "forzadattrito",
+        "attrito", "forzatangenziale", "siłatarcia", "silatarcia", "si³atarcia", "tarcie", "forçadeatrito", "摩擦力",
+        "切向力", "水平力", "接線力",
     ),
 }  # fmt: skip
 """Names of each role without case, blanks and punctuation; the earlier wins where a file has several."""
+
+COEFFICIENTS: Final = (
+    "cof", "mu", "μ", "frictioncoefficient", "coefficientoffriction", "coefoffriction", "coeffoffriction",
+    "coefficientfriction", "fricoeff", "friccoeff", "coff", "tractioncoefficient", "tractioncoeff", "reibwert",
+    "reibzahl", "reibungszahl", "reibungskoeffizient", "reibkoeffizient", "coefficientdefrottement",
+    "coeficientedefricción", "coeficientedefriccion", "coeficientederozamiento", "coefficientediattrito",
+    "coefficientedattrito", "współczynniktarcia", "wspolczynniktarcia", "摩擦系数", "摩擦係数", "摩擦因数",
+)  # fmt: skip
+"""Names of the coefficient of friction, as keys."""
+
+_DISTANCES: Final = (
+    "distance", "slidingdistance", "testdistance", "totaldistance", "weg", "gleitweg", "reibweg", "laufstrecke",
+    "distanceparcourue", "distancia", "distanza", "droga", "drogatarcia", "滑动距离", "滑り距離", "摺動距離",
+)  # fmt: skip
+_SPEEDS: Final = (
+    "speed", "slidingspeed", "velocity", "slidingvelocity", "linearspeed", "v", "geschwindigkeit",
+    "gleitgeschwindigkeit", "vitesse", "velocidad", "velocità", "velocita", "prędkość", "predkosc", "速度", "滑动速度",
+    "滑り速度",
+)  # fmt: skip
 
 KIND: Final = {"time": "time", "normal_force": "force", "friction_force": "force", "drive_speed": "speed"}
 """Kind of quantity (`units.SI_UNIT`) of each role."""
@@ -32,7 +62,7 @@ EXAMPLES: Final = {
 
 _LONGEST_SHOWN: Final = 60
 _LONGEST_PARSED: Final = 300
-_BRACKETS = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*(?:\([^()]*\))?)\s*[)\]}]\s*")
+_BRACKETS = re.compile(r"(.*?)\s*[(\[{（【]\s*([^()\[\]{}（）【】]*(?:\([^()]*\))?)\s*[)\]}）】]\s*")
 _SUFFIX = re.compile(r"(.*?[^\s_/,])(?:\s*[_/,]\s*|\s+)(\S+)")
 
 
@@ -130,7 +160,10 @@ def with_unit(header: Header, index: int, unit: str) -> Header:
 
 
 def find_column(names: Sequence[Name], wanted: str) -> int | None:
-    """Return the index of the column a user named: as written in the file, without its unit, or without case."""
+    """Return the index of the column a user named: as written in the file, without its unit, without case, by number.
+
+    Numbers count from 1, for names that are unreadable, empty or there twice.
+    """
     tests = (
         lambda n: n.raw == wanted,
         lambda n: n.name == wanted,
@@ -140,7 +173,21 @@ def find_column(names: Sequence[Name], wanted: str) -> int | None:
         for index, name in enumerate(names):
             if test(name):
                 return index
-    return None
+    number = int(wanted) if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 else 0
+    return number - 1 if 0 < number <= len(names) else None
+
+
+def coefficient_column(header: Header) -> int | None:
+    """Return the index of the coefficient of friction, None where a log holds none."""
+    return next((i for i, name in enumerate(header.names) if name.key in COEFFICIENTS), None)
+
+
+def distance_columns(header: Header) -> tuple[int, int] | None:
+    """Return the indices of the sliding distance and of the sliding speed, None where a log lacks one of them."""
+    way = next((i for i, name in enumerate(header.names) if name.key in _DISTANCES), None)
+    told = header.roles.get("drive_speed")
+    speed = next((i for i, name in enumerate(header.names) if i == told or name.key in _SPEEDS), None)
+    return None if way is None or speed is None else (way, speed)
 
 
 def role_indices(names: Sequence[Name], wanted: Mapping[str, str]) -> dict[str, int]:

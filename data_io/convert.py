@@ -130,6 +130,7 @@ def _missing(role: str, part: Part, label: str) -> str:
         f"{EXAMPLES.get(role, role)} was expected; say which one it is with --columns {role}=<name>"
     )
     text += ', or give a constant load with --normal-force "3 N"' if role == "normal_force" else ""
+    text += ', or the sampling rate with --rate "100 Hz"' if role == "time" else ""
     return text + (", or choose another step with --step" if label else "")
 
 

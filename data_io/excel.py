@@ -5,9 +5,13 @@ import math
 import zipfile
 import zlib
 from dataclasses import replace
+from datetime import timedelta
 from typing import Any, Final
 
+import numpy as np
+
 from data_io.errors import LogError
+from data_io.opened_table import Table
 from data_io.part import Contents, Part
 from data_io.source import HEAD, Request, Source
 from data_io.table import read_tables
@@ -15,6 +19,7 @@ from data_io.table import read_tables
 NAME: Final = "excel"
 _ZIP: Final = b"PK\x03\x04"
 _LARGEST: Final = 1 << 30
+_LOOKED_AT: Final = 1000
 _OF_DAMAGE: Final = (
     OSError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, LookupError, AttributeError, SyntaxError,
     RuntimeError, NotImplementedError, EOFError, ArithmeticError, AssertionError,
@@ -45,12 +50,33 @@ def read(source: Source, request: Request) -> Contents:
             failed.append(error)
             continue
         findings += [remark for table in tables for remark in table.remarks]
+        if empty := [name for table in tables if table.rows for name in _without_numbers(table)]:
+            _refuse_formulas(source, title, empty[0])
         parts += [
             Part(number, i, table.header, table.columns, {"sheet": title}) for i, table in enumerate(tables, start=1)
         ]
     if not parts:
         raise failed[0] if failed else source.error("the workbook holds no sheet with cells; a log was expected")
     return Contents(NAME, parts, {}, findings)
+
+
+def _without_numbers(table: Table) -> list[str]:
+    """Return the names of columns with a role that hold no number."""
+    empty = [i for i in table.header.roles.values() if not np.isfinite(table.columns.get(i, np.empty(0))).any()]
+    return [table.header.names[i].raw for i in empty]
+
+
+def _refuse_formulas(source: Source, title: str, name: str) -> None:
+    """Say where a column is empty because its formulas were never computed. Raises the source's `LogError`."""
+    import openpyxl
+
+    book = openpyxl.load_workbook(io.BytesIO(source.data), read_only=True, keep_links=False)
+    rows = book[title].iter_rows(values_only=True, max_row=_LOOKED_AT)
+    if any(isinstance(cell, str) and cell.startswith("=") for row in rows for cell in row):
+        raise source.error(
+            f"column {name!r} of sheet {title!r} holds formulas whose results the workbook does not keep; numbers were "
+            "expected; open it in a spreadsheet programme and save it, or export it as text"
+        )
 
 
 def _sheets(source: Source) -> dict[str, bytes]:
@@ -79,6 +105,8 @@ def _as_text(rows: list[tuple[Any, ...]]) -> bytes:
 def _cell(value: Any) -> str:
     if value is None:
         return ""
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
     if isinstance(value, float):
         return repr(value) if math.isfinite(value) else "nan"
     return " ".join(str(value).replace('"', "''").split())

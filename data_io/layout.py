@@ -1,14 +1,15 @@
 """Where a table of numbers begins: its header row, the units row below it, and how its rows are delimited."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from data_io.columns import Header, Name, match_header, shown
+from data_io.clock_times import is_clock_time, is_date
+from data_io.columns import KIND, Header, Name, match_header, shown
 from data_io.source import Request, Source
 from data_io.text import BLANKS, DELIMITERS, is_number, is_number_like, line_number, split
-from data_io.units import kind_of
+from data_io.units import kind_of, split_cell, unit_word
 
 WIDE: Final = r" {2,}|\t+"
 """Delimiter of a header whose names hold single blanks and stand apart by several."""
@@ -48,7 +49,7 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
     if len(line) > _LONGEST_HEADER:
         return None
     line = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
-    readings = [(d, fields, match_header(fields, request.columns)) for d, fields in _readings(line)]
+    readings = [(d, *_with_names_above(text, position, d, fields, request)) for d, fields in _readings(line)]
     readings = [reading for reading in readings if reading[2].roles]
     if not readings:
         return None
@@ -73,6 +74,24 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
     return None
 
 
+def _with_names_above(
+    text: str, position: int, delimiter: str, fields: list[str], request: Request
+) -> tuple[list[str], Header]:
+    """Return a row of names and what it tells; names that it leaves empty may stand in the row above (merged cells).
+
+    They are taken from a row of words of the same width, where that tells a role.
+    """
+    header = match_header(fields, request.columns)
+    if all(fields) or not header.roles or delimiter not in ("\t", ";", ",") or position == 0:
+        return fields, header
+    above = split(text[text.rfind("\n", 0, position - 1) + 1 : position - 1], delimiter)
+    if len(above) != len(fields) or any(map(is_number, above)):
+        return fields, header
+    filled = [own or over for own, over in zip(fields, above, strict=True)]
+    told = match_header(filled, request.columns)
+    return (filled, told) if len(told.roles) > len(header.roles) else (fields, header)
+
+
 def line_at(text: str, position: int) -> tuple[str, int]:
     """Return the line that starts at `position`, and where the next one starts."""
     end = text.find("\n", position)
@@ -89,10 +108,18 @@ def lines_from(text: str, position: int) -> Iterator[tuple[int, str]]:
 
 
 def is_row(fields: Sequence[str]) -> bool:
-    """Tell whether fields are a row of numbers: at least one number, and not mostly words."""
+    """Tell whether fields are a row of numbers and clock times: at least one number, and not mostly words.
+
+    A clock time counts where no words stand before it. Or cells that each hold a number with its unit.
+    """
     filled = [field for field in fields if field]
     numbers = sum(is_number(field) or is_number(field, ",") for field in filled)
-    return numbers > 0 and sum(map(is_number_like, filled)) * 2 >= len(filled)
+    if not numbers:
+        return len(filled) > 1 and all(split_cell(field) for field in filled)
+    clock = next((i for i, field in enumerate(filled) if is_clock_time(field)), None)
+    leads = clock is not None and all(is_number_like(field) or is_date(field) for field in filled[:clock])
+    told = sum(is_number_like(field) or (leads and is_clock_time(field)) for field in filled)
+    return told * 2 >= len(filled)
 
 
 def row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
@@ -119,18 +146,42 @@ def with_units(source: Source, header: Header, units: Sequence[str]) -> Header:
     return replace(header, names=tuple(names))
 
 
-def numbered_head(text: str, wanted: Mapping[str, str]) -> Head | None:
-    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so."""
+def numbered_head(text: str, request: Request) -> Head | None:
+    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so.
+
+    The table is the longest block of rows of equal width, whichever delimiter tells it; other lines stand above it.
+    """
+    wanted = request.columns
     if not wanted or not all(name.isdecimal() and len(name) < 10 for name in wanted.values()):
         return None
-    for position, line in lines_from(text, 0):
-        for delimiter in DELIMITERS:
+    least = 1 if request.rate is not None else 2
+    lines = list(lines_from(text, 0))
+    best = (0, 0, "", 0)  # rows, where, delimiter, width
+    for delimiter in DELIMITERS:
+        rows, start, before = 0, 0, 0
+        for position, line in lines:
             fields = split(line, delimiter)
-            if len(fields) > 1 and is_row(fields) and all(map(is_number_like, fields)):
-                names = tuple(Name(str(i + 1), str(i + 1), None) for i in range(len(_trimmed(fields))))
-                roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names)}
-                return Head(Header(names, roles), position, delimiter, len(fields))
-    return None
+            width = len(fields) if len(fields) >= least and _is_bare_row(fields) else 0
+            if width != before or not width:
+                rows, start, before = 0, position, width
+            rows += 1
+            if width and rows > best[0]:
+                best = (rows, start, delimiter, width)
+    rows, start, delimiter, width = best
+    if not rows:
+        return None
+    fields = split(line_at(text, start)[0], delimiter)
+    names = []
+    for i in range(len(_trimmed(fields))):
+        beside = fields[i + 1] if i + 1 < len(fields) else ""
+        names.append(Name(str(i + 1), str(i + 1), unit_word(beside) if is_number(fields[i]) else None))
+    roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names) and role in KIND}
+    return Head(Header(tuple(names), roles), start, delimiter, width)
+
+
+def _is_bare_row(fields: Sequence[str]) -> bool:
+    """Tell a row of numbers, clock times, and units behind them."""
+    return is_row(fields) and all(is_number_like(f) or is_clock_time(f) or unit_word(f) for f in fields)
 
 
 def _readings(line: str) -> Iterator[tuple[str, list[str]]]:

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from data_io.clock import read_date
-from data_io.columns import Name, with_unit
-from data_io.even_clock import with_even_clock
+from data_io.clock import read_date, seconds_apart
+from data_io.columns import with_unit
+from data_io.even_clock import with_clocks_of_channels, with_even_clock
 from data_io.opened_table import Table
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
@@ -74,9 +74,7 @@ def _starts(items: dict[str, list[str]]) -> list[float]:
     if (items.get("Time_Pref") or ["Relative"])[0] == "Absolute":
         return []
     told = zip((t for t in items.get("Time", ()) if t), (d for d in items.get("Date", ()) if d), strict=False)
-    dates = [read_date(f"{time} {date}") for time, date in told]
-    first = next((date for date in dates if date is not None), None)
-    return [0.0 if date is None or first is None else (date - first).total_seconds() for date in dates]
+    return seconds_apart([f"{time} {date}" for time, date in told])
 
 
 def _started_apart(table: Table, starts: Sequence[float]) -> Table:
@@ -90,19 +88,13 @@ def _clocks_of_channels(
     table: Table, items: dict[str, list[str]], starts: Sequence[float], intervals: Sequence[float]
 ) -> tuple[Table, dict[int, int]]:
     """Return the table with a clock for every channel, made of what its head says, and which clock is whose."""
-    names = list(table.header.names)
-    channels = [i for i, name in enumerate(names) if name.key not in ("xvalue", "comment") and i in table.columns]
-    begins = _numbers(items.get("X0", ()))
-    columns = {i: values for i, values in table.columns.items() if i in channels}
-    clocks: dict[int, int] = {}
-    for place, channel in enumerate(channels):
-        told = [values[min(place, len(values) - 1)] if values else 0.0 for values in (starts, begins, intervals)]
-        clock = len(names)
-        names.append(Name("X_Value", "X_Value", "s"))
-        columns[clock] = told[0] + told[1] + told[2] * np.arange(table.rows, dtype=np.float64)
-        clocks |= {channel: clock, clock: clock}
-    roles = {**table.header.roles, "time": clocks[channels[0]]}
-    return replace(table, header=replace(table.header, names=tuple(names), roles=roles), columns=columns), clocks
+    names = table.header.names
+    channels = {i: v for i, v in table.columns.items() if names[i].key not in ("xvalue", "comment")}
+    begins = _numbers(items.get("X0", ())) or [0.0]
+    begins = [begins[min(i, len(begins) - 1)] + (starts[min(i, len(starts) - 1)] if starts else 0.0)
+              for i in range(len(channels))]  # fmt: skip
+    header, columns, clocks = with_clocks_of_channels(table.header, channels, begins, intervals)
+    return replace(table, header=header, columns=columns), clocks
 
 
 def _items(lines: Sequence[str]) -> dict[str, list[str]]:

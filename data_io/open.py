@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from data_io.assemble import assemble
+from data_io.derived_columns import with_derived_columns
 from data_io.digest import sha256_of_several
 from data_io.errors import LogError, UnitError
 from data_io.even_clock import with_clock_of_rate
@@ -23,10 +24,14 @@ from data_io.rotation import with_drive_of_rotation
 from data_io.segments import LONGEST_LINE
 from data_io.series import is_series, joined_contents, logs_at
 from data_io.source import Request, Source, load, no_progress
+from data_io.text import looks_like_text
 from data_io.units import parse_quantity
 
 ROLES: Final = (*COLUMN_ROLES, "position")
 """What a column can be named for."""
+
+_LEAST_TEXT: Final = 32
+"""Bytes of text before zero bytes that tell a text from a file of another kind."""
 
 REFUSED: Final = (
     (re.compile(rb"\xd0\xcf\x11\xe0"), "an old Excel workbook (.xls); .xlsx or text was expected; save it as one"),
@@ -121,10 +126,17 @@ def contents_of(source: Source, request: Request) -> Contents:
     for reader in READERS:
         if reader.can_read(source.head):
             found = with_clock_of_rate(source, request, reader.read(source, request))
-            return with_drive_of_rotation(request, on_one_clock(source, request, found))
+            found = on_one_clock(source, request, with_derived_columns(request, found))
+            return with_drive_of_rotation(request, found)
     for mark, words in REFUSED:
         if mark.match(source.head):
             raise source.error(f"the file is {words}")
+    if (zeros := _zeros_in_text(source.head)) is not None:
+        raise source.error(
+            f"from byte {zeros[0]} on (below line {zeros[2]}) {zeros[1]} zero bytes stand in the text, as after a "
+            "crash "
+            "while it was written; rows of numbers were expected; take them out in an editor, or copy it again"
+        )
     if source.packing is not None and not _has_lines(source):
         raise source.error(
             "no line ends within the first MiB of what is packed in the file; lines of text or an HDF5 file were "
@@ -135,6 +147,14 @@ def contents_of(source: Source, request: Request) -> Contents:
         f"the file begins with {source.head[:12]!r}, which no reader knows ({names}); a text or HDF5 log was expected; "
         "export it as text"
     )
+
+
+def _zeros_in_text(head: bytes) -> tuple[int, int, int] | None:
+    """Return place and number of the zero bytes in what is text before them, and the lines before; None elsewhere."""
+    found = re.search(rb"\x00+", head)
+    if found is None or found.start() < _LEAST_TEXT or not looks_like_text(head[: found.start()]):
+        return None
+    return found.start(), len(found[0]), head.count(b"\n", 0, found.start())
 
 
 def _has_lines(source: Source) -> bool:

@@ -1,12 +1,13 @@
 """A table of numbers while it is read piece by piece, and when it is whole."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
-from data_io.columns import Header, find_column
+from data_io.clock_times import over_midnight
+from data_io.columns import Header, coefficient_column, distance_columns, find_column, with_unit
 from data_io.frozen import Finding, FloatArray
 from data_io.layout import Head
 from data_io.rows import Above, Numbers
@@ -45,15 +46,19 @@ class OpenTable:
     _pieces: list[dict[int, FloatArray]] = field(default_factory=list)
     _rows: list[int] = field(default_factory=list)
     _fields: int | None = None
+    _days: list[Mapping[int, FloatArray | None]] = field(default_factory=list)
+    _units: dict[int, str] = field(default_factory=dict)
 
     def add(self, numbers: Numbers) -> None:
         """Put rows below those that are there."""
         self.remarks += numbers.remarks
         self.decimal = self.decimal or numbers.decimal
         self._fields = self._fields or numbers.fields
+        self._units |= numbers.units
         if numbers.rows:
             kept = numbers.columns.items()
             self._pieces.append({i: v for i, v in kept if self.wanted is None or i in self.wanted})
+            self._days.append(numbers.days)
             self._rows.append(numbers.rows)
 
     def above(self, ending: str | None) -> Above:
@@ -75,11 +80,33 @@ class OpenTable:
             full = np.flatnonzero(np.any([~np.isnan(column) for column in columns.values()], axis=0))
             end = int(full[-1]) + 1 if full.size else 0
             columns = {index: column[:end] for index, column in columns.items()}
+        clocks = set().union(*self._days) & set(columns)
+        for index in clocks:
+            days = [piece.get(index) for piece in self._days]
+            dated = [np.full(n, np.nan) if d is None else d for d, n in zip(days, self._rows, strict=True)]
+            columns[index] = over_midnight(columns[index], np.concatenate(dated)[:end])
+        for index, unit in self._units.items():
+            if header.names[index].unit is None:
+                header = with_unit(header, index, unit)
+        header = _with_clock(header, columns, clocks)
         remarks = list(dict.fromkeys(self.remarks))
         if len(remarks) > _MOST_REMARKS:
             text = f"and {len(remarks) - _MOST_REMARKS} remarks more of this kind"
             remarks = [*remarks[:_MOST_REMARKS], Finding("text_in_rows", "warning", text)]
         return Table(header, columns, self.preamble, self.first_line, tuple(remarks))
+
+
+def _with_clock(header: Header, columns: Mapping[int, FloatArray], clocks: Set[int]) -> Header:
+    """Return a header in which times of the day are seconds, and an elapsed time beside them is the clock."""
+    for index in clocks:
+        header = with_unit(header, index, "s")
+    taken, others = header.roles.get("time"), header.passed_over.get("time", ())
+    elapsed = [i for i in others if i not in clocks and i in columns and np.isfinite(columns[i]).any()]
+    if taken not in clocks or not elapsed:
+        return header
+    roles = {**header.roles, "time": elapsed[0]}
+    passed = {**header.passed_over, "time": tuple(i for i in (taken, *others) if i is not None and i != elapsed[0])}
+    return replace(header, roles=roles, passed_over=passed)
 
 
 def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -> frozenset[int] | None:
@@ -89,5 +116,9 @@ def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -
     named = (find_column(header.names, name) for name in (*request.channels, *request.columns.values(), *keep))
     clocks = header.passed_over.get("time", ())
     own = {header.names[index] for index in (*header.roles.values(), *clocks)}
+    if "friction_force" not in header.roles and (coefficient := coefficient_column(header)) is not None:
+        own.add(header.names[coefficient])
+    if "time" not in header.roles and (way := distance_columns(header)) is not None:
+        own |= {header.names[index] for index in way}
     twins = {index for index, name in enumerate(header.names) if name in own}
     return frozenset(twins | {index for index in named if index is not None})

@@ -111,10 +111,11 @@ def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Fi
     rows = np.flatnonzero(np.isfinite(times[clock]))
     time = times[clock][rows]
     columns = {i: values[rows] for i, values in part.columns.items() if own.get(i, clock) not in others}
-    moved = []
+    moved, missed = [], 0
     for i, values in part.columns.items():
         if own.get(i, clock) in others and i not in others:
-            columns[i] = _at(time, times[own[i]], values)
+            columns[i], between = _at(time, times[own[i]], values)
+            missed = max(missed, between)
             moved.append(i)
     inside = np.ones(time.size, bool)
     for role in ("normal_force", "drive_speed"):
@@ -130,6 +131,9 @@ def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Fi
         f"of {names[roles['friction_force']].raw!r}; paired by time, between the samples by straight lines"
     )
     notes = [Finding("own_clocks", "info", text)]
+    if missed:
+        text = f"{missed} rows lie in gaps of a clock that they were paired with, and hold what is between its ends"
+        notes.append(Finding("paired_over_gaps", "warning", text))
     if not inside.all():
         columns = {i: values[inside] for i, values in columns.items()}
         text = (
@@ -160,16 +164,21 @@ def _like(source: Source, part: Part, index: int, other: int) -> FloatArray:
     return values
 
 
-def _at(time: FloatArray, clock: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the values (n,) sampled at `clock` (n,) at other times (m,); NaN outside, and in long gaps."""
+def _at(time: FloatArray, clock: FloatArray, values: FloatArray) -> tuple[FloatArray, int]:
+    """Return the values (n,) sampled at `clock` (n,) at other times (m,), and how many of these lie in gaps.
+
+    NaN outside, and in gaps of more than `LONGEST_GAP` rows.
+    """
     known = np.flatnonzero(np.isfinite(clock) & np.isfinite(values))
     if known.size < 2:
-        return np.full(time.size, np.nan)
+        return np.full(time.size, np.nan), 0
     stamps = clock[known]
     found = np.interp(time, stamps, values[known], left=np.nan, right=np.nan)
     place = np.clip(np.searchsorted(stamps, time), 1, stamps.size - 1)
     usual = float(np.median(thinned_steps(clock[np.isfinite(clock)])))
-    return np.where(stamps[place] - stamps[place - 1] > (LONGEST_GAP + 1.5) * usual, np.nan, found)
+    apart = stamps[place] - stamps[place - 1]
+    between = (apart > 1.5 * usual) & (time != stamps[place]) & (time != stamps[place - 1]) & np.isfinite(found)
+    return np.where(apart > (LONGEST_GAP + 1.5) * usual, np.nan, found), int(np.count_nonzero(between))
 
 
 def _no_overlap(part: Part, index: int, clock: int, times: Mapping[int, FloatArray], own: Mapping[int, int]) -> str:

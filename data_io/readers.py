@@ -13,6 +13,7 @@ from data_io import (
     interval_text,
     lvm,
     matlab,
+    ni_channels,
     rtec_csv,
     stickslip_csv,
 )
@@ -53,6 +54,7 @@ READERS: Final = (
     Reader(cetr_text.NAME, cetr_text.can_read, cetr_text.read),
     Reader(rtec_csv.NAME, rtec_csv.can_read, rtec_csv.read),
     Reader(anton_paar.NAME, anton_paar.can_read, anton_paar.read),
+    Reader(ni_channels.NAME, ni_channels.can_read, ni_channels.read),
     Reader(interval_text.NAME, interval_text.can_read, interval_text.read),
     Reader(delimited.NAME, delimited.can_read, delimited.read),
 )

@@ -7,8 +7,8 @@ import io
 import itertools
 import re
 import warnings
-from collections.abc import Set
-from dataclasses import dataclass
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
@@ -17,13 +17,16 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.block_ends import without_cut_row
+from data_io.clock_times import clock_times
+from data_io.columns import role_of
 from data_io.decimal_mark import decimal_mark
 from data_io.frozen import LONGEST_GAP, Finding, FloatArray
 from data_io.layout import Head
 from data_io.segments import Run
 from data_io.source import Source
-from data_io.text import BLANKS, to_number
+from data_io.text import BLANKS, MISSING, split, to_number
 from data_io.true_runs import longest_run
+from data_io.units import SI_UNIT, factor, kind_of, split_cell, unit_word
 
 if TYPE_CHECKING:  # 0.3 s: imported only where a log is text
     import pandas as pd
@@ -36,7 +39,9 @@ class Numbers:
     """Columns by index, each (rows,), remarks on what was not a number, decimal mark and usual number of fields (None:
     these rows do not tell).
 
-    Columns without numbers are absent.
+    days: of columns that hold times of the day, in seconds, the days of their dates. units: of columns whose cells
+    hold them. Columns
+    without numbers are absent.
     """
 
     columns: dict[int, FloatArray]
@@ -44,6 +49,8 @@ class Numbers:
     remarks: tuple[Finding, ...] = ()
     decimal: str | None = None
     fields: int | None = None
+    days: Mapping[int, FloatArray | None] = field(default_factory=dict)
+    units: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -165,16 +172,26 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, above:
             f"({len(names)}); as many were expected; repair the log"
         )
     columns: dict[int, FloatArray] = {}
+    days: dict[int, FloatArray | None] = {}
+    units: dict[int, str] = {}
     for index in range(min(len(names), frame.shape[1])):
         column = frame[index]
         if column.dtype.kind in "fiu":
             columns[index] = column.to_numpy(dtype=np.float64)
             continue
+        if role_of(names[index].name) == "time" or head.header.roles.get("time") == index:
+            stamps = clock_times(["" if isinstance(token, float) else token for token in column.tolist()])
+            if stamps is not None:
+                columns[index], days[index] = stamps
+                continue
+        if (with_unit := _with_units(column, mark)) is not None:
+            columns[index], units[index] = with_unit
+            continue
         words_only = index not in above.numeric
         values = _slow_column(source, column, index, head, mark, first_line, remarks, words_only)
         if values is not None:
             columns[index] = values
-    return Numbers(columns, len(frame), tuple(remarks), decimal, usual)
+    return Numbers(columns, len(frame), tuple(remarks), decimal, usual, days, units)
 
 
 def _without_short_rows(
@@ -185,8 +202,12 @@ def _without_short_rows(
     Returns the usual number of fields as well: that of the rows above, else that of most rows here.
     """
     if '"' in block:
-        return frame, usual
-    offsets, fields, closed = _counted(block.encode(), head.delimiter)
+        numbered = [(i, line) for i, line in enumerate(block.split("\n")) if line.strip()]
+        offsets = np.array([i for i, _ in numbered])
+        fields = np.array([len(split(line, head.delimiter)) for _, line in numbered])
+        closed = np.array([line.rstrip("\r\n ").endswith(head.delimiter) for _, line in numbered])
+    else:
+        offsets, fields, closed = _counted(block.encode(), head.delimiter)
     if offsets.size != len(frame):
         return frame, usual
     if usual is None:
@@ -291,6 +312,29 @@ def _widest(source: Source, block: str, first_line: int, head: Head) -> int:
     return widest
 
 
+def _with_units(column: pd.Series[Any], decimal: str) -> tuple[FloatArray, str] | None:
+    """Return the numbers of cells that hold their unit (8.84 N), in the unit of the first one, and that unit.
+
+    None where a cell holds something else.
+    """
+    tokens = ["" if isinstance(token, float) else str(token) for token in column.tolist()]
+    first = next((cell for token in tokens if token and (cell := split_cell(token))), None)
+    if first is None:
+        return None
+    unit, kind = first[1], kind_of(first[1])
+    values = np.full(len(tokens), np.nan)
+    for i, token in enumerate(tokens):
+        cell = split_cell(token)
+        number = None if cell is None else to_number(cell[0], decimal)
+        if cell is None and token.strip().lower() in MISSING:
+            continue
+        if cell is None or number is None or kind is None or kind_of(cell[1]) != kind:
+            return None
+        si = SI_UNIT[kind]
+        values[i] = number if cell[1] == unit else number * factor(cell[1], si) / factor(unit, si)
+    return values, unit
+
+
 def _slow_column(
     source: Source,
     column: pd.Series[Any],
@@ -316,6 +360,13 @@ def _slow_column(
         return None
     row = int(np.argmax(bad))
     if needed and longest_run(bad) > LONGEST_GAP:
+        unit = unit_word(str(tokens[row]))
+        if unit and all(unit_word(str(token)) for token in tokens[row : row + LONGEST_GAP]):
+            raise source.error(
+                f"column {name!r} holds the word {tokens[row]!r:.40} behind the numbers of the column before it; a "
+                f"column of numbers was expected; name that one, which is read in {unit} unless --units "
+                'says otherwise, and where no column is the time give --rate, such as "4 Hz"'
+            )
         mark = " with a decimal comma" if decimal == "," else ""
         raise source.error(
             f"column {name!r} holds {tokens[row]!r:.40} near line {first_line + row} and more like it; numbers{mark} "

@@ -13,7 +13,7 @@ import numpy as np
 from data_io.block_ends import LOOKED_AT
 from data_io.layout import is_row
 from data_io.source import Request, Source
-from data_io.text import DELIMITERS, TEXT_LINE, decode, split, utf16_of
+from data_io.text import DELIMITERS, TEXT_LINE, decode, other_encoding, split
 
 TOP: Final = 1 << 15
 """Bytes of the first segment: enough for most preambles and some rows, which are walked line by line."""
@@ -68,7 +68,7 @@ class Lines:
     def __init__(self, source: Source, request: Request, handle: IO[bytes], longest: int = LONGEST_LINE) -> None:
         self._longest = longest
         self._source, self._request, self._handle = source, request, handle
-        self._encoding = utf16_of(source.head)
+        self._encoding = other_encoding(source.head)
         self._decoder = codecs.getincrementaldecoder(self._encoding)("replace") if self._encoding else None
         self._expected = source.size * (1 if source.packing is None else 10)
         self._pending, self._zeros, self._done = b"", 0, 0
@@ -82,7 +82,7 @@ class Lines:
 
     @property
     def may_run(self) -> bool:
-        """Whether the next lines may be read as a run of numbers: not where that failed before, nor in UTF-16."""
+        """Whether the next lines may be read as a run of numbers: not where that failed, nor where UTF-8 is made."""
         return self._decoder is None and not self._zeros and self.here >= self._careful_until
 
     def go_back(self, run: "Run") -> None:

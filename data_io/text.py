@@ -22,6 +22,15 @@ TEXT_LINE: Final = re.compile(
 )
 # possessive: of 10,000 digits that are no number each is looked at once
 _NUMBER = re.compile(r"[+-]?(?:\d++\.?\d*+|\.\d++)(?:[eEdD][+-]?\d++)?")
+_IN_GROUPS: Final = {
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?"),
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+,\d*"),
+}
+"""Numbers with marks between thousands, by their decimal mark; without a decimal part only a comma is believed."""
+_EASTERN: Final = (
+    "时间", "摩擦", "法向", "压力", "载荷", "位移", "速度", "時間", "荷重", "垂直", "変位", "摺動", "滑り",
+)  # fmt: skip
+"""Words by which a text in an encoding of China or Japan is told."""
 _BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
@@ -44,9 +53,29 @@ def looks_like_text(head: bytes) -> bool:
     return len(head) > 0 and len(_CONTROL.findall(head)) <= len(head) // 200 and b"\0\0" not in head
 
 
-def utf16_of(head: bytes) -> str | None:
-    """Name the encoding of a text in UTF-16 by its mark, None for any other."""
-    return next((name for mark, name in _BOMS if name != "utf-8" and head.startswith(mark)), None)
+def other_encoding(head: bytes) -> str | None:
+    """Name the encoding of a text by its first bytes, None for UTF-8 and what is near it.
+
+    UTF-16 by its mark; GB 18030 or Shift JIS where the bytes are no UTF-8 and hold words that logs have in them.
+    """
+    if any(head.startswith(mark) for mark, _ in _BOMS):
+        return next((name for mark, name in _BOMS if name != "utf-8" and head.startswith(mark)), None)
+    if head.isascii() or _is_utf8(head):
+        return None
+    top = head[: head.find(b"\n", len(head) // 2) + 1 or len(head)]
+    for encoding in ("gb18030", "cp932"):
+        text = top.decode(encoding, errors="replace")
+        if any(word in text for word in _EASTERN) and "\ufffd" not in text:
+            return encoding
+    return None
+
+
+def _is_utf8(head: bytes) -> bool:
+    try:
+        head[: max(len(head) - 3, 0)].decode("utf-8")
+    except UnicodeDecodeError as error:
+        return len(head) - error.start < 8  # a letter that the end cuts
+    return True
 
 
 def decode(data: bytes, start: bool = True) -> str:
@@ -75,7 +104,9 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(token: str, decimal: str = ".") -> bool:
-    """Tell whether a field is one number written with this decimal mark."""
+    """Tell whether a field is one number written with this decimal mark, perhaps with the other between thousands."""
+    if "," in token and "." in token:
+        return _IN_GROUPS[decimal].fullmatch(token) is not None
     if decimal == ",":
         if "." in token:
             return False
@@ -93,6 +124,9 @@ def to_number(token: str, decimal: str) -> float | None:
     token = token.strip().strip('"').strip()
     if token.lower() in MISSING:
         return float("nan")
+    if ("," in token and "." in token) or (decimal == "." and "," in token):
+        grouped = _IN_GROUPS[decimal].fullmatch(token) is not None
+        token = token.replace("." if decimal == "," else ",", "") if grouped else ""
     if not is_number(token, decimal):
         return None
     return float(token.replace(",", ".").replace("d", "e").replace("D", "e"))

@@ -47,6 +47,8 @@ _POWER = re.compile(
     r"(?<=[A-Za-zΩ°%)])\s*\*\*\s*(?:-?\d{1,2}(?:\.\d{1,2})?(?![\d.*(])|\(-?\d{1,2}(?:[./]\d{1,2})?\)(?!\s*\*\*))"
 )
 """A power that is cheap to evaluate: its exponent is written out and small."""
+_UNIT_WORD = re.compile(r"[A-Za-zµμ/·²³]{1,12}\d?")
+_CELL = re.compile(r"([+-]?[\d.,]{1,40}(?:[eE][+-]?\d{1,3})?)\s?([^\d\s.,;+-]\S{0,12})")
 _ALLOWED = re.compile(r"[A-Za-zµμΩ°%0-9²³⁻¹·*/^(). \-]{0,40}")
 _SPELLING: Final = {
     "µ": "u", "μ": "u", "²": "**2", "³": "**3", "⁻¹": "**-1", "·": "*", "^": "**", "kp": "kgf",
@@ -122,6 +124,26 @@ def kind_of(unit: str) -> str | None:
     """Name the kind of quantity a unit measures (a key of `SI_UNIT`; mass units count as force), None if no such."""
     si = next((kind for kind in _LOG_KINDS if unit == SI_UNIT[kind]), None)
     return si if si is not None else next((kind for kind in _LOG_KINDS if _fits(unit, SI_UNIT[kind])), None)
+
+
+def unit_word(text: str) -> str | None:
+    """Return the unit of time, force, length or speed that a word behind a number is; None for any other word.
+
+    `N1` is the newton of channel 1.
+    """
+    if not _UNIT_WORD.fullmatch(text):
+        return None
+    plain = text.rstrip("0123456789")
+    if plain != text and kind_of(plain) == "force":
+        return plain
+    return text if kind_of(text) not in (None, "dimensionless") else None
+
+
+def split_cell(token: str) -> tuple[str, str] | None:
+    """Split a cell such as `8.84 N` into number and unit, None for any other."""
+    match = _CELL.fullmatch(token.strip())
+    unit = unit_word(match[2]) if match else None
+    return (match[1], unit) if match and unit else None
 
 
 def _fits(unit: str, si_unit: str) -> bool:

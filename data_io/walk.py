@@ -13,7 +13,7 @@ from data_io.opened_table import OpenTable, Table, wanted_columns
 from data_io.rows import read_numbers
 from data_io.segments import MOST_WORDS, Segment
 from data_io.source import Request, Source
-from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, split, utf16_of
+from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, other_encoding, split
 
 MOST_TABLES: Final = 5000
 """Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
@@ -55,7 +55,7 @@ class Walk:
         while i < len(self._marks) and self.table is None and not self.carry:
             head = self._head(i)
             i = self._passed_over(i) if head is None else self._begin(head, i)
-        if self.table is None and not self._tables and (head := numbered_head(self._text, self._request.columns)):
+        if self.table is None and not self._tables and (head := numbered_head(self._text, self._request)):
             self._begin(head, -1)
         if self.table is None:
             self._carry_on()
@@ -84,7 +84,7 @@ class Walk:
     def _begin(self, head: Head, i: int) -> int:
         """Begin the table whose header is mark `i` and read what follows; return the mark at which to go on."""
         self._looked_at = 0
-        above = _lines(self._text[self._above : self._marks[i] if i >= 0 else 0])
+        above = _lines(self._text[self._above : self._marks[i] if i >= 0 else head.start])
         first_line = self._line(head.start)
         wanted = wanted_columns(head.header, self._request, self._keep)
         self.table = OpenTable(head, above, first_line, wanted)
@@ -110,7 +110,7 @@ class Walk:
     def _run_below(self, head: Head) -> bytes:
         """Return the rows of a table that has just begun where they fill the segment and go on, in sound numbers."""
         above = self._line(head.start) - self._segment.first_line
-        if self._at_end or above < 0 or self.table is None or utf16_of(self.source.head):
+        if self._at_end or above < 0 or self.table is None or other_encoding(self.source.head):
             return b""
         self.table.decimal = decimal_mark(self.source, self._text[head.start :], head)
         return self._segment.numbers_below(above) if self.table.decimal or head.delimiter == "," else b""

@@ -289,6 +289,97 @@ def blanks(rows: Sequence[Row]) -> Made:
     return _truth(text.encode(), table, (60, 1000 * GRAM, 1000 * GRAM))
 
 
+def ni_pairs(rows: Sequence[Row]) -> Made:
+    """NI channels beside each other, each with a head of pairs and a time of its own; the same clock for both."""
+    text, table = (
+        (
+            "Timestamp,2026-01-15 10:00:00,Timestamp,2026-01-15 10:00:00\nInterval,0.02,Interval,0.02\n"
+            'Channel name,"Fx",Channel name,"Fz"\nUnit,"V",Unit,"V"\n'
+        ),
+        [],
+    )
+    for row in rows:
+        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
+        text += f"{time},{fx},{time},{fz}\n"
+        table.append((time, fz, fx))
+    return _truth(text.encode("utf-8-sig"), table, (1, Fraction(4), Fraction(5, 2)))
+
+
+def day_clock(rows: Sequence[Row]) -> Made:
+    """A clock of the day that passes midnight, and a date that changes with it."""
+    text, table = "Date;Time;Fz [N];Fx [N]\n", []
+    for row in rows:
+        of_day = (863_990_000 + row.time) % 864_000_000  # 23:59:59, in 0.1 ms
+        hours, rest = divmod(of_day, 36_000_000)
+        minutes, rest = divmod(rest, 600_000)
+        day = "2026-01-15" if hours == 23 else "2026-01-16"
+        fz, fx = number(row.normal, 6), number(row.friction, 6)
+        text += f"{day};{hours:02}:{minutes:02}:{rest // 10_000:02}.{rest % 10_000:04};{fz};{fx}\n"
+        table.append((number(row.time, 4), fz, fx))
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
+def iso(rows: Sequence[Row]) -> Made:
+    """Dates and times of the ISO in quotes."""
+    text, table = "Timestamp,Normal force (N),Friction force (N),Humidity\n", []
+    for row in rows:
+        minutes, rest = divmod(row.time, 600_000)
+        fz, fx = number(row.normal, 6), number(row.friction, 6)
+        text += f'"2026-01-15T10:{minutes:02}:{rest // 10_000:02}.{rest % 10_000:04}Z",{fz},{fx},41.2\n'
+        table.append((number(row.time, 4), fz, fx))
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
+def quoted(rows: Sequence[Row]) -> Made:
+    """Commas between the columns and in the numbers, which quotes protect."""
+    text, table = "Time [s],Fz [N],Fx [N]\n", []
+    for row in rows:
+        cells = (number(row.time, 4, ","), number(row.normal, 6, ","), number(row.friction, 6, ","))
+        text += ",".join(f'"{cell}"' for cell in cells) + "\n"
+        table.append(cells)
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
+def thousands(rows: Sequence[Row]) -> Made:
+    """Instron Bluehill: every number quoted, commas between thousands, forces in millinewtons."""
+    text, table = '"Time","Load","Friction force"\n"(s)","(mN)","(mN)"\n', []
+    for row in rows:
+        cells = (number(row.time, 4), number(row.normal, 3), number(row.friction, 3))
+        text += ",".join(f'"{float(cell):,.4f}"' for cell in cells) + "\n"
+        table.append(tuple(f"{float(cell):.4f}" for cell in cells))
+    return _truth(text.encode(), table, (1, Fraction(1, 1000), Fraction(1, 1000)))
+
+
+def cells(rows: Sequence[Row]) -> Made:
+    """Every cell with its unit."""
+    text, table = "Time\tNormal force\tFriction force\n", []
+    for row in rows:
+        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 3)
+        text += f"{time} s\t{fz} N\t{fx} mN\n"
+        table.append((time, fz, fx))
+    return _truth(text.encode(), table, (1, 1, Fraction(1, 1000)))
+
+
+def settings(rows: Sequence[Row]) -> Made:
+    """A line of settings between tabs above semicolons without a header."""
+    text, table = "0.050\t0.001\t0.700\t10.000\n", []
+    for row in rows:
+        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
+        text += f"{number(abs(row.idle[0]), 3)};{time};{fx};{fz}\n"
+        table.append((time, fz, fx))
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
+def chinese(rows: Sequence[Row]) -> Made:
+    """Names in GB 18030."""
+    text, table = "时间(s),正压力(N),摩擦力(N)\n", []
+    for row in rows:
+        cells = (number(row.time, 4), number(row.normal, 6), number(row.friction, 6))
+        text += ",".join(cells) + "\n"
+        table.append(cells)
+    return _truth(text.encode("gb18030"), table, (1, 1, 1))
+
+
 def _floats(rows: Sequence[Row]) -> tuple[Made, np.ndarray, np.ndarray, np.ndarray]:
     columns = [np.array(c) for c in zip(*((r.time / 1e4, r.normal / 1e6, r.friction / 1e6) for r in rows), strict=True)]
     made = Made(b"", *(tuple(Fraction(float(v)) for v in column) for column in columns))
@@ -336,6 +427,10 @@ def excel(rows: Sequence[Row]) -> Made:
 
 BARE = {"units": {"time": "s", "friction_force": "N"}, "normal_force": "2.5 N"}
 SCALES = {"units": {"friction_force": "2.5 N/V", "normal_force": "4 N/V"}}
+NUMBERED = {
+    "columns": {"time": "2", "friction_force": "3", "normal_force": "4"},
+    "units": {"time": "s", "friction_force": "N", "normal_force": "N"},
+}
 NAMED = {"columns": {"time": "/daq/t", "normal_force": "/daq/Fz", "friction_force": "/daq/Fx"}}
 
 ALL: Mapping[str, LookAlike] = {
@@ -354,6 +449,14 @@ ALL: Mapping[str, LookAlike] = {
     "mtm": LookAlike("delimited", "mtm.csv", mtm),
     "semicolons": LookAlike("delimited", "semicolons.csv", semicolons),
     "blanks": LookAlike("delimited", "blanks.dat", blanks),
+    "ni pairs": LookAlike("ni-channels", "ni_pairs.csv", ni_pairs, SCALES),
+    "day clock": LookAlike("delimited", "day_clock.csv", day_clock),
+    "iso": LookAlike("delimited", "iso.csv", iso),
+    "quoted": LookAlike("delimited", "quoted.csv", quoted),
+    "thousands": LookAlike("delimited", "thousands.csv", thousands),
+    "cells": LookAlike("delimited", "cells.txt", cells),
+    "settings": LookAlike("delimited", "settings.txt", settings, NUMBERED),
+    "chinese": LookAlike("delimited", "chinese.csv", chinese),
     "hdf5": LookAlike("hdf5", "daq.h5", hdf5, NAMED),
     "matlab": LookAlike("matlab", "pair.mat", matlab),
     "excel": LookAlike("excel", "pair.xlsx", excel),

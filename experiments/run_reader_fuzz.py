@@ -39,6 +39,7 @@ PIECES = (None, None, 100, 400, 2000)  # bytes
 SLOW = 2.0  # [s] of processor time
 BINARIES = tuple(name for name in ALL if name not in TEXTS)
 CLOCKLESS = ("pair.lvm", "volts.csv")  # without a time column nobody can see that rows moved
+FIXED = ("ni pairs", "settings", "quoted", "thousands", "cells", "iso", "day clock")  # no plain header above plain rows
 WORST = {"same": 0, "part": 1, "refuse": 2, "any": 3}
 
 
@@ -51,7 +52,7 @@ def one(number: int, folder: Path) -> tuple[str, str]:
     chosen = draw.sample(sorted(ways), draw.choice([1, 1, 1, 2, 2, 3]))
     chosen.sort(key="packed".__eq__)  # packing comes last
     data = made.data
-    if reordered := name in TEXTS and random.Random(-3 - number).random() < REORDERED:
+    if reordered := name in TEXTS and name not in FIXED and random.Random(-3 - number).random() < REORDERED:
         data = ORDER.change(data, draw)
     for label in chosen:
         data = ways[label].change(data, draw)
@@ -104,7 +105,7 @@ def judge(path: Path, kind: LookAlike, made: Made, mutations: list[Mutation], da
     oracle = max((mutation.oracle for mutation in mutations), key=lambda oracle: WORST[oracle])
     if oracle == "any":
         return "read, changed"
-    if oracle == "refuse" and not kind.options:
+    if oracle == "refuse" and not kind.options and kind.file_name != "cells.txt":  # there the cells say them
         return "WRONG: units were guessed"
     wrong = difference(record, made, whole=oracle == "same")
     return f"WRONG: {wrong}" if wrong else "read as written"

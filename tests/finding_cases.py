@@ -162,9 +162,10 @@ def stamped(digits: int) -> Make:
     return log("T,Fx,Fz\ns,N,N\n" + rows)
 
 
-def paired(late: float = 0.0, interval: float = 0.2) -> Make:
-    """Two forces, each with a clock of its own; late [s]: when the second begins."""
-    rows = "".join(f"{i / 10:.1f},{i % 7}.5,{late + i * interval:.2f},3.{i % 3}\n" for i in range(40))
+def paired(late: float = 0.0, interval: float = 0.2, gap: int = 0) -> Make:
+    """Two forces, each with a clock of its own; late [s]: when the second begins; gap: rows it lacks."""
+    clock = [late + (i + (gap if i > 5 else 0)) * interval for i in range(40)]
+    rows = "".join(f"{i / 10:.1f},{i % 7}.5,{clock[i]:.2f},3.{i % 3}\n" for i in range(40))
     return log("T [s],Fx [N],T [s],Fz [N]\n" + rows)
 
 
@@ -185,8 +186,18 @@ def turning(unit: str) -> Make:
 CASES: dict[str, list[tuple[Make, Make]]] = {
     "missing_time": [(log(GOOD.replace("0.20,", "nan,")), log(GOOD.replace("0.20,", "0.205,")))],
     "clock_rounded": [(stamped(3), stamped(5))],
+    "friction_from_coefficient": [
+        (log(GOOD.replace("Fx", "COF").replace("s,N,N", "s,,N")), log(GOOD)),
+    ],
+    "time_from_distance": [
+        (
+            log("Distance [m],Speed [mm/s],Fx [N],Fz [N]\n" + "".join(f"{i}.0,10,{i % 7}.5,3.0\n" for i in range(9))),
+            log("Time [s],Speed [mm/s],Fx [N],Fz [N]\n" + "".join(f"{i}.0,10,{i % 7}.5,3.0\n" for i in range(9))),
+        ),
+    ],
     "clock_from_rate": [(log(GOOD, rate="4 Hz"), log(GOOD))],
     "own_clocks": [(paired(), paired(interval=0.1))],
+    "paired_over_gaps": [(paired(gap=1), paired(gap=0))],
     "rows_without_partner": [(paired(late=0.5), paired(late=0.0))],
     "tables_side_by_side": [(beside("Fx"), beside("Fa"))],
     "speed_from_rotation": [(turning("rpm"), turning("deg"))],

@@ -63,6 +63,26 @@ def clocks(late: float, *, falls: bool = False, again: str = "Fz") -> Act:
     return file(f"T [s],Fx [N],T [s],{again} [N]\n" + "".join(f"{a},{f}.5,{b:.2f},3.0\n" for a, b, f in ways))
 
 
+def formulas(kept: bool) -> Act:
+    """A workbook whose friction force is a formula without a result, or a number."""
+
+    def act(folder: Path, _patch: pytest.MonkeyPatch) -> object:
+        book = openpyxl.Workbook()
+        book.active.append(["Time [s]", "Fz [N]", "Fx [N]"])
+        for i in range(9):
+            book.active.append([i / 10, 3.0, f"=B{i + 2}*0.2" if kept else 0.6])
+        book.save(folder / "a.xlsx")
+        return read_log(folder / "a.xlsx")
+
+    return act
+
+
+def channels(rows: str) -> Act:
+    """NI channels in pairs above such rows."""
+    head = "Interval,1,Interval,1\nChannel name,Fx,Channel name,Fz\nUnit,N,Unit,N\n"
+    return file(head + rows)
+
+
 def axes(other: float | None, level: float = 0.1) -> Act:
     """Forces along two axes, the one called as friction with white noise or more; other: what it moves by [N]."""
     noise = np.random.default_rng(1).normal(0.0, 1e-3, 400)
@@ -451,6 +471,18 @@ CASES: dict[str, Pair] = {
         file("T [s],Fx [N],Fz [N]\n" + "".join(f"{i % 4 / 10},{i % 7}.5,3.0\n" for i in range(40))),
         file("T [s],Fx [N],Fz [N]\n" + "".join(f"{i / 10},{i % 7}.5,3.0\n" for i in range(40))),
     ),
+    "units for a column": (
+        file("0.0 s 0.5 N\n0.1 s 0.6 N\n" * 9, columns={"time": "1", "friction_force": "2"}, normal_force=3.0),
+        file("".join(f"{i / 10} s 0.{i} N\n" for i in range(9)), columns={"time": "1", "friction_force": "3"},
+             normal_force=3.0),
+    ),
+    "formulas without results": (formulas(True), formulas(False)),
+    "zero bytes amid the text": (
+        file(GOOD[:60] + "\0" * 9 + GOOD[60:] + "\n" * 100),
+        file(GOOD),
+    ),
+    "channels without rows": (channels(""), channels("0,0.5,0,3\n1,0.6,1,3\n")),
+    "channels that misfit": (channels("0,0.5,0\n1,0.6,1\n"), channels("0.5,3\n0.6,3\n")),
     "no rate": asked({"rate": "4 m"}, {"rate": "4 Hz"}),
     "a rate of nothing": asked({"rate": "0 Hz"}, {"rate": "0.1 Hz"}),
     "two clocks": asked({"rate": "4 Hz", "columns": {"time": "T"}}, {"rate": "4 Hz"}),

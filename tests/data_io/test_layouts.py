@@ -1,0 +1,272 @@
+"""Layouts that people have: clock times, quotes, cells with units, columns by number, names of other languages."""
+
+from datetime import datetime, time, timedelta
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+
+from data_io import LogError, read_log
+from identify.cli import main as cli
+
+CASES = Path(__file__).parents[1] / "cases"
+FORCE = [f"{0.5 + 0.01 * (i % 20):.4f}" for i in range(120)]
+
+
+def codes(record):
+    return {finding.code for finding in record.findings}
+
+
+def table(folder, head, row, name="a.csv", encoding="utf-8"):
+    """A file of 120 rows; row: makes one of a number and a force."""
+    text = head + "\n" + "".join(row(i, force) + "\n" for i, force in enumerate(FORCE))
+    (folder / name).write_bytes(text.encode(encoding))
+    return folder / name
+
+
+def right(record, interval=0.1, rows=120):
+    assert len(record) == rows
+    np.testing.assert_allclose(record.time, interval * np.arange(rows), atol=1e-6)
+    np.testing.assert_allclose(record.friction_force, [float(force) for force in FORCE[:rows]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["hms.csv", "datetime_cells.xlsx", "hms_and_elapsed.csv", "quoted_decimal_comma.csv"])
+def test_the_same_numbers_in_other_layouts(name):
+    """Each of these files holds the numbers of the plain one: 100 Hz, 8 s, a mean coefficient of 0.475."""
+    record = read_log(CASES / name)
+    np.testing.assert_allclose(record.time, np.arange(800) / 100.0, atol=1e-6)
+    assert np.mean(record.friction_force / record.normal_force) == pytest.approx(0.475, abs=2e-3)
+    source = {"hms_and_elapsed.csv": "column Elapsed time in s"}.get(name, "column Time in s")
+    assert record.metadata["time_source"] == source
+
+
+def test_the_elapsed_column_of_a_phoenix_log():
+    named = {"units": {"time": "s", "friction_force": "N", "normal_force": "N"}}
+    record = read_log(CASES / "te67_clock_of_the_day.tsv", **named)
+    assert record.metadata["time_source"].startswith("column Test Time") and record.time[-1] == 59.0
+    assert record.normal_force[0] == 98.1 and record.friction_force[0] == 15.1
+    with pytest.raises(LogError, match="--units time=s,normal_force=N,friction_force=N"):
+        read_log(CASES / "te67_clock_of_the_day.tsv")
+    by_clock = read_log(CASES / "te67_clock_of_the_day.tsv", columns={"time": "Time"}, **named)
+    assert by_clock.time[-1] == 59.0
+
+
+@pytest.mark.parametrize(
+    ("head", "stamp"),
+    [
+        ("Time", "%H:%M:%S.%f"),
+        ("Timestamp", "%Y-%m-%dT%H:%M:%S.%f"),
+        ("Timestamp", "%Y-%m-%d %H:%M:%S.%fZ"),
+        ("Date/Time", "%d.%m.%Y %H:%M:%S.%f"),
+        ("DateTime", "%m/%d/%Y %I:%M:%S.%f %p"),
+        ("Zeit", "%d/%m/%Y %H:%M:%S.%f"),
+        ("Time", "%Y/%m/%d %H:%M:%S,%f"),
+    ],
+)
+def test_clock_times_go_over_midnight(tmp_path, head, stamp):
+    start = datetime(2024, 2, 28, 23, 59, 55)
+    path = table(tmp_path, f"{head};Fz [N];Fx [N]", lambda i, f: f"{start + timedelta(seconds=i / 10):{stamp}};3.0;{f}")
+    right(read_log(path))
+
+
+def test_clock_times_in_cells_of_excel(tmp_path):
+    start = datetime(2024, 2, 28, 23, 59, 50)
+    for kind in (
+        lambda i: start + timedelta(seconds=i / 10),
+        lambda i: (start + timedelta(seconds=i / 10)).time(),
+        lambda i: timedelta(seconds=i / 10),
+        lambda i: time(0, 0, i // 10, 100_000 * (i % 10)),
+    ):
+        book = openpyxl.Workbook()
+        book.active.append(["Time" if not isinstance(kind(0), timedelta) else "Time [s]", "Fz [N]", "Fx [N]"])
+        for i, force in enumerate(FORCE):
+            book.active.append([kind(i), 3.0, float(force)])
+        book.save(tmp_path / "a.xlsx")
+        right(read_log(tmp_path / "a.xlsx"))
+
+
+def test_a_word_among_clock_times_is_refused(tmp_path):
+    path = table(tmp_path, "Time,Fz [N],Fx [N]", lambda i, f: f"{'noon' if i > 50 else f'10:00:{i:02}'},3.0,{f}")
+    with pytest.raises(LogError, match=r"'noon'|'10:00"):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("T [s],Fz [N],Fx [N]", lambda i, f: f'"{i / 10:.2f}","3.0","{f}"'),
+        ("T [s],Fz [N],Fx [N]", lambda i, f: f'"{i / 10:.2f}","3.0","{f}"'.replace(".", ",")),
+        ("T [ms],Fz [N],Fx [mN]", lambda i, f: f'"{100 * i:,.1f}","3.00","{1e3 * float(f):,.3f}"'),
+        ("T [ms];Fz [N];Fx [N]", lambda i, f: f"{100 * i:,.1f};3.0;{f}".translate(str.maketrans(".,", ",."))),
+        ("T;Fz;Fx", lambda i, f: f"{i / 10:.1f} s;3.0 N;{f} N"),
+        ("T\tFz\tFx", lambda i, f: f"{i * 100} ms\t3000 mN\t{f} N"),
+    ],
+)
+def test_quotes_thousands_and_units_in_cells(tmp_path, head, row):
+    record = read_log(table(tmp_path, head, row))
+    right(record)
+    assert record.normal_force[0] == 3.0
+
+
+def test_a_comma_that_may_be_either_is_refused(tmp_path):
+    path = table(tmp_path, "T [s],Fz [N],Fx [N]", lambda i, _: f'"{i}","2,500","1,{100 + i}"')
+    with pytest.raises(LogError, match="decimal mark or stand between thousands"):
+        read_log(path)
+
+
+def test_units_that_change_from_cell_to_cell(tmp_path):
+    path = table(
+        tmp_path, "T;Fz;Fx", lambda i, f: f"{i / 10:.1f} s;3 N;{f'{f} N' if i % 2 else f'{1e3 * float(f):.1f} mN'}"
+    )
+    np.testing.assert_allclose(read_log(path).friction_force, [float(force) for force in FORCE], rtol=1e-12)
+
+
+def test_a_coefficient_and_a_load_are_a_friction_force(tmp_path):
+    record = read_log(CASES / "coefficient_and_load.csv")
+    np.testing.assert_allclose(record.friction_force, record.channels["COF"] * record.normal_force, rtol=1e-12)
+    assert "friction_from_coefficient" in codes(record) and np.median(record.friction_force) == pytest.approx(
+        6.0, abs=0.05
+    )
+    path = table(tmp_path, "Zeit [s];Reibwert", lambda i, f: f"{i / 10};{f}")
+    right(read_log(path, normal_force="1 N"))
+    path = table(
+        tmp_path, "Time [s]\tFriction coefficient\tFriction force [N]\tLoad [N]", lambda i, f: f"{i / 10}\t9\t{f}\t3"
+    )
+    record = read_log(path)
+    right(record)
+    assert "friction_from_coefficient" not in codes(record), "a force that is there is taken"
+
+
+def test_distance_over_speed_is_a_time(tmp_path):
+    path = table(
+        tmp_path, "Sliding distance [m],Sliding speed [mm/s],Fn [N],Ff [N]", lambda i, f: f"{i / 100},100,3,{f}"
+    )
+    record = read_log(path)
+    right(record)
+    assert "time_from_distance" in codes(record)
+    ramp = table(
+        tmp_path, "Distance [mm];Speed [mm/s];Load [N];COF", lambda i, f: f"{0.5 * (i / 10) ** 2};{i / 10};1;{f}"
+    )
+    right(read_log(ramp))  # half a t squared at the speed t, exactly so by the mean of two speeds
+    with pytest.raises(LogError, match="no time column"):
+        read_log(table(tmp_path, "Distance [m],Speed,Fn [N],Ff [N]", lambda i, f: f"{i / 100},100,3,{f}"))
+
+
+def test_channels_of_ni_in_pairs():
+    named = {"columns": {"friction_force": "Force"}, "units": {"friction_force": "2.5 N/V"}, "normal_force": 3.0}
+    record = read_log(CASES / "ni_channels_in_pairs.csv", **named)
+    assert record.friction_force[0] == pytest.approx(2.5 * -0.129930231773) and record.time[1] == 0.0005
+    assert record.metadata["format"] == "ni-channels" and "Input 1" in record.channels
+
+
+def test_channels_of_ni_that_start_apart_or_have_no_times(tmp_path):
+    head = "Timestamp;2020-01-01 10:00:00.0;Timestamp;2020-01-01 10:00:00.5\nInterval;0.1;Interval;0.1\n"
+    head += "Channel name;Fx;Channel name;Fz\nUnit;N;Unit;N"
+    for row in (
+        lambda i, f: f"{i / 10:.1f};{f};{i / 10:.1f};{3 + 0.1 * i + 0.5:.3f}",
+        lambda i, f: f"{f};{3 + 0.1 * i + 0.5:.3f}",
+    ):
+        record = read_log(table(tmp_path, head, row))
+        assert record.friction_force[0] == float(FORCE[5]), "the load begins five rows later"
+        np.testing.assert_allclose(record.normal_force, 3.0 + record.time + 0.5, atol=1e-9)
+
+
+def test_settings_above_a_table_of_another_delimiter():
+    named = {"columns": {"time": "2", "friction_force": "4"}, "units": {"time": "s", "friction_force": "N"}}
+    record = read_log(CASES / "parameters_above_other_delimiter.txt", normal_force=3.0, **named)
+    assert len(record) == 60 and record.friction_force[0] == 0.00148 and record.metadata["file_time_start"] == 0.05
+    assert record.metadata["preamble"].startswith("0.050")
+
+
+@pytest.mark.parametrize("between", ["\t", ";", ",", " "])
+def test_the_longest_block_of_equal_width_is_the_table(tmp_path, between):
+    settings = "1.0 2.0 3.0 4.0 5.0\n0.5,0.6" if between != "," else "1.0\t2.0\t3.0"
+    path = table(tmp_path, settings, lambda i, f: between.join(("7", f"{i / 10}", f)))
+    named = {"columns": {"time": "2", "friction_force": "3"}, "units": {"time": "s", "friction_force": "N"}}
+    right(read_log(path, normal_force=1.0, **named))
+
+
+def test_the_position_is_read_where_there_is_no_header(capsys):
+    path = str(CASES / "no_header_position.txt")
+    named = ["--columns", "time=1,friction_force=3,position=2", "--units", "time=ms,friction_force=N,position=mm"]
+    assert cli.main(["inspect", path, *named, "--normal-force", "10 N", "--strokes"]) == 0
+    assert "300 rows in 6 step(s)" in capsys.readouterr().out
+
+
+def test_a_number_and_a_word_in_each_row(tmp_path):
+    path = CASES / "number_and_word.txt"
+    with pytest.raises(LogError, match=r"the word 'N1' behind the numbers of the column before.*--rate"):
+        read_log(path, columns={"time": "1", "friction_force": "2"}, normal_force=3.0)
+    record = read_log(path, columns={"friction_force": "1"}, normal_force=3.0, rate="4 Hz")
+    assert record.friction_force[0] == 0.5 and record.time[1] == 0.25 and "clock_from_rate" in codes(record)
+    for row in (lambda _, f: f, lambda _, f: f"{f} N", lambda _, f: f"{f};N"):
+        found = read_log(
+            table(tmp_path, "Messung am Montag", row),
+            columns={"friction_force": "1"}, units={"friction_force": "N"}, normal_force=3.0, rate=10.0,
+        )  # fmt: skip
+        right(found)
+
+
+def test_a_rate_makes_the_clock_of_any_file(tmp_path):
+    right(read_log(table(tmp_path, "Fx [N],Fz [N]", lambda _, f: f"{f},3.0"), rate="10 Hz"))
+    broken = table(tmp_path, "Time [s],Fx [N],Fz [N]", lambda i, f: f"{i % 3},{f},3.0")
+    right(read_log(broken, rate="0.01 kHz"))
+    with pytest.raises(LogError, match="--rate"):
+        read_log(broken)
+
+
+def test_names_that_cannot_be_written_are_numbered(tmp_path):
+    path = table(tmp_path, "\ufffd\ufffd,\ufffd,,\ufffd", lambda i, f: f"{i / 10},{f},3.0,7")
+    numbered = {"time": "1", "friction_force": "2", "normal_force": "3"}
+    right(read_log(path, columns=numbered, units={"time": "s", "friction_force": "N", "normal_force": "N"}))
+    twice = table(tmp_path, "Time [s],Kanal [N],Kanal [N]", lambda i, f: f"{i / 10},3.0,{f}")
+    right(read_log(twice, columns={"friction_force": "3", "normal_force": "2"}))
+
+
+@pytest.mark.parametrize(
+    ("head", "encoding"),
+    [
+        ("时间(s),正压力(N),摩擦力(N)", "gb18030"),
+        ("时间（s）,法向载荷（N）,切向力（N）", "gb18030"),
+        ("時間[s],垂直荷重[N],摩擦力[N]", "cp932"),
+        ("時間[s],荷重[N],摩擦力[N]", "utf-8"),
+        ("Temps (s),Force normale (N),Force de frottement (N)", "cp1252"),
+        ("Tiempo [s],Carga normal [N],Fuerza de fricción [N]", "cp1252"),
+        ("Tempo [s],Carico [N],Forza d'attrito [N]", "utf-8"),
+        ("Czas [s],Siła normalna [N],Siła tarcia [N]", "utf-8"),
+        ("Czas [s],Siła normalna [N],Siła tarcia [N]", "cp1250"),
+        ("Zeit [s],Normalkraft [N],Reibkraft [N]", "utf-16"),
+    ],
+)
+def test_names_in_the_languages_of_laboratories(tmp_path, head, encoding):
+    right(read_log(table(tmp_path, head, lambda i, f: f"{i / 10},3.0,{f}", encoding=encoding)))
+
+
+def test_other_bytes_are_not_taken_for_chinese(tmp_path):
+    path = table(
+        tmp_path,
+        "Prüfgröße: Öl bei 20 °C\nT [s],Fz [N],Fx [N],s [µm]",
+        lambda i, f: f"{i / 10},3,{f},{i}",
+        encoding="cp1252",
+    )
+    record = read_log(path)
+    right(record)
+    assert record.channel_units["s"] == "m" and "Prüfgröße" in record.metadata["preamble"]
+
+
+def test_the_case_in_gb18030():
+    assert len(read_log(CASES / "gbk.csv")) == 800
+
+
+def test_names_in_merged_cells_and_in_two_rows(tmp_path):
+    record = read_log(CASES / "merged_header.xlsx")
+    assert len(record) == 800 and record.metadata["time_source"] == "column Time in s"
+    right(read_log(table(tmp_path, "Time;Force;;\n;Fz;Fx;Z\ns;N;N;mm", lambda i, f: f"{i / 10};3;{f};{i}")))
+
+
+def test_the_cause_is_told():
+    with pytest.raises(LogError, match="formulas whose results the workbook does not keep"):
+        read_log(CASES / "formula_fx.xlsx")
+    with pytest.raises(LogError, match=r"from byte 9000 on .below line 428. 100 zero bytes"):
+        read_log(CASES / "nul_middle.csv")
