@@ -63,6 +63,29 @@ def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, par
     assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
 
 
+def test_labels_stand_apart_and_the_star_says_whose_it_is(speed_and_stiffness):
+    from identify.report.draw_map import map_figure
+    from identify.report.map_contours import ROOM
+
+    seen = tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
+    made = speed_and_stiffness
+    steep = np.geomspace(1e-3, 9.0, made.growth.size).reshape(made.growth.shape)  # contours side by side
+    crowded = replace(made, figures={**made.figures, "period": np.where(np.isnan(made.multiplier), np.nan, steep)})
+    figure = map_figure(crowded, "amplitude", Marks(tested=seen, whose="log 2 (a very long name of a file.csv)"))
+    axes = figure.axes[0]
+    figure.canvas.draw()
+    places = [axes.transAxes.inverted().transform(axes.transData.transform(t.get_position())) for t in axes.texts]
+    labels = [p for p, t in zip(places, axes.texts, strict=True) if t.get_text().replace(".", "").isdigit()]
+    assert len(labels) >= 3
+    for i, one in enumerate(labels):
+        for other in labels[:i]:
+            assert np.hypot(*((one - other) / ROOM)) > 0.95
+    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert "operating point of log 2 (a very long name o…" in words
+    assert "tested inside; beyond: extrapolated" in words
+    assert not any(collection.get_hatch() for collection in axes.collections)
+
+
 SCENE = """
 effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
 [rig]

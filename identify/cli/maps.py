@@ -60,7 +60,7 @@ def map_answer(
         from identify.report.draw_map import Marks, draw_map
 
         others = [tuple(axis(p.site, name).value for name in names) for p in points[1:]]
-        draw_map(made, plot, part, Marks([(a, b) for a, b in others], known, tested))
+        draw_map(made, plot, part, Marks([(a, b) for a, b in others], known, tested, point.title))
         terminal.say(f"plot: {plot}")
     files = [] if data is None else write_chart(made, data)
     for file in files:

@@ -29,19 +29,21 @@ Array = NDArray[np.float64]
 SIZE, DPI = (3.54, 4.3), 300  # inch: a journal column is 90 mm wide
 STICKS, SLIDES = "#D55E00", "#0072B2"  # ends of stick-slip and of stable sliding
 CLOSED = "#6b2c00"  # the first as the closed form has it
-HATCH = "0.72"
+TESTED = "0.25"
 PIXELS = 600  # of the regions, along each quantity
 BAND = 0.25  # opacity
+LONGEST_NAME = 26  # letters of a log that the legend has room for
 
 
 @dataclass(frozen=True)
 class Marks:
     """What is drawn on a map beside the answer: other operating points, (x, y) [SI] each; what is known of pair and
-    rig; the tested range."""
+    rig; the tested range; whose the operating point is ("log 2 (slow.csv)")."""
 
     points: Sequence[tuple[float, float]] = ()
     known: Known | None = None
     tested: Tested | None = None
+    whose: str = ""
 
 
 def draw_map(chart: Chart, path: File, part: str = "stability", marks: Marks | None = None) -> None:
@@ -62,6 +64,7 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
     figure = Figure(figsize=SIZE, layout="constrained")
     axes = figure.add_subplot()
     view = View(chart.plane.x, chart.plane.y)
+    _axes(axes, chart, view)  # first: contours are labelled where they lie on the page
     legend: list[Any] = regions(axes, chart, view)
     if part == "amplitude":  # the fall covers the colours of what sticks
         legend = amplitudes(figure, axes, chart, view)
@@ -77,7 +80,6 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
     legend += _closed_forms(axes, chart, view)
     legend += _untested(axes, chart, view, marks.tested)
     legend += _points(axes, chart, view, marks)
-    _axes(axes, chart, view)
     figure.legend(
         handles=legend, loc="outside lower center", ncols=2, fontsize=FONT - 1, handlelength=2.0, columnspacing=1.2
     )
@@ -132,7 +134,7 @@ def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _untested(axes: Axes, chart: Chart, view: View, tested: Tested | None) -> list[Any]:
-    """Hatching over what lies outside the tested range."""
+    """The outline of the tested range: what lies outside is most of many a map, and stays readable."""
     if tested is None:
         return []
     x, y = np.linspace(0, 1, PIXELS), np.linspace(0, 1, PIXELS)
@@ -146,12 +148,12 @@ def _untested(axes: Axes, chart: Chart, view: View, tested: Tested | None) -> li
         coordinates.append(view.line(which, place))
     if not np.any(outside):
         return []
-    hatched = axes.contourf(
-        *coordinates, outside.astype(float), levels=[0.5, 1.5], colors="none", hatches=["//"], zorder=1.5
+    if np.all(outside):
+        return [Line2D([], [], ls="", label="extrapolated: nothing here was tested")]
+    axes.contour(
+        *coordinates, outside.astype(float), levels=[0.5], colors=TESTED, linewidths=0.9, linestyles="-.", zorder=3.2
     )
-    hatched.set_edgecolor(HATCH)
-    hatched.set_linewidth(0.0)
-    return [Patch(facecolor="none", edgecolor=HATCH, hatch="////", lw=0, label="extrapolated: not tested")]
+    return [Line2D([], [], color=TESTED, lw=0.9, ls="-.", label="tested inside; beyond: extrapolated")]
 
 
 def _points(axes: Axes, chart: Chart, view: View, marks: Marks) -> list[Any]:
@@ -159,7 +161,9 @@ def _points(axes: Axes, chart: Chart, view: View, marks: Marks) -> list[Any]:
     here = view.shown(np.array([[x.place(x.value), y.place(y.value)]]))[0]
     spans = chart.plane.x_values[[0, -1]], chart.plane.y_values[[0, -1]]
     shows = _within((x.value, y.value), spans)
-    label = "operating point" if shows else "operating point: beyond this map"
+    name = marks.whose if len(marks.whose) <= LONGEST_NAME else f"{marks.whose[: LONGEST_NAME - 1]}…"
+    whose = f"operating point of {name}" if name else "operating point"
+    label = whose if shows else f"{whose}: beyond this map"
     legend: list[Any] = [Line2D([], [], ls="", marker="*", ms=8, mfc="k", mec="w", mew=0.6, label=label)]
     ring = None if marks.known is None else region(chart.plane, marks.known)
     if ring is not None:

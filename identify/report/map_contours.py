@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 LEVELS = 6
 POWERS = 30.0  # ratio of values from which levels are even in powers
+ROOM = np.array([0.12, 0.07])  # shares of the axes about a label that no other one may stand in
 SCRAP = 5  # points of a contour that is no more than a scrap
 WIDE = 20.0  # ratio of falls from which their colours are even in powers
 
@@ -63,11 +64,22 @@ def _contours(axes: Axes, chart: Chart, view: View, name: str, colour: str, behi
     lines.set_paths([_without_scraps(path) for path in lines.get_paths()])
     lines.set_clip_path(PathPatch(inside, transform=axes.transData))
     labels = axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline=False)
+    words = [text.get_position() for text in axes.texts if text not in labels]
+    taken = [_on_page(axes, position) for position in words]
     for label in labels:
-        label.set_path_effects([withStroke(linewidth=2.5, foreground=behind)])
-        if not inside.contains_point(label.get_position()):
+        here = _on_page(axes, label.get_position())
+        apart = all(np.hypot(*((here - other) / ROOM)) > 1.0 for other in taken)
+        if apart and inside.contains_point(label.get_position()):
+            taken.append(here)
+            label.set_path_effects([withStroke(linewidth=2.5, foreground=behind)])
+        else:
             label.remove()
     return scale
+
+
+def _on_page(axes: Axes, position: tuple[float, float]) -> Array:
+    """A place (2,) in shares of the axes."""
+    return np.asarray(axes.transAxes.inverted().transform(axes.transData.transform(position)))
 
 
 def _without_scraps(path: Path) -> Path:
