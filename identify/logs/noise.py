@@ -23,6 +23,7 @@ SIDE = 5
 SPIKE_SD = 6.0
 SPIKE_SD_OVER_SIDES = 4.5
 MOST_SPIKES = 0.05
+FLOOR = 0.25  # of the height of a dip or bump: samples that differ by less have a level of their own
 # What surrounds a crest of a swing leaves a straight line too: by this share of its height, and standard deviations;
 # and so many samples further on it is a swing still.
 SWING, SWING_SD, SWINGS_ON = 0.3, 3.5, 3 * SIDE
@@ -82,7 +83,7 @@ def quantum(force: Array) -> float:
     return step if np.mean(on_grid) > 0.9 else 0.0
 
 
-def spikes(force: Array, noise: float) -> Mask:
+def spikes(force: Array, noise: float, *, floors: bool = False) -> Mask:
     """Marks isolated outliers of one to three samples, shape (n,).
 
     A spike leaves both the chord between its neighbours and the lines through five samples on either
@@ -92,20 +93,21 @@ def spikes(force: Array, noise: float) -> Mask:
     Args:
         force: finite values (n,) [N].
         noise: standard deviation of the white noise [N].
+        floors: whether a run whose samples have a level of their own is a dip or a bump of the force, and no spike.
     """
     marked = np.zeros(force.size, dtype=bool)
     limit = SPIKE_SD * max(noise, 1e-12 * float(np.ptp(force)) if force.size else 0.0)
     if force.size < 2 * SIDE + 2 or limit == 0.0:
         return marked
     for _ in range(6):
-        marked = _spikes_above(force, limit)
+        marked = _spikes_above(force, limit, floors)
         if np.count_nonzero(marked) <= MOST_SPIKES * force.size:
             break
         limit *= 2.0
     return marked
 
 
-def _spikes_above(force: Array, limit: float) -> Mask:
+def _spikes_above(force: Array, limit: float, floors: bool) -> Mask:
     """Spikes that leave their surroundings by more than the limit; one removed may uncover its neighbour."""
     marked, clean = np.zeros(force.size, dtype=bool), force
     jump = _jumps(clean, limit)
@@ -114,6 +116,10 @@ def _spikes_above(force: Array, limit: float) -> Mask:
         for length in SPIKE_LENGTHS:
             first = _candidates(jump, clean, length)
             found = first[_stands_out(clean, first, length, limit)] if first.size else first
+            if floors and length > 1 and found.size:
+                body = clean[found[:, None] + np.arange(length)]
+                height = np.abs(body.mean(axis=1) - 0.5 * (clean[found - 1] + clean[found + length]))
+                found = found[np.ptp(body, axis=1) > FLOOR * height]
             if found.size == 0:
                 continue
             for k in range(length):

@@ -161,7 +161,9 @@ def segment(
         return _nothing(time, holes, noise or 0.0)
     clean = bridged(force, holes)
     white = white_noise(clean)
-    masked = spikes(clean, max(white, noise or 0.0))
+    # What slides moves as its track and its noise do: a spike stands out of these, and a dip with a floor is none.
+    steps = 0.0 if slips else 1.4826 * float(np.median(np.abs(np.diff(clean)))) / sqrt(2.0)
+    masked = spikes(clean, max(white, noise or 0.0, steps), floors=not slips)
     clean = bridged(clean, masked)
     interval = float(np.median(thinned_steps(time)))
     sd = white if noise is None else noise

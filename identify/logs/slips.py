@@ -29,6 +29,7 @@ FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, 
 FEW_RISES = 3  # are no reference: take the loading slope
 SPIKE_RISE = 5  # samples
 LAST_RISE = (0.6, 0.3)  # of the last fall's duration must follow it, less where it already rises like a stick
+FROM_REST = 0.3  # of the level that it leads to: a first rise by less is no loading, the level wanders
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
 
 
@@ -249,7 +250,9 @@ def loading_knee(trace: Trace) -> int:
     knee = int(np.argmax(rise >= 0.9 * rise.max()))
     per_time = rise[knee] / max(trace.duration(0, knee), 1e-300)
     only_rising = rise[-1] - rise[knee] > LEAST_RISE * per_time * trace.duration(knee, trace.last)
-    return trace.last if only_rising else knee
+    if only_rising:
+        return trace.last
+    return knee if rise[knee] > FROM_REST * abs(wide[knee]) else 0
 
 
 def _label_without_slips(trace: Trace, phase: Phase) -> None:
