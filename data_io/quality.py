@@ -9,7 +9,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from data_io.frozen import Finding
+from data_io.frozen import Finding, FloatArray
 from data_io.quality_load import UNLOADED, Load, look_at_load
 from data_io.quality_signal import Signal, look_at_friction
 from data_io.record import Record
@@ -95,10 +95,16 @@ def verdict_of(findings: tuple[Finding, ...] | list[Finding]) -> Verdict:
     return "reject" if "reject" in severities else "accept with warnings" if "warning" in severities else "accept"
 
 
-def assess(record: Record, used: npt.NDArray[np.bool_] | None = None, thresholds: Thresholds = DEFAULTS) -> Quality:
+def assess(
+    record: Record,
+    used: npt.NDArray[np.bool_] | None = None,
+    thresholds: Thresholds = DEFAULTS,
+    speed: FloatArray | None = None,
+) -> Quality:
     """Look at a record's clock and forces; never changes it and never fails on a valid record.
 
     used: (n,) the rows that count (None: all), as the scene cuts them. thresholds: see `data_io.thresholds`.
+    speed (n,) [m/s]: how fast the drive moves, where a column is known to be it.
     """
     used = np.ones(len(record), dtype=bool) if used is None else used
     sampling, notes = describe_sampling(record, used, thresholds)
@@ -111,7 +117,7 @@ def assess(record: Record, used: npt.NDArray[np.bool_] | None = None, thresholds
             (*record.findings, *notes, nothing),
         )  # fmt: skip
     load, about_load = look_at_load(record, sound, thresholds)
-    rests = find_rests(record, shown(record.friction_force, sound))
+    rests = find_rests(record, shown(record.friction_force, sound), speed)
     moving = _moving(sound, rests)
     signal, about_friction = look_at_friction(record, sound, thresholds)
     residual, about_rest = _rest_findings(record, sound, moving, load, rests, thresholds)

@@ -52,14 +52,15 @@ class Rests:
     after: Rest | None
 
 
-def find_rests(record: Record, friction: FloatArray) -> Rests:
+def find_rests(record: Record, friction: FloatArray, speed: FloatArray | None = None) -> Rests:
     """Find the rests at both ends of a record.
 
-    friction (n,) [N]: the friction force, NaN where it does not count. A column of the drive (speed or position) is
-    believed first; without one, a force that stays within its noise below half of the sliding force is rest before the
-    start, and one that stays within its noise after stick-slip may be a stop.
+    friction (n,) [N]: the friction force, NaN where it does not count. speed (n,) [m/s]: of a column that is known to
+    be the drive, believed first; without one, a force that stays within its noise below half of the sliding force is
+    rest before the start, and one that stays within its noise after stick-slip may be a stop.
     """
-    speed = drive_motion(record)
+    if speed is None and isinstance(record.drive_speed, np.ndarray):
+        speed = np.abs(record.drive_speed)
     if speed is not None:
         moving = np.flatnonzero(speed > _SLOW * np.quantile(speed, 0.9))
         if moving.size and speed.max() > 0:
@@ -87,30 +88,6 @@ def find_rests(record: Record, friction: FloatArray) -> Rests:
         level = float(np.mean(force[force.size - int(_SHARE * tail) :]))
         after = Rest(int(np.flatnonzero(finite)[force.size - tail]), friction.size, level, told=False)
     return Rests(before, after)
-
-
-def drive_motion(record: Record) -> FloatArray | None:
-    """Return how fast the drive moves [m/s], shape (n,), from a column of the log; None where none tells it.
-
-    A speed that is a column is taken as it is; else the channel in metres with the largest range, by differences over
-    a hundredth of its rows; else the largest channel in metres per second.
-    """
-    if isinstance(record.drive_speed, np.ndarray):
-        return np.abs(record.drive_speed)
-    lengths = [v for name, v in record.channels.items() if record.channel_units[name] == "m" and np.isfinite(v).all()]
-    lengths = [v for v in lengths if np.ptp(v) > 0]
-    if lengths:
-        return _speed(record, max(lengths, key=lambda values: float(np.ptp(values))))
-    speeds = [v for name, v in record.channels.items() if record.channel_units[name] == "m/s" and np.isfinite(v).all()]
-    speeds = [v for v in speeds if np.any(v != 0)]
-    return np.abs(max(speeds, key=lambda values: float(np.max(np.abs(values))))) if speeds else None
-
-
-def _speed(record: Record, position: FloatArray) -> FloatArray:
-    reach = max(len(record) // 200, 5)
-    index = np.arange(len(record))
-    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
-    return np.abs(position[high] - position[low]) / (record.time[high] - record.time[low])
 
 
 def _told(friction: FloatArray, start: int, stop: int) -> Rest | None:

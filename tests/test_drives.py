@@ -51,7 +51,7 @@ def record_of(programme, column="drive_speed"):
     return replace(record, channels={column: speed}, channel_units={column: "m" if column == "Position" else "m/s"})
 
 
-@pytest.mark.parametrize("column", ["drive_speed", "V2", "Position"])
+@pytest.mark.parametrize("column", ["drive_speed", "Stage speed", "Position"])
 @pytest.mark.parametrize("programme", [STEPS, HOLD, STROKES])
 def test_a_drive_that_the_scene_leaves_out_is_taken_from_the_column(column, programme):
     scene, said = with_drives(scene_of(), [record_of(programme, column)])
@@ -74,16 +74,25 @@ def test_a_column_that_does_not_tell_it_is_refused_in_a_sentence():
     with pytest.raises(FitError, match="goes gradually"):
         with_drives(scene_of(), [replace(bare, drive_speed=1e-3 * (2 + np.sin(TIME)))])
     creeping = replace(bare, channels={"Z": 1e-6 * TIME}, channel_units={"Z": "m"})
-    with pytest.raises(FitError, match="no name says that this is the drive"):
+    with pytest.raises(FitError, match="column Z is not taken for the drive: nothing in the log says"):
         with_drives(scene_of(), [creeping])
 
 
 @pytest.mark.parametrize("programme", [STEPS, HOLD, STROKES])
-def test_one_stated_speed_against_a_column_that_changes_is_refused(programme):
-    with pytest.raises(FitError, match="one drive speed in the scene, 1 mm/s, but the drive speed of the log changes"):
-        with_records(scene_of(1e-3), [record_of(programme)])
-    with pytest.raises(FitError, match="column V2 changes"):
-        with_records(scene_of(1e-3), [record_of(programme, "V2")])
+def test_one_stated_speed_against_a_column_that_changes_is_doubted_and_taken(programme):
+    for column, place in (("drive_speed", "the drive speed of the log"), ("Stage speed", "column Stage speed")):
+        scene, (record,) = with_records(scene_of(1e-3), [record_of(programme, column)])
+        assert scene.logs[0].drive_speed == 1e-3
+        (finding,) = record.findings
+        assert finding.severity == "warning" and f"{place} changes" in finding.message
+
+
+@pytest.mark.parametrize("programme", [STEPS, HOLD, STROKES])
+def test_a_carriage_that_nothing_shows_to_be_the_drive_neither_tells_nor_doubts_it(programme):
+    record = record_of(programme, "V2")
+    with pytest.raises(FitError, match="column V2 is not taken for the drive"):
+        with_drives(scene_of(), [record])
+    assert with_records(scene_of(1e-3), [record])[1][0].findings == ()
 
 
 def test_one_speed_goes_with_a_window_a_late_start_and_strokes_of_a_position():

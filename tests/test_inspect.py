@@ -44,7 +44,9 @@ def log_with_everything():
     rows = np.searchsorted(time, [3.1, 6.7, 8.3])
     force[rows] += 0.3
     track = 1e-3 * np.clip(time - 1.0, 0.0, 10.0)
-    return Record(time, 1.0 + noise(2, time.size), force, channels={"Y": track}, channel_units={"Y": "m"}), time[rows]
+    return Record(
+        time, 1.0 + noise(2, time.size), force, channels={"Position": track}, channel_units={"Position": "m"}
+    ), time[rows]
 
 
 def drawn(monkeypatch, seen, path):

@@ -113,25 +113,30 @@ def test_few_slips_and_spikes_are_told():
 def test_the_drive_speed_is_read_from_a_column_as_for_a_scene(tmp_path, capsys):
     good = record_of(500.0, 4.0)
     with_track = Record(
-        good.time, good.normal_force, good.friction_force, channels={"Y": 2e-3 * good.time}, channel_units={"Y": "m"}
+        good.time,
+        good.normal_force,
+        good.friction_force,
+        channels={"Position": 2e-3 * good.time},
+        channel_units={"Position": "m"},
     )
     write_csv(with_track, tmp_path / "a.csv")
     assert cli.main(["inspect", str(tmp_path / "a.csv")]) == 0
     assert (
-        "drive speed: 2 mm/s, from the slope of column Y".replace(" mm", "\N{NO-BREAK SPACE}mm")
+        "drive speed: 2 mm/s, from the slope of column Position".replace(" mm", "\N{NO-BREAK SPACE}mm")
         in capsys.readouterr().out
     )
     assert cli.main(["inspect", str(tmp_path / "a.csv"), "--json"]) == 0
     log = json.loads(capsys.readouterr().out)["logs"][0]
     assert (
-        log["drive_speed_m_per_s"] == pytest.approx(2e-3) and log["drive_speed_source"] == "from the slope of column Y"
+        log["drive_speed_m_per_s"] == pytest.approx(2e-3)
+        and log["drive_speed_source"] == "from the slope of column Position"
     )
 
 
 def test_a_position_that_stands_still_is_no_drive():
     good = record_of(500.0, 4.0)
     still, creeping = np.full(good.time.size, -0.69e-3), 1e-9 * good.time
-    channels = {"Z": still, "W": creeping, "X": 2e-3 * good.time}
+    channels = {"Z": still, "W": creeping, "Position": 2e-3 * good.time}
 
     def told(*names):
         units = dict.fromkeys(names, "m")
@@ -139,7 +144,8 @@ def test_a_position_that_stands_still_is_no_drive():
         drive = told_drive(replace(good, channels=shown, channel_units=units))
         return drive.speed, drive.source
 
-    assert told("Z", "W", "X") == (pytest.approx(2e-3), "from the slope of column X")
+    assert told("Z", "W", "Position") == (pytest.approx(2e-3), "from the slope of column Position")
+    assert told("Z", "W") == (None, "")
     assert told("Z") == (None, "")
 
 

@@ -119,11 +119,19 @@ def test_what_is_no_programme_is_said_beside_the_todo(tmp_path, capsys):
 @pytest.mark.parametrize(("header", "words"), [
     ("V [V]", "column V is there and unused, because no unit of speed"),
     ("Velocity", 'column Velocity is there and unused, because no unit of speed'),
-    ("Probe [mm/s]", 'its name does not say that it is the drive; if it is: --columns "drive_speed=Probe"'),
 ])  # fmt: skip
 def test_a_column_that_may_be_something_else_is_named_and_not_used(tmp_path, header, words):
     scene, text = drafted(tmp_path, log(tmp_path / "a.csv", header=header))
     assert scene["logs"][0]["drive_speed"] == "TODO mm/s" and words in text
+
+
+def test_a_column_of_any_name_is_the_drive_where_the_sticks_load_in_proportion_to_it(tmp_path):
+    scene, text = drafted(tmp_path, log(tmp_path / "a.csv", header="Probe [mm/s]"))
+    assert scene["logs"][0]["drive_speed"] == said(PROGRAMME) and "which is what the sticks load by" in text
+    wear = log(tmp_path / "b.csv", header="Probe [mm/s]", values=lambda t: np.where(t < 9.0, 3.0, 1.0))
+    (tmp_path / "x.toml").unlink()
+    scene, text = drafted(tmp_path, wear)
+    assert scene["logs"][0]["drive_speed"] == "TODO mm/s" and "the sticks do not load in proportion to it" in text
 
 
 def test_inspect_says_the_programme_and_its_range(tmp_path, capsys):

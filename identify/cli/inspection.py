@@ -19,11 +19,10 @@ from identify.cli.common import Terminal
 from identify.cli.scene import only
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
-from identify.logs.log_regime import LogRegime, joined, look, only_of
+from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of
 from identify.logs.regime import Known
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.slip_quality import Part
-from identify.logs.strokes import Drive
 from identify.logs.told_drive import UNTOLD, ToldDrive, told_drive
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 
@@ -79,25 +78,13 @@ class Rig:
 def inspection(path: str, record: Record, rig: Rig = Rig(), thresholds: Thresholds = DEFAULTS) -> Inspection:
     """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
     given = rig.drive_speed
-    told = told_drive(record) if given is None else ToldDrive(((0.0, given),), "given")
+    told = told_drive(record, rig.stiffness or 0.0) if given is None else ToldDrive(((0.0, given),), "given")
     drive = given if given is not None else drive_of(record, told)
     regime = look(record, drive, rig.known)
-    steps = tuple(_seen(record, step, regime, drive) for step in record.steps)
+    steps = tuple(_seen(record, step, regime) for step in record.steps)
     parts = [_part(record, step, told.speed, rig.stiffness) for step in steps]
     table = table_of(record, regime, stiffness=rig.stiffness)
     return Inspection(path, record, judge(record, parts, thresholds), steps, table, told, regime)
-
-
-def drive_of(record: Record, told: ToldDrive) -> Drive:
-    """The drive that the strokes of a record are told by: what a column of it surely says; None where none does."""
-    if record.drive_speed is not None and not isinstance(record.drive_speed, np.ndarray):
-        return record.drive_speed
-    if told.programme is None or not told.named:
-        return None
-    speeds = [speed for _, speed in told.programme]
-    if min(speeds) < 0.0 < max(speeds):  # its rests are part of a stroke, and the force turns later than the drive
-        return float(np.median(np.abs([speed for speed in speeds if speed])))
-    return told.speed if told.speed is not None else told.programme
 
 
 def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> Part:
@@ -107,14 +94,14 @@ def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float 
     return Part(record.time[rows], force, seen.phases, expected, load)
 
 
-def _seen(record: Record, step: Step, whole: LogRegime, drive: Drive) -> StepSeen:
+def _seen(record: Record, step: Step, whole: LogRegime) -> StepSeen:
     """A step with those strokes of the log that are in it."""
     own = [i for i, stroke in enumerate(whole.strokes) if step.start <= stroke.start < step.stop]
     signs = np.ones(step.stop - step.start, dtype=np.int64)
     for i in own:
         signs[whole.strokes[i].start - step.start :] = whole.strokes[i].direction
     parts = [(whole.strokes[i].start - step.start, whole.verdicts[i].found) for i in own]
-    return StepSeen(step, signs, only_of(whole, own, drive), joined(parts, step.stop - step.start))
+    return StepSeen(step, signs, only_of(whole, own), joined(parts, step.stop - step.start))
 
 
 def say(seen: Inspection, terminal: Terminal) -> None:

@@ -75,4 +75,5 @@ def only(record: Record, step: Step) -> Record | None:
     if np.count_nonzero(np.isfinite(record.friction_force[rows] + record.normal_force[rows])) < 2:
         return None
     columns = {name: values[rows] for name, values in record.columns().items()}
-    return Record.from_columns(columns, {**record.about(), "steps": (), "findings": ()})
+    alone = (step.run, step.number, 0, step.stop - step.start, step.parameters)  # its head says what the drive does
+    return Record.from_columns(columns, {**record.about(), "steps": (alone,), "findings": ()})

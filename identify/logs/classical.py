@@ -22,6 +22,7 @@ Figures = dict[str, float | int | str | None]
 Reasons = dict[str, str]
 
 FEWEST_ROWS = 20
+RUBS = 5.0  # times its noise: a smaller force is that of a drive at rest, and has no trend
 STEPS = 32  # of the normal force within the width over which it is averaged, at least
 
 DEFINITIONS: Mapping[str, str] = {
@@ -217,13 +218,14 @@ def _slides(part: _Part, verdict: Verdict) -> tuple[Figures, Reasons]:
     sliding = part.good & (part.found.phase == SLIDING) & (part.load > 0.0)
     coefficient = part.force[sliding] / part.load[sliding]
     tenth = coefficient.size // 10
-    if tenth and (first := float(np.mean(coefficient[:tenth]))) > 0.0:
+    rubs = tenth and float(np.median(part.force[sliding])) > RUBS * part.found.noise
+    if rubs and (first := float(np.mean(coefficient[:tenth]))) > 0.0:
         told["sliding_trend_percent"] = 100.0 * (float(np.mean(coefficient[-tenth:])) / first - 1.0)
     if verdict.rhythm is not None:
         told |= {"rhythm_Hz": verdict.rhythm.frequency, "rhythm_N": verdict.rhythm.range}
         told["rhythm_turns"] = verdict.rhythm.turns
     reasons = dict.fromkeys(told, "no rhythm stands out of the noise of steady sliding")
-    reasons["sliding_trend_percent"] = "too little slides without stick-slip"
+    reasons["sliding_trend_percent"] = "too little slides without stick-slip, or the force is none above its noise"
     if verdict.rhythm is not None:
         reasons["rhythm_turns"] = "no column tells how fast a disc turns, or the rhythm is not that of its turns"
     return told, reasons

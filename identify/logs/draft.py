@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.speed_steps import Programme
 from identify.base.speeds import speed_text
 from identify.effects import MAIN
+from identify.logs.along_friction import velocity_in_head, velocity_text
 from identify.logs.judgement import judge
-from identify.logs.segment import SLIDING, Segmentation, segment
+from identify.logs.log_regime import LogRegime, drive_of, joined
+from identify.logs.log_regime import look as look_at
+from identify.logs.regime import Regime, Verdict
 from identify.logs.slip_quality import Part
 from identify.logs.told_drive import ToldDrive, told_drive
 from identify.scene.toml import to_fill_in
@@ -28,8 +30,6 @@ Array = NDArray[np.float64]
 EFFECTS = (*MAIN, "varying_normal_force")
 FEWEST_CYCLES = 2
 FEWEST_ROWS = 20  # of a stretch of one speed in which sticks are looked for
-MOSTLY = 0.5  # share of the samples that slide from which on a log with hardly a cycle is one of sliding
-RUBS = 5.0  # times its noise: a smaller force is that of a drive at rest
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,13 @@ class Piece:
 
 @dataclass(frozen=True)
 class Told:
-    """What one piece tells, SI. stiffnesses [N/m]: of every stick, its slope over the speed that holds in it, empty
-    where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly throughout; rejected:
-    why the quality gate rejects it, "" where it does not."""
+    """What one piece tells, SI. seen: its regime; stiffnesses [N/m]: of every stick, its slope over the speed that holds
+    in it, empty where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly
+    throughout; rejected: why the quality gate rejects it, "" where it does not."""
 
     piece: Piece
     drive: ToldDrive
+    seen: LogRegime
     cycles: int
     slope: float | None
     stiffnesses: tuple[float, ...]
@@ -111,49 +112,43 @@ def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, Any]) -> Dra
 
 
 def look(piece: Piece) -> Told:
-    """Drive, cycles, stick slopes and noise of one piece."""
+    """Drive, regime, stick slopes and noise of one piece."""
     record, drive = piece.record, told_drive(piece.record)
-    whole = _phases(record, 0, len(record))
-    parts = [(whole, drive.speed)] if drive.programme is None or drive.speed else _parts(record, drive.programme)
-    force = record.friction_force * (np.sign(np.nanmedian(record.friction_force)) or 1.0)
-    cycles = sum(found.count for found, _ in parts)
-    rubs = abs(float(np.nanmedian(force))) > RUBS * whole.noise
-    slides = cycles < FEWEST_CYCLES and whole.share(SLIDING) > MOSTLY and rubs
-    slopes, stiffnesses = ([], []) if slides else _sticks(parts)  # a first rise into sliding bends
+    seen = look_at(record, drive_of(record, drive))
+    moving = [
+        (verdict, stroke.speed)
+        for stroke, verdict in zip(seen.strokes, seen.verdicts, strict=True)
+        if stroke.stop - stroke.start >= FEWEST_ROWS
+    ]
+    cycles = sum(verdict.found.count for verdict, _ in moving if verdict.regime is not None and verdict.regime.slips)
+    slides = cycles < FEWEST_CYCLES and any(verdict.regime is Regime.SLIDING for verdict, _ in moving)
+    slopes, stiffnesses = ([], []) if slides else _sticks(moving)  # a first rise into sliding bends
+    whole = joined(
+        [(stroke.start, v.found) for stroke, v in zip(seen.strokes, seen.verdicts, strict=True)], len(record)
+    )
+    signs = np.ones(len(record))
+    for stroke in seen.strokes:
+        signs[stroke.start :] = stroke.direction
     return Told(
         piece,
         drive,
+        seen,
         cycles,
         float(np.median(slopes)) if slopes else None,
         tuple(stiffnesses),
         whole.noise,
         slides,
-        judge(record, [Part(record.time, force, whole)]).reason,
+        judge(record, [Part(record.time, signs * record.friction_force, whole)]).reason,
     )
 
 
-def _phases(record: Record, start: int, stop: int) -> Segmentation:
-    force = record.friction_force[start:stop]
-    return segment(record.time[start:stop], force * (np.sign(np.nanmedian(force)) or 1.0))
-
-
-def _parts(record: Record, programme: Programme) -> list[tuple[Segmentation, float | None]]:
-    """Phases and speed [m/s] of every stretch in which the drive moves, one by one."""
-    edges = [*np.searchsorted(record.time, [start for start, _ in programme]).tolist(), len(record)]
-    spans = zip(edges, edges[1:], [abs(speed) for _, speed in programme], strict=False)
-    return [(_phases(record, a, b), speed) for a, b, speed in spans if speed and _tells(record.friction_force[a:b])]
-
-
-def _tells(force: Array) -> bool:
-    return int(np.count_nonzero(np.isfinite(force))) >= FEWEST_ROWS
-
-
-def _sticks(parts: Sequence[tuple[Segmentation, float | None]]) -> tuple[list[float], list[float]]:
+def _sticks(parts: Sequence[tuple[Verdict, float | None]]) -> tuple[list[float], list[float]]:
     """Slopes of the sticks [N/s] and, where the speed is known, the stiffness [N/m] each tells; of first rises where
     there is no stick."""
-    seen = [(slope, speed) for found, speed in parts for slope in found.stick_slopes.tolist()]
+    seen = [(slope, speed) for verdict, speed in parts for slope in verdict.found.stick_slopes.tolist()]
     if not seen:
-        seen = [(found.loading_slope, speed) for found, speed in parts if found.loading_slope is not None]
+        rises = [(verdict.found.loading_slope, speed) for verdict, speed in parts]
+        seen = [(slope, speed) for slope, speed in rises if slope is not None]
     return [slope for slope, _ in seen], [slope / speed for slope, speed in seen if speed]
 
 
@@ -194,7 +189,9 @@ def _drive_line(told: Told) -> str:
     programme = told.drive.programme
     if programme is None:
         slope = "" if told.slope is None else f"; the force rises at {told.slope:.4g} N/s in stick, that is k times it"
-        return f'drive_speed = "TODO mm/s"   # {told.drive.trouble}{slope}'
+        head = velocity_in_head(told.piece.record)
+        says = "" if head is None else f"the head of the log says {velocity_text(head)}; "
+        return f'drive_speed = "TODO mm/s"   # {says}{told.drive.trouble}{slope}'
     speed = told.drive.speed
     if speed is not None:
         return f'drive_speed = "{speed_text(speed)}"   # {told.drive.source}: check it'
@@ -206,9 +203,10 @@ def _facts(told: Told) -> str:
     record = told.piece.record
     rate = 1.0 / float(np.median(np.diff(record.time)))
     load = float(np.nanmedian(record.normal_force))
+    regime = "nothing moves" if told.seen.regime is None else told.seen.regime.value.replace("_", " ")
     return (
         f"{len(record)} samples at {rate:.4g} Hz, {record.time[-1]:.4g} s; normal force {load:.4g} N; "
-        f"{told.cycles} stick-slip cycles"
+        f"{told.cycles} stick-slip cycles; {regime}"
     )
 
 

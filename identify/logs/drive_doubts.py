@@ -1,4 +1,4 @@
-"""What the column of a log says against the drive that the scene states: a warning, or a refusal where it changes."""
+"""What the column of a log says against the drive that the scene states: a warning."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from data_io.frozen import Finding
 from data_io.motion import motion_of
 from data_io.speed_steps import SAME
 from data_io.true_runs import true_runs
-from identify.base.errors import FitError
 from identify.base.speeds import programme_text, speed_text
-from identify.logs.told_drive import ToldDrive, told_drive
+from identify.logs.along_friction import AGREES, velocity_in_head, velocity_text
+from identify.logs.told_drive import ToldDrive, drive_position, told_drive
 from identify.scene import Scene
 from identify.scene.values import DriveSpeed, LogEntry
 from identify.simulation.drive import Drive
@@ -28,55 +28,60 @@ SHARE = 0.1
 
 
 def held_against_column(scene: Scene, entry: LogEntry, record: Record) -> Record:
-    """A record, with a warning where the drive of the scene and that of its column contradict each other.
-
-    Raises:
-        FitError: the scene states one speed where the column changes it within the part that is used.
-    """
+    """A record, with a warning where the drive of the scene and that of its column, or the head of its file, contradict
+    each other. What the scene states is doubted, never overruled."""
     stated = scene.rig_for(entry).drive_speed
-    if stated is None:
+    if stated is None or any(finding.code == DISAGREES for finding in record.findings):
         return record
-    text = _contradiction(entry, stated, record)
-    if text is None or any(finding.code == DISAGREES for finding in record.findings):
-        return record
-    return replace(record, findings=(*record.findings, Finding(DISAGREES, "warning", text)))
+    text = _contradiction(entry, stated, record, scene.rig_for(entry).stiffness)
+    return record if text is None else replace(record, findings=(*record.findings, Finding(DISAGREES, "warning", text)))
 
 
-def _contradiction(entry: LogEntry, stated: DriveSpeed, record: Record) -> str | None:
+def _contradiction(entry: LogEntry, stated: DriveSpeed, record: Record, stiffness: float) -> str | None:
     """What a column says against the stated drive, in a sentence; None where they agree or no column tells."""
     if record.time.size < 2:
         return None
-    told = told_drive(record)
+    told = told_drive(record, stiffness)
     if not told.named or told.programme is None:
-        return None
-    if not isinstance(stated, tuple):
-        _refuse_change(entry, stated, record, told)
-    return _apart(entry, stated, record, told)
+        head = velocity_in_head(record)
+        if head is None or isinstance(stated, tuple):
+            return None
+        if any(abs(abs(stated) / own - 1.0) < AGREES for own in head.speeds.values()):
+            return None
+        return (
+            f"the scene has a drive speed of {speed_text(stated)}, but the head of the log says {velocity_text(head)}; "
+            "check drive_speed"
+        )
+    changes = None if isinstance(stated, tuple) else _changes(entry, stated, record, told)
+    return changes or _apart(entry, stated, record, told)
 
 
-def _refuse_change(entry: LogEntry, stated: float, record: Record, told: ToldDrive) -> None:
-    """Refuse one speed where the column has several, rests in between, or turns where no position tells the strokes."""
+def _changes(entry: LogEntry, stated: float, record: Record, told: ToldDrive) -> str | None:
+    """That a column has several speeds where the scene has one, rests in between, or turns where no position tells the
+    strokes."""
     start, stop = entry.window or (0.0, float(record.time[-1]))
     drive = Drive.of(told.programme or stated)
     inside = [speed for _, speed in drive.within(start, stop)]
     moving = [i for i, speed in enumerate(inside) if speed]
     if not moving:
-        return
+        return None
     inside = inside[moving[0] : moving[-1] + 1]  # what it rests before and after is no change
     sizes = [abs(speed) for speed in inside if speed]
     several = max(sizes) - min(sizes) > SAME * max(sizes)
-    changes = len({float(np.sign(speed)) for speed in inside}) > 1
-    if several or (changes and not _strokes(record)):
-        raise FitError(
-            f"{entry.path.name} has one drive speed in the scene, {speed_text(stated)}, but {told.place} changes: "
-            f"{programme_text(told.programme or ())}; leave drive_speed out to take that, or give the programme or a "
-            "window"
-        )
+    turns = len({float(np.sign(speed)) for speed in inside}) > 1
+    if not several and (not turns or _strokes(record)):
+        return None
+    return (
+        f"{entry.path.name} has one drive speed in the scene, {speed_text(stated)}, but {told.place} changes: "
+        f"{programme_text(told.programme or ())}; leave drive_speed out to take that, or give the programme or a "
+        "window"
+    )
 
 
 def _strokes(record: Record) -> bool:
     """Whether a position tells strokes to and fro, which one speed goes with."""
-    motion = motion_of(record)
+    name = drive_position(record)
+    motion = None if name is None else motion_of(record, name)
     speeds = [piece.speed for piece in motion.pieces] if motion is not None else [0.0]
     return min(speeds) < 0.0 < max(speeds)
 

@@ -15,6 +15,7 @@ from data_io.quality import Quality, Verdict, assess, verdict_of
 from data_io.thresholds import DEFAULTS, Thresholds
 from identify.logs.slip_quality import Part, SlipQuality, look_at_slips
 from identify.logs.suspicions import suspicions
+from identify.logs.told_drive import speed_of
 
 FORCES_SWAPPED = "forces_swapped"
 NO_ZERO = "residual_force"  # no zero error of a sensor, where its column holds another force
@@ -82,7 +83,7 @@ def judge(
         thresholds: where warnings and rejections begin.
         used: (n,) the rows that count (None: all).
     """
-    quality = assess(record, used, thresholds)
+    quality = assess(record, used, thresholds, speed_of(record))
     slips = tuple(look_at_slips(part, thresholds) for part in parts)
     doubts = suspicions(record, [part.found for part in parts], thresholds)
     findings = dict.fromkeys((*quality.findings, *(f for s in slips for f in s.findings), *doubts))

@@ -12,9 +12,11 @@ from data_io import Record
 from identify.logs.regime import UNKNOWN, Known, Regime, Verdict, judged
 from identify.logs.segment import SLIDING, Cycles, Segmentation
 from identify.logs.strokes import Drive, Stroke, strokes
+from identify.logs.told_drive import ToldDrive
 
 Array = NDArray[np.float64]
 
+SAME = 0.05  # share by which speeds differ if they are two
 STEADY = 0.1  # of the speed of a disc: one that varies more has no turns of one length
 
 
@@ -49,7 +51,19 @@ def look(
         own = replace(known, drive_speed=stroke.speed or 0.0, turn=turn_of(record, rows))
         given = found if len(parts) == 1 and found is not None and found.phase.size == force.size else None
         verdicts.append(judged(record.time[rows], force, own, given=given))
-    return LogRegime(*_of_all(drive, parts, verdicts), parts, tuple(verdicts))
+    return LogRegime(*_of_all(changes_speed(drive), parts, verdicts), parts, tuple(verdicts))
+
+
+def drive_of(record: Record, told: ToldDrive) -> Drive:
+    """The drive that the strokes of a record are told by: what a column of it surely says; None where none does."""
+    if record.drive_speed is not None and not isinstance(record.drive_speed, np.ndarray):
+        return record.drive_speed
+    if told.programme is None or not told.named:
+        return None
+    speeds = [speed for _, speed in told.programme]
+    if min(speeds) < 0.0 < max(speeds):  # its rests are part of a stroke, and the force turns later than the drive
+        return float(np.median(np.abs([speed for speed in speeds if speed])))
+    return told.speed if told.speed is not None else told.programme
 
 
 def turn_of(record: Record, rows: slice) -> float:
@@ -63,10 +77,10 @@ def turn_of(record: Record, rows: slice) -> float:
 
 
 def _of_all(
-    drive: Drive, parts: Sequence[Stroke], verdicts: Sequence[Verdict]
+    changes: bool, parts: Sequence[Stroke], verdicts: Sequence[Verdict]
 ) -> tuple[Regime | None, float, tuple[str, ...]]:
     """Regime, confidence and evidence of a log from those of its strokes: what holds for most of the time."""
-    if changes_speed(drive):
+    if changes:
         return Regime.PROGRAMME, 0.99, ("the drive changes its speed or stands in between; see each part",)
     if not verdicts:
         return None, 0.5, ("no rows",)
@@ -82,8 +96,10 @@ def _of_all(
     evidence = verdicts[max(like, key=lambda i: lasts[i])].evidence
     count = _turning(parts)
     if count > 1:
-        tells = "the force changes its sign" if drive is None or isinstance(drive, int | float) else "the drive turns"
-        evidence = (f"{tells}: {count} strokes to and fro, of which {len(like)} are of this regime", *evidence)
+        evidence = (
+            f"the force changes its sign: {count} strokes to and fro, of which {len(like)} are of this regime",
+            *evidence,
+        )
     return regime, confidence, evidence
 
 
@@ -97,7 +113,7 @@ def changes_speed(drive: Drive) -> bool:
     sizes = np.abs(speeds[speeds != 0.0])
     if not sizes.size or (speeds.size > 0.1 * np.size(drive) and table.ndim == 1):
         return False  # noise of a column is no programme
-    several = float(sizes.max() - sizes.min()) > 0.05 * float(sizes.max())
+    several = float(sizes.max() - sizes.min()) > SAME * float(sizes.max())
     return several or (bool(np.any(speeds == 0.0)) and not (speeds.min() < 0.0 < speeds.max()))
 
 
@@ -105,12 +121,14 @@ def _turning(parts: Sequence[Stroke]) -> int:
     return len(parts) if len({stroke.direction for stroke in parts}) > 1 else 1
 
 
-def only_of(whole: LogRegime, numbers: Sequence[int], drive: Drive) -> LogRegime:
+def only_of(whole: LogRegime, numbers: Sequence[int]) -> LogRegime:
     """The regime of some of the strokes of a log, by their numbers."""
-    parts, verdicts = [whole.strokes[i] for i in numbers], [whole.verdicts[i] for i in numbers]
     if len(numbers) == len(whole.strokes):
         return whole
-    return LogRegime(*_of_all(drive, parts, verdicts), tuple(parts), tuple(verdicts))
+    parts, verdicts = tuple(whole.strokes[i] for i in numbers), tuple(whole.verdicts[i] for i in numbers)
+    speeds = [stroke.speed for stroke in parts if stroke.speed]
+    changes = bool(speeds) and max(speeds) - min(speeds) > SAME * max(speeds)
+    return LogRegime(*_of_all(changes, parts, verdicts), parts, verdicts)
 
 
 def joined(parts: Sequence[tuple[int, Segmentation]], rows: int) -> Segmentation:

@@ -11,6 +11,7 @@ import numpy as np
 from data_io import Record
 from data_io.motion import motion_of
 from identify.logs.taken_apart import taken_apart
+from identify.logs.told_drive import drive_position
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive
@@ -74,7 +75,8 @@ def _drive(scene: Scene, entry: LogEntry, record: Record) -> Drive | None:
         return drive if min(drive.speeds) < 0.0 < max(drive.speeds) else None
     if speed is None or scene.rig_for(entry).stiffness <= 0.0:
         return None
-    motion = motion_of(record)
+    name = drive_position(record)
+    motion = None if name is None else motion_of(record, name)
     if motion is None or not any(p.speed > 0 for p in motion.pieces) or not any(p.speed < 0 for p in motion.pieces):
         return None
     told: list[tuple[float, float]] = []

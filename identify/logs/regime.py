@@ -38,6 +38,7 @@ HUMP = 4.0  # times the power beside it, octave by octave, at which a rhythm tha
 PERIODS = 8  # of a rhythm
 CLEAR = 0.4  # share of the power at its frequency and above
 SURE = 0.99
+RUBS = 2.0  # times its noise: a smaller force is that of a drive at rest
 LEAST = 0.03  # share of the power in the line of slips that noise hides
 
 
@@ -87,8 +88,8 @@ class Rhythm:
 
 @dataclass(frozen=True)
 class Verdict:
-    """regime, None where nothing moves yet (only a first loading); confidence, 0.5 to 1; evidence: what was tested, in
-    sentences; rhythm of what slides, None without one; found: the phases that go with it."""
+    """regime, None where nothing moves (a first loading, a drive at rest); confidence, 0.5 to 1; evidence: what was
+    tested, in sentences; rhythm of what slides, None without one; found: the phases that go with it."""
 
     regime: Regime | None
     confidence: float
@@ -160,6 +161,8 @@ def judged(
             says = f"noise hides most slips, but it swings {often:.3g} times a second as fast as sticks load"
             return Verdict(Regime.STICK_SLIP, 0.8, (says,), found)
     assert first is not None
+    if brief is None and abs(float(np.nanmedian(force))) < RUBS * found.noise:
+        return Verdict(None, 0.9, ("no friction above its noise: the drive stands, or nothing presses",), found)
     return brief or _sliding(time, force, known, noise, first)
 
 

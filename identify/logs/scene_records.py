@@ -11,6 +11,7 @@ from identify.base.errors import FitError
 from identify.logs.counted_twice import refuse_counted_twice
 from identify.logs.drive_doubts import held_against_column
 from identify.logs.partly_read import read_partly
+from identify.logs.told_drive import drive_position
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 
@@ -68,5 +69,6 @@ def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
             raise
         entry, record = read_what_fits(scene.rig.normal_force)
     stated = scene.rig.drive_speed if entry.drive_speed is None else entry.drive_speed
-    doubts = [] if stated is None else check_drive(record, stated)
+    position = None if stated is None else drive_position(record)
+    doubts = [] if stated is None or position is None else check_drive(record, stated, position)
     return entry, replace(record, findings=(*record.findings, *doubts)) if doubts else record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.motion import Motion, motion_of
 from data_io.speed_steps import MOST, Programme, SpeedSteps, evened, steps_of
+from identify.logs.along_friction import column_speed, moves_along
 
 Array = NDArray[np.float64]
 
 SPEED_NAMES = (
     "drivespeed", "drivevelocity", "stagespeed", "stagevelocity", "slidingspeed", "slidingvelocity", "linearspeed",
-    "linearvelocity", "geschwindigkeit", "gleitgeschwindigkeit", "velocity",
-    "speed", "v", "v1", "v2",
+    "linearvelocity", "geschwindigkeit", "gleitgeschwindigkeit", "velocity", "speed",
 )  # fmt: skip
-POSITION_NAMES = ("stageposition", "driveposition", "position", "pos", "y", "x")
+POSITION_NAMES = ("stageposition", "driveposition", "position", "pos")
+AXES = ("v", "v1", "v2", "v3", "vx", "vy", "vz", "x", "y", "z")  # of carriages: any of them may be the drive, or none
 UNTOLD = "the log does not tell it"
 STEADY = 0.02  # relative scatter up to which a recorded speed counts as one speed
 ROUNDED = 1e-9  # of its values: a position that varies by less stands still
@@ -52,11 +53,14 @@ class ToldDrive:
         return self.programme[0][1] if self.programme is not None and len(self.programme) == 1 else None
 
 
-def told_drive(record: Record) -> ToldDrive:
+def told_drive(record: Record, stiffness: float = 0.0) -> ToldDrive:
     """What a record tells of its drive.
 
     A drive speed of the record counts first, then a column with a unit of speed or of length whose name says that it
-    is the drive; where there is none, any other that moves evenly throughout.
+    is the drive; where there is none, any other that is seen to move along the friction.
+
+    Args:
+        stiffness: of the rig [N/m], 0 where it is not known.
     """
     if isinstance(record.drive_speed, np.ndarray):
         return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as the log says")
@@ -69,12 +73,57 @@ def told_drive(record: Record) -> ToldDrive:
         *(_of_position(record, name) for name in positions),
     ]
     told = next((drive for drive in tried if drive.programme is not None), None)
+    doubts: list[str] = []
     if not tried:
-        told = _unnamed(record)
+        told, doubts = _along_friction(record, stiffness)
     if told is not None:
         return told
-    words = "; ".join(drive.trouble for drive in tried) or _unused(record)
+    words = "; ".join(drive.trouble for drive in tried) or "; ".join(doubts) or _unused(record)
     return ToldDrive(None, trouble=words, stands=bool(speeds) and all(drive.stands for drive in tried))
+
+
+def drive_position(record: Record) -> str | None:
+    """The column in metres that is the position of the drive: by its name, or as it moves along the friction; None
+    where none is known to be."""
+    if named := _named(record, "m", POSITION_NAMES):
+        return named[0]
+    lengths = (name for name, unit in record.channel_units.items() if unit == "m")
+    return next(
+        (name for name in lengths if _travels(record.channels[name]) and moves_along(record, name).is_drive), None
+    )
+
+
+def speed_of(record: Record) -> Array | None:
+    """How fast the drive moves in every row [m/s], (n,), from a column that is known to be the drive; None where none
+    is."""
+    if isinstance(record.drive_speed, np.ndarray):
+        return np.abs(record.drive_speed)
+    for name in _named(record, "m/s", SPEED_NAMES):
+        if np.isfinite(record.channels[name]).all() and np.any(record.channels[name]):
+            return np.abs(record.channels[name])
+    position = drive_position(record)
+    if position is None or not _travels(record.channels[position]):
+        return None
+    return np.abs(column_speed(record, position))
+
+
+def _along_friction(record: Record, stiffness: float) -> tuple[ToldDrive | None, list[str]]:
+    """The drive told by a column that no name gives away, but that moves along the friction; and why others do not."""
+    doubts: list[str] = []
+    for name in sorted(record.channel_units, key=lambda name: record.channel_units[name] != "m/s"):
+        values, unit = record.channels[name], record.channel_units[name]
+        if unit not in ("m/s", "m") or not np.isfinite(values).all():
+            continue
+        if not (_travels(values) if unit == "m" else np.any(values)):
+            continue
+        motion = moves_along(record, name, stiffness)
+        if motion.is_drive:
+            told = _of_speed(record, name) if unit == "m/s" else _of_position(record, name)
+            return replace(told, source=f"{told.source}, which {motion.because}") if told.source else told, doubts
+        if _key(name) in AXES or motion.is_drive is False:
+            remedy = f'; if it is: --columns "drive_speed={_shown(name)}"' if unit == "m/s" else ""
+            doubts.append(f"column {_shown(name)} is not taken for the drive: {motion.because}{remedy}")
+    return None, doubts
 
 
 def _key(name: str) -> str:
@@ -148,25 +197,6 @@ def _even(time: Array, position: Array, motion: Motion) -> bool:
     return True
 
 
-def _unnamed(record: Record) -> ToldDrive | None:
-    """Other columns, where one moves evenly throughout: the first speed, else the fastest position."""
-    for name, unit in record.channel_units.items():
-        values = record.channels[name]
-        middle = abs(float(np.median(values)))
-        if unit == "m/s" and middle > 0 and np.all(np.isfinite(values)) and np.std(values) < STEADY * middle:
-            return ToldDrive(((0.0, middle),), f"from column {name}")
-    rates = {}
-    for name, unit in record.channel_units.items():
-        if unit == "m" and _travels(record.channels[name]):
-            rate = _rate(record.time, record.channels[name])
-            if rate is not None:
-                rates[name] = rate
-    if not rates:
-        return None
-    fastest = max(rates, key=lambda name: rates[name])  # others creep or wear while the drive moves
-    return ToldDrive(((0.0, rates[fastest]),), f"from the slope of column {fastest}")
-
-
 def _travels(position: Array) -> bool:
     return bool(np.all(np.isfinite(position)) and np.ptp(position) > ROUNDED * np.max(np.abs(position)))
 
@@ -180,7 +210,7 @@ def _rate(time: Array, position: Array) -> float | None:
 def _unused(record: Record) -> str:
     """Why the columns that are there tell no drive: what they would need."""
     for name, unit in record.channel_units.items():
-        if unit not in ("m/s", "m") and _key(name) in SPEED_NAMES:
+        if unit not in ("m/s", "m") and _key(name) in (*SPEED_NAMES, *AXES):
             return (
                 f"column {_shown(name)} is there and unused, because no unit of speed stands beside it; if it is the "
                 f'drive: --columns "drive_speed={_shown(name)}" --units drive_speed=mm/s'
