@@ -43,8 +43,8 @@ class Piece:
 
 @dataclass(frozen=True)
 class Told:
-    """What one piece tells, SI. seen: its regime; stiffnesses [N/m]: of every stick, its slope over the speed that holds
-    in it, empty where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly
+    """What one piece tells, SI. seen: its regime; stiffnesses [N/m]: of every stick, its slope over the speed that
+    holds in it, empty where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly
     throughout; rejected: why the quality gate rejects it, "" where it does not."""
 
     piece: Piece
