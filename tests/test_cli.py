@@ -404,10 +404,10 @@ def test_inspect_tells_what_is_in_the_logs(folder, capsys):
 def test_a_first_scene_is_drafted_from_the_logs(folder, capsys):
     logs = sorted(examples.FOLDER.glob("*.txt.gz"))
     code, words, _ = stickslip(capsys, "scene", *logs, "--out", "pair.toml")
-    assert code == 0 and "rig.mass, rig.damping" in words
+    assert code == 0 and "rig.mass, rig.zeta" in words
     sentence = refused(capsys, "fit", "--scene", "pair.toml")
-    assert "still to fill in: rig.mass, rig.damping" in sentence
-    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace("TODO N/m", "147 N/m")
+    assert "still to fill in: rig.mass, rig.zeta" in sentence
+    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace('zeta = "TODO"', 'damping = "147 N/m"')
     Path("pair.toml").write_text(text)
     scene = Scene.from_toml("pair.toml")
     assert scene.rig.stiffness == pytest.approx(1470, rel=0.01), "force per drive distance while it sticks"
@@ -424,7 +424,7 @@ def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
     write("bare.csv", "T,Fx\ns,N\n" + rows)
     code, out, _ = stickslip(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml", "--json")
     assert code == 0
-    assert json.loads(out)["to_fill_in"] == ["rig.mass", "rig.stiffness", "rig.damping", "logs.1.drive_speed"]
+    assert json.loads(out)["to_fill_in"] == ["rig.mass", "rig.stiffness", "rig.zeta", "logs.1.drive_speed"]
     assert 'normal_force = "2 N"' in Path("pair.toml").read_text()
     assert "exists" in refused(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml")
 
@@ -446,7 +446,7 @@ def test_one_run_of_several_is_chosen(folder, capsys):
     code, out, _ = stickslip(capsys, "inspect", "runs.txt", "--run", "2", "--json")
     assert code == 0 and [step["run"] for step in json.loads(out)["logs"][0]["steps"]] == [2, 2]
     assert stickslip(capsys, "scene", "runs.txt", "--run", "2", "--out", "pair.toml")[0] == 0
-    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace("TODO N/m", "147 N/m")
+    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace('zeta = "TODO"', 'damping = "147 N/m"')
     (entry,) = Scene.from_toml(write("pair.toml", text)).logs
     assert (entry.run, entry.step) == (2, 2)
 

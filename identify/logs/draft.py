@@ -166,7 +166,9 @@ def _rig_lines(told: Sequence[Told]) -> list[str]:
         '[rig]   # a tolerance can be stated: mass = { value = "0.2 kg", tolerance = "2 %" }',
         'mass = "TODO kg"   # moving mass of the specimen and its holder',
         stiffness,
-        'damping = "TODO N/m"   # h of eq. 1; or one of zeta, loss_factor, log_decrement (of the ringing after a tap)',
+        'zeta = "TODO"   # damping ratio: tap the holder, drive at rest; if n swings later 1/e is left, 1/(2 pi n)',
+        "# instead of zeta: log_decrement, loss_factor (= 2 zeta), or damping, which is a dashpot in N s/m or the h of",
+        '# eq. 1 in N/m (h = 2 zeta k = dashpot times sqrt(k/m)): damping = "147 N/m"',
     ]
 
 

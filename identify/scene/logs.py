@@ -8,20 +8,20 @@ from pathlib import Path
 from typing import Any, Literal
 
 from identify.base.errors import SceneError
-from identify.scene.rig import speed_or_quantity
+from identify.scene.rig import StatedDamping, is_dashpot, speed_or_quantity
 from identify.scene.tables import Table, share, span
-from identify.scene.values import LogEntry
+from identify.scene.values import LogEntry, Rig
 
 LOG = tuple(field.name for field in fields(LogEntry))  # the keys are the fields
 
 
-def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -> LogEntry:
+def read_log_entry(value: Any, number: int, folder: Path, rig: Rig, damped: StatedDamping) -> LogEntry:
     """One log of the scene.
 
     Args:
         number: its place among the logs, from 1.
         folder: what its relative path is relative to.
-        ratio: h/k where [rig] states the damping as a ratio.
+        rig: what [rig] says; damped: how it states the damping, which follows the log's own stiffness and mass.
 
     Raises:
         SceneError: an unknown key, no path, or a value no log can have.
@@ -35,9 +35,12 @@ def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -
     if not isinstance(exclude, (list, tuple)):
         raise SceneError(f'{table.place("exclude")} is {exclude!r}; expected pairs of times [["5 s", "6 s"]]')
     speed = table.data.get("drive_speed")
-    stiffness, damping = table.quantity("stiffness", "N/m"), table.quantity("damping", "N/m")
-    if ratio is not None and stiffness is not None and damping is None:
-        damping = ratio * stiffness
+    stiffness, mass = table.quantity("stiffness", "N/m"), table.quantity("mass", "kg")
+    own = StatedDamping(dashpot=table.quantity("damping", "N s/m")) if is_dashpot(table) else damped
+    follows = is_dashpot(table) or stiffness is not None or (mass is not None and damped.dashpot is not None)
+    damping = own.at(stiffness or rig.stiffness, mass or rig.mass) if follows else None
+    if "damping" in table.data and not is_dashpot(table):
+        damping = table.quantity("damping", "N/m")
     return LogEntry(
         path=located(folder, path),
         drive_speed=None if speed is None else speed_or_quantity(speed, "m/s", table.place("drive_speed")),
@@ -47,7 +50,7 @@ def read_log_entry(value: Any, number: int, folder: Path, ratio: float | None) -
         units=table.words("units"),
         normal_force=table.quantity("normal_force", "N"),
         stiffness=stiffness,
-        mass=table.quantity("mass", "kg"),
+        mass=mass,
         damping=damping,
         noise=table.quantity("noise", "N"),
         window=table.span("window"),

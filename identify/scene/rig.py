@@ -3,16 +3,99 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from data_io.units import UnitError, parse_quantity
 from identify.base.errors import SceneError
-from identify.scene.tables import Table, share, stated
+from identify.scene.tables import Table, is_number, share, stated
 from identify.scene.values import DriveSpeed, Rig
 
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
 RIG = ("mass", "stiffness", *DAMPING, "damping_frequency", "drive_speed", "normal_force", "noise")
-RIG_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m", "normal_force": "N", "noise": "N"}
+RIG_PARAMETER_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
+RIG_UNITS = {**RIG_PARAMETER_UNITS, "normal_force": "N", "noise": "N"}
+# What a tribometer can have, SI, and the unit that was probably meant where a bare number is something else.
+LARGEST = 1e300  # what is larger is no number, and refused as that
+PLAUSIBLE = {
+    "mass": (1e-5, 50.0, "kg", "g"),
+    "stiffness": (10.0, 1e9, "N/m", "N/mm"),
+    "drive_speed": (1e-9, 0.05, "m/s", "mm/s"),
+    "normal_force": (1e-4, 1e4, "N", "mN"),
+}
+
+
+@dataclass(frozen=True)
+class StatedDamping:
+    """How [rig] states the damping, where it follows the stiffness or the mass that a log has for itself: `ratio` h/k,
+    or `dashpot` c [N s/m], with h = c sqrt(k/m); both None: h itself."""
+
+    ratio: float | None = None
+    dashpot: float | None = None
+
+    def at(self, stiffness: float, mass: float) -> float | None:
+        """h [N/m] of a rig with this stiffness [N/m] and mass [kg]; None where h itself is stated."""
+        if self.dashpot is not None:
+            return self.dashpot * math.sqrt(stiffness / mass)
+        return None if self.ratio is None else self.ratio * stiffness
+
+
+def question_bare_numbers(document: Mapping[str, Any]) -> None:
+    """Refuse a number without a unit that no tribometer has in SI: its unit was forgotten.
+
+    Raises:
+        SceneError: which one, and how to write it.
+    """
+    logs = document.get("logs", [])
+    tables = [("[rig]", document.get("rig")), *((f"[[logs]] number {n}", log) for n, log in enumerate(_list(logs), 1))]
+    for where, table in tables:
+        for key, (least, most, unit, meant) in PLAUSIBLE.items():
+            value = table.get(key) if isinstance(table, Mapping) else None
+            for number in _bare_numbers(value.get("value") if isinstance(value, Mapping) else value):
+                if number and not least <= abs(number) <= most:
+                    raise SceneError(
+                        f"{where} {key} is the bare number {number:g}, that is {number:g} {unit}, which no usual "
+                        f'tribometer has; write its unit: "{number:g} {meant}", or "{number:g} {unit}" if so meant'
+                    )
+
+
+def _bare_numbers(value: Any) -> list[float]:
+    """A number, or the speeds of a programme; none of text."""
+    if isinstance(value, (list, tuple)):
+        return [speed for pair in value if isinstance(pair, (list, tuple)) for speed in _bare_numbers_of(pair[1:2])]
+    return _bare_numbers_of([value])
+
+
+def _bare_numbers_of(values: Sequence[Any]) -> list[float]:
+    return [v for v in values if isinstance(v, (int, float)) and not isinstance(v, bool) and abs(v) < LARGEST]
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def with_listed(rig: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
+    """The [rig] table with a value for each quantity that it leaves out and [parameters] has searched: its start, the
+    mean of its prior, or the middle of its bounds.
+
+    Raises:
+        SceneError: one of these that cannot be read.
+    """
+    found = dict(rig)
+    for key, unit in RIG_PARAMETER_UNITS.items():
+        given = any(name in rig for name in (DAMPING if key == "damping" else (key,)))
+        said = parameters.get(key) if isinstance(parameters, Mapping) else None
+        if given or not isinstance(said, Mapping):
+            continue
+        where, prior = f"[parameters] {key}", said.get("prior")
+        mean = prior.get("mean") if isinstance(prior, Mapping) else None
+        if (value := said.get("start", mean)) is not None:
+            found[key] = stated(value, unit, where)
+        elif "lower" in said and "upper" in said:
+            lower, upper = (stated(said[word], unit, f"{where} {word}") for word in ("lower", "upper"))
+            found[key] = math.sqrt(lower * upper) if lower * upper > 0.0 else 0.5 * (lower + upper)
+    return found
 
 
 def _with_tolerance(table: Table, key: str, unit: str) -> tuple[Any, float | None]:
@@ -54,8 +137,8 @@ def speed_or_quantity(value: Any, unit: str, where: str) -> DriveSpeed:
     return tuple((stated(start, "s", where), stated(speed, "m/s", where)) for start, speed in value)
 
 
-def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tuple[Rig, float | None]:
-    """The rig, and h/k where the damping was stated as a ratio (it then follows a log's own stiffness).
+def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tuple[Rig, StatedDamping]:
+    """The rig, and how its damping was stated.
 
     Args:
         damped_by: the effect that is on and needs a damping, None without one.
@@ -73,8 +156,10 @@ def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tupl
         )
     values: dict[str, Any] = {}
     tolerances: dict[str, float] = {}
+    dashpot = is_dashpot(table)
     for key in (*RIG_UNITS, "drive_speed", *DAMPING[1:]):
         unit = RIG_UNITS.get(key, "m/s" if key == "drive_speed" else "")
+        unit = "N s/m" if key == "damping" and dashpot else unit
         value, tolerance = _with_tolerance(table, key, unit)
         values[key] = None if value is None else speed_or_quantity(value, unit, table.place(key))
         if tolerance is not None:
@@ -85,10 +170,25 @@ def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tupl
         if values[key] is None:
             raise SceneError(f'[rig] has no {key}; give {key} = "{example}"')
     ratio = _damping_ratio({key: values.pop(key) for key in DAMPING[1:]})
-    if ratio is not None:
-        values["damping"] = ratio * values["stiffness"]
-    values["damping"] = values["damping"] if values["damping"] is not None else 0.0
-    return Rig(**values, tolerances=tolerances), ratio
+    how = StatedDamping(ratio, values["damping"] if dashpot else None)
+    if dashpot and not values["mass"]:
+        raise SceneError("[rig] damping is in N s/m, which takes a mass to be h of eq. 1; give the mass, or h in N/m")
+    followed = how.at(values["stiffness"], values["mass"])
+    values["damping"] = values["damping"] or 0.0 if followed is None else followed
+    return Rig(**values, tolerances=tolerances), how
+
+
+def is_dashpot(table: Table) -> bool:
+    """Whether the damping is that of a dashpot, in N s/m."""
+    value = table.data.get("damping")
+    text = value.get("value") if isinstance(value, Mapping) else value
+    if not isinstance(text, str):
+        return False
+    try:
+        parse_quantity(text, "N s/m")
+    except UnitError:
+        return False
+    return not is_number(text)
 
 
 def _damping_ratio(stated: Mapping[str, float | None]) -> float | None:

@@ -24,6 +24,7 @@ from identify.scene.checks import (
     check_rig_bounds,
 )
 from identify.scene.parameters import declared_by, default_spec
+from identify.scene.rig import question_bare_numbers
 from identify.scene.toml import known_effects, read_parts, read_toml
 from identify.scene.values import Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 from identify.scene.words import document_of
@@ -80,7 +81,9 @@ class Scene:
         """
         path = Path(path)
         try:
-            return _build(read_toml(path, overrides), path.parent, path.stem, path)
+            document = read_toml(path, overrides)
+            question_bare_numbers(document)
+            return _build(document, path.parent, path.stem, path)
         except SceneError as error:
             raise SceneError(f"{path}: {error}") from None
 

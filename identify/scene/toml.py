@@ -17,7 +17,7 @@ from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene.logs import read_log_entry
 from identify.scene.parameters import declared_by, read_parameters
-from identify.scene.rig import RIG, read_rig
+from identify.scene.rig import RIG, read_rig, with_listed
 from identify.scene.tables import Table, nearest, quantity, share
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
 
@@ -162,10 +162,12 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
         raise SceneError(f"still to fill in: {', '.join(missing)}; replace each TODO by a quantity with its unit")
     effects = _effects(document.get("effects"))
     declared = declared_by(effects)
-    rig_table = Table.of(document.get("rig"), "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
+    example = '[rig] mass = "0.2 kg", stiffness = "1470 N/m"'
+    said = Table.of(document.get("rig"), "[rig]", RIG, example).data
+    rig_table = Table.of(with_listed(said, document.get("parameters")), "[rig]", RIG, example)
     listed = effects if effects != "auto" else MAIN[:1]
     damped_by = [e.name for e in ALL if e.name in listed and any(p.name == "damping" for p in e.parameters)]
-    rig, ratio = read_rig(rig_table, damped_by[0] if damped_by else None, "inertia" in listed)
+    rig, damped = read_rig(rig_table, damped_by[0] if damped_by else None, "inertia" in listed)
     contact = _contact(document.get("contact", {}))
     logs = document.get("logs", [])
     if not isinstance(logs, Sequence) or isinstance(logs, str):
@@ -181,7 +183,7 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
         parameters=read_parameters(
             document.get("parameters", {}), declared, _damping_frequency(rig_table, effects) | contact.parameters
         ),
-        logs=tuple(read_log_entry(entry, number, folder, ratio) for number, entry in enumerate(logs, 1)),
+        logs=tuple(read_log_entry(entry, number, folder, rig, damped) for number, entry in enumerate(logs, 1)),
         initial=_initial(document.get("initial", {})),
         contact=contact,
         thresholds=_thresholds(document.get("quality", {})),

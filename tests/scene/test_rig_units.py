@@ -1,0 +1,93 @@
+"""What a person writes of a rig: a dashpot in N s/m, bare numbers whose unit was forgotten, bounds alone."""
+
+import numpy as np
+import pytest
+
+from data_io import read_log
+from identify import Scene, SceneError, examples
+from identify.logs.draft import Piece, draft
+
+EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+RIG = {"mass": "0.2 kg", "stiffness": "1470 N/m", "damping": "147 N/m", "drive_speed": "1 mm/s"}
+
+
+def scene(rig=None, **more):
+    return Scene.from_document({"effects": EFFECTS, "rig": {**RIG, **(rig or {})}, **more})
+
+
+def test_a_dashpot_is_the_same_damper_as_h_over_the_natural_frequency():
+    """The force of a dashpot is c v; the one of eq. 1 is h v / omega_n."""
+    omega = np.sqrt(1470.0 / 0.2)
+    assert scene({"damping": "2 N s/m"}).rig.damping == pytest.approx(2.0 * omega)
+    assert scene({"damping": "2 kg/s"}).rig.damping == pytest.approx(2.0 * omega)
+    assert scene({"damping": {"value": "2 N s/m", "tolerance": "10 %"}}).rig.tolerances == {"damping": 0.1}
+    absolute = scene({"damping": {"value": "2 N s/m", "tolerance": "0.2 N s/m"}}).rig
+    assert absolute.tolerances["damping"] == pytest.approx(0.1)
+    assert scene().rig.damping == 147.0
+
+
+def test_a_dashpot_follows_the_stiffness_and_the_mass_of_a_log():
+    logs = [
+        {"path": "a.csv", "drive_speed": "1 mm/s", "stiffness": "5880 N/m"},
+        {"path": "b.csv", "drive_speed": "1 mm/s", "mass": "0.8 kg"},
+        {"path": "c.csv", "drive_speed": "1 mm/s", "damping": "3 N s/m", "mass": "0.8 kg"},
+        {"path": "d.csv", "drive_speed": "1 mm/s"},
+    ]
+    omega = np.sqrt(1470.0 / 0.2)
+    told = [entry.damping for entry in scene({"damping": "2 N s/m"}, logs=logs).logs]
+    assert told[:3] == pytest.approx([2.0 * omega * 2, 2.0 * omega / 2, 3.0 * omega / 2]) and told[3] is None
+    assert [entry.damping for entry in scene(logs=logs).logs][:2] == [None, None], "h itself follows nothing"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("mass = 180", 'write its unit: "180 g"'),
+        ("drive_speed = 0.1", 'write its unit: "0.1 mm/s"'),
+        ("stiffness = 1.47", 'write its unit: "1.47 N/mm"'),
+        ("drive_speed = [[0, 0.1], [30, 0]]", '"0.1 mm/s"'),
+        ("mass = { value = 180, tolerance = 0.02 }", '"180 g"'),
+    ],
+)
+def test_a_bare_number_that_no_tribometer_has_is_questioned(tmp_path, text, words):
+    key = text.partition(" ")[0]
+    rig = "\n".join([*(f'{k} = "{v}"' for k, v in RIG.items() if k != key), text])
+    path = tmp_path / "scene.toml"
+    path.write_text(f"effects = {EFFECTS!r}\n[rig]\n{rig}\n".replace("'", '"'))
+    with pytest.raises(SceneError, match=words):
+        Scene.from_toml(path)
+
+
+def test_the_unit_settles_it_and_sound_bare_numbers_stand(tmp_path):
+    path = tmp_path / "scene.toml"
+    rig = "mass = 0.2\nstiffness = 1470\nzeta = 0.05\ndrive_speed = 0.001\n"
+    text = f"effects = {EFFECTS!r}\n[rig]\n{rig}".replace("'", '"')
+    path.write_text(text)
+    assert Scene.from_toml(path).rig.mass == 0.2
+    path.write_text(text.replace("mass = 0.2", 'mass = "180 kg"').replace("= 0.001", '= "0.1 m/s"'))
+    assert Scene.from_toml(path).rig.mass == 180.0
+    assert Scene.from_document(Scene.from_toml(path).as_document()).rig.drive_speed == 0.1, "a stored scene is bare"
+
+
+def test_a_quantity_that_is_searched_needs_no_value_in_the_rig():
+    bounds = {"mass": {"lower": "0.1 kg", "upper": "0.4 kg"}, "damping": {"lower": 0, "upper": "200 N/m"}}
+    rig = {key: value for key, value in RIG.items() if key not in bounds}
+    found = Scene.from_document({"effects": EFFECTS, "rig": rig, "parameters": bounds})
+    assert (found.rig.mass, found.rig.damping) == pytest.approx((0.2, 100.0))
+    started = {"mass": {"start": "0.3 kg"}, "damping": {"prior": {"mean": "150 N/m", "sd": "15 N/m"}}}
+    found = Scene.from_document({"effects": EFFECTS, "rig": rig, "parameters": started})
+    assert (found.rig.mass, found.rig.damping) == pytest.approx((0.3, 150.0))
+    with pytest.raises(SceneError, match="no mass"):
+        Scene.from_document({"effects": EFFECTS, "rig": rig, "parameters": {"damping": bounds["damping"]}})
+    with pytest.raises(SceneError, match="no mass"):
+        Scene.from_document({"effects": EFFECTS, "rig": rig, "parameters": {**bounds, "mass": {"lower": "0.1 kg"}}})
+
+
+def test_a_draft_asks_for_the_damping_ratio_first_and_explains_h(tmp_path):
+    path = examples.FOLDER / "5_mm_per_s.txt.gz"
+    made = draft([Piece(path, None, read_log(path))], tmp_path, {})
+    asked = made.text[made.text.index("[rig]") :]
+    assert (
+        asked.index('zeta = "TODO"') < asked.index("damping, which is a dashpot in N s/m") < asked.index("h = 2 zeta k")
+    )
+    assert "rig.zeta" in made.to_fill_in and "rig.damping" not in made.to_fill_in
