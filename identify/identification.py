@@ -25,22 +25,26 @@ from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
 from identify.estimation.attempt import Clock
-from identify.estimation.estimator import EstimationTask, Estimator
+from identify.estimation.estimator import Estimated, EstimationTask, Estimator
+from identify.estimation.search import alike
 from identify.estimation.starts import Sources
-from identify.estimation.strategies import Trace, tracing
+from identify.estimation.strategies import Trace, Trial, tracing
 from identify.logs.drives import with_drives
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.scene_records import with_records
-from identify.logs.unknowns import from_scene, user_start
+from identify.logs.unknowns import Unknowns, from_scene, user_start
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import document
 from identify.scene import Scene
 from identify.shooting.fit_options import NOTHING_MORE, Asked
 from identify.shooting.vibration import tuned
+from identify.uneven.answer import UnevenEstimator
 
 Array = NDArray[np.float64]
+
+UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
 
 
 def fit(
@@ -64,7 +68,8 @@ def fit(
         seed: of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
             bootstrap.
         asked: how finely, and which further looks at how sure the answer is.
-        estimator: another one than that of this package (multiple shooting).
+        estimator: another one than that of this package: multiple shooting, and where that fails since cycles differ,
+            or where the effect friction_heterogeneity asks for it, the one of uneven records.
 
     Raises:
         FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
@@ -74,6 +79,9 @@ def fit(
     told = progress or to_nobody
     choice: Choice | None = None
     scene, drives = with_drives(scene, records)
+    stated = scene
+    if estimator is None and asks_for_uneven(scene):
+        scene, estimator = scene.with_effects([e for e in scene.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
     if scene.effects == "auto":
         scene, records = with_records(scene, records)
         since = time.perf_counter()
@@ -83,6 +91,7 @@ def fit(
     starts = starts or _default_starts(scene)
     if estimator is None:
         prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
+        findings = uneven_instead(scene, prepared, findings, seed, told)
     else:
         prepared, findings = estimated_by(estimator, _set_up(scene, records, clock, told, asked, seed), told)
     advice = None
@@ -93,6 +102,7 @@ def fit(
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings)
     result = document(scene, prepared, findings, clock, began, seed, choice)
+    result["provenance"]["scene"] = stated.as_document() if stated.effects != "auto" else scene.as_document()
     if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
         told("effects compared", 0.95)
         whole = len(prepared) == len(scene.logs)
@@ -166,10 +176,40 @@ def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> tuple[
     asked = EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, progress)
     with time_limit(task.scene.time_limit), tracing() as trace:
         found = estimator.estimate(asked)
-    return task.prepared, Findings(
+    return task.prepared, as_found(found, estimator.name, task.unknowns, trace)
+
+
+def asks_for_uneven(scene: Scene) -> bool:
+    """Whether a scene says that cycles differ by chance."""
+    if scene.effects == "auto" or UNEVEN_EFFECT not in scene.effects:
+        return False
+    effect = next(e for e in ALL if e.name == UNEVEN_EFFECT)
+    return effect.unfit(scene.values()) is not None
+
+
+def uneven_instead(
+    scene: Scene, prepared: list[Prepared], findings: Findings, seed: int, progress: Progress
+) -> Findings:
+    """What the estimator of uneven records finds where the plain one failed and cycles differ among themselves; else,
+    and where that fails too, what the plain one found."""
+    if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
+        return findings
+    estimator, began = UnevenEstimator(), time.perf_counter()
+    found = estimator.estimate(EstimationTask(scene, prepared, findings.unknowns, seed, progress))
+    logs = tuple(i + 1 for i in range(len(prepared)) if i not in found.left_out)
+    trial = Trial("uneven estimator", logs, found.status.value, None, time.perf_counter() - began)
+    trace = replace(findings.trace, trials=[*findings.trace.trials, trial])
+    if found.status is not Status.CONVERGED:
+        return replace(findings, trace=trace, message=f"{findings.message}; {found.message}")
+    return as_found(found, estimator.name, findings.unknowns, trace)
+
+
+def as_found(found: Estimated, name: str, unknowns: Unknowns, trace: Trace) -> Findings:
+    """What an estimator other than the plain one found, as the result document takes it."""
+    return Findings(
         found.status,
         found.message,
-        task.unknowns,
+        unknowns,
         None,
         None,
         None,
@@ -177,7 +217,7 @@ def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> tuple[
         found.left_out,
         {},
         trace=trace,
-        estimator=estimator.name,
+        estimator=name,
         estimated=found,
     )
 

@@ -11,6 +11,7 @@ from experiments.run_uneven_study import prepared, scene_of, truth_of
 from experiments.uneven_records import STIFF, simulated
 from identify import fit
 from identify.logs.scene_records import with_records
+from identify.report import write_report
 from identify.uneven.answer import UnevenEstimator
 from identify.uneven.estimator import maximise
 from identify.uneven.events import sticks_of
@@ -150,3 +151,26 @@ def test_a_measured_record_gives_numbers(name, strength, mass):
     assert told["strength"]["value"] == pytest.approx(strength, rel=0.25)
     assert told["mass"]["value"] == pytest.approx(mass, rel=0.25)
     assert told["t_cr"]["verdict"] == "bounded" and told["t_cr"]["interval"][0] is None
+
+
+def test_a_plain_fit_that_fails_on_cycles_that_differ_is_followed_by_the_uneven_one(tracks, tmp_path):
+    outcome = fit(scene_of(STIFF), [tracks[1].record])
+    result = outcome.result
+    assert (result["status"], result["estimator"]) == ("converged", "uneven")
+    tried = [trial["strategy"] for trial in result["search"]]
+    assert tried[0] == "feature start" and tried[-1] == "uneven estimator"
+    assert "differs from cycle to cycle" in result["message"]
+    assert result["logs"][0]["reason_left_out"] is None
+    said = repr(outcome)
+    assert "extrapolated" in said and "static peak" in said and "1/√mm" in said
+    write_report(outcome, tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "described cycle by cycle" in page and "a stick holds" in page and "log_1_uneven" in page
+
+
+def test_the_effect_asks_for_the_uneven_estimator_at_once(tracks):
+    scene = scene_of(STIFF)
+    asked = scene.with_effects((*scene.effects, "friction_heterogeneity"))
+    result = fit(asked, [tracks[1].record]).result
+    assert (result["status"], result["estimator"], result["search"]) == ("converged", "uneven", [])
+    assert "friction_heterogeneity" in result["provenance"]["scene"]["effects"]

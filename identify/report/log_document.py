@@ -6,6 +6,7 @@ from typing import Any
 
 from data_io import Record
 from data_io.record import WINDOW_START, within
+from identify.base.outcome import Status
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import classical_table
 from identify.logs.prepare import Prepared
@@ -22,6 +23,8 @@ def log_document(
     """
     record = log.record
     taken = found.attempt is not None and index in found.attempt.logs
+    if found.estimated is not None and found.status is Status.CONVERGED:
+        taken = index not in found.left_out
     table = classical_table(
         _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
     )

@@ -15,6 +15,7 @@ from identify.report.draw_cycles import draw_cycles
 from identify.report.draw_force import draw_force
 from identify.report.draw_profile import draw_profile
 from identify.report.draw_slip import draw_phase_plane, draw_slip
+from identify.report.draw_uneven import draw_uneven
 from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import Drawing, drawing_style, printable
 from identify.report.table_csv import Columns
@@ -67,6 +68,7 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
             yield position, draw_phase_plane(curves, curves.slip, position)
         if len(curves.cycles):
             yield position, draw_cycles(curves, position)
+    yield from draw_uneven(fit.result)
     profile = fit.result.get("profile")
     drawn = draw_profile(profile, fit.result.get("parameters", {})) if isinstance(profile, Mapping) else None
     if drawn is not None:

@@ -33,6 +33,8 @@ from identify.report.report_wording import (
 )
 from identify.report.said_once import said_once
 from identify.report.shown_error import scatter, shown_error
+from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
+from identify.report.uneven_words import headline as headline_of
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,9 @@ def banner(result: Mapping[str, Any]) -> Banner:
         for name, entry in result.get("parameters", {}).items()
         if entry.get("verdict") in ("not identifiable", "at bound")
     ]
+    if is_uneven(result):
+        message = f"{NOT_FOR} {odd_slips(result)}".strip()
+        return Banner("fair", "described cycle by cycle", headline_of(result), message, _tiles(result))
     if converged and doubtful:
         kind = "fair"
         headline += f" These logs do not tell {listed([plain_symbol(n) for n in doubtful])}."
@@ -186,7 +191,7 @@ def _interval(interval: Any, factor: float, places: int) -> str:
 
 def _tiles(result: Mapping[str, Any]) -> tuple[Tile, ...]:
     gate, fit = result.get("gate") or {}, result.get("fit") or {}
-    tiles = []
+    tiles = [Tile(name, value, spread) for name, value, spread in distribution_lines(result)]
     if "chi2_per_sample" in gate:
         tiles.append(Tile("misfit", number(finite(gate["chi2_per_sample"]), 4), "χ² per sample; 1 is pure noise"))
     worst = gate.get("worst_cycle") or {}

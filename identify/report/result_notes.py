@@ -24,10 +24,12 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
         said = (noise_note(found.sure), ridge_note(found.sure, found.unknowns))
         notes += [sentence for sentence in said if sentence]
     rig = (*RIG_PARAMETERS, "drive_speed")
-    exact = [name for name in rig if name not in scene.parameters and name not in scene.rig.tolerances]
+    told = {e.name for e in found.estimates} if found.estimated is not None else set()
+    exact = [name for name in rig if name not in {*scene.parameters, *scene.rig.tolerances, *told}]
     if exact and found.status is Status.CONVERGED:
         named = ", ".join(name.replace("_", " ") for name in exact)
-        notes.append(f"Taken as exact: {named}; the table of rig errors shows what 1 % would do.")
+        shown = "; the table of rig errors shows what 1 % would do" if found.estimated is None else ""
+        notes.append(f"Taken as exact: {named}{shown}.")
     if found.status is Status.CONVERGED and "force_sensor" not in scene.effects:
         notes.append(
             "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients by as "

@@ -7,6 +7,7 @@ from typing import Any
 
 from identify.base.plain_text import columns, wrapped
 from identify.report.report_views import parameter_views
+from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
 
 
 def summary(result: Mapping[str, Any]) -> str:
@@ -30,6 +31,11 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str]:
     if meaning := tolerances_text(result.get("tolerances") or {}):
         yield wrapped(meaning, "  ")
     yield ""
+    if is_uneven(result):
+        yield columns([["", "median (95 % interval)", "spread"], *(list(line) for line in distribution_lines(result))])
+        yield ""
+        yield from (wrapped(line, "  ") for line in (odd_slips(result), NOT_FOR) if line)
+        yield ""
     effects = result.get("effects") or {}
     if effects.get("chosen") == "auto":
         yield wrapped(f"effects chosen: {', '.join(effects['names'])}", "  ")

@@ -108,8 +108,16 @@ def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out:
         curves=[None for _ in task.logs],
         left_out=left_out,
         more=more,
-        notes=wording.notes([s.log for s in seen], [s.sticks for s in seen]),
+        notes=wording.notes([s.log for s in seen], [s.sticks for s in seen], _found_mass(own)),
     )
+
+
+def _found_mass(estimates: Sequence[Estimate]) -> tuple[float, float, float] | None:
+    """Value and ends of the interval of the mass [kg]; None where it is not told."""
+    mass = next(e for e in estimates if e.name == "mass")
+    if mass.value is None or mass.lower is None or mass.upper is None:
+        return None
+    return mass.value, mass.lower, mass.upper
 
 
 def _withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:

@@ -118,9 +118,17 @@ def answered(logs: Sequence[Prepared], cycles: int, withheld: str) -> str:
     )
 
 
-def notes(logs: Sequence[Prepared], records: Sequence[Sticks]) -> list[str]:
-    """What the reader has to know of the rig and of cycles that were left out."""
+def notes(logs: Sequence[Prepared], records: Sequence[Sticks], mass: tuple[float, float, float] | None) -> list[str]:
+    """What the reader has to know of the rig and of cycles that were left out; mass: found, with its interval [kg]."""
     out = []
+    stated_mass = logs[0].rig.mass
+    if mass is not None and not mass[1] <= stated_mass <= mass[2]:
+        found, low, high = (three_figures(1e3 * value) for value in mass)
+        out.append(
+            f"The slips show a moving mass of {found} g ({low} to {high}), while [rig] states "
+            f"{three_figures(1e3 * stated_mass)} g: weigh what moves, or judge it from a ringing of the rig. Where it "
+            "is surely as stated, friction does not fall linearly with sliding, and the mass makes up for it."
+        )
     for log, sticks in zip(logs, records, strict=True):
         stated = log.rig.stiffness * log.data.drive_speed / log.data.mean_normal_force
         ratio = sticks.rig.rate / stated
