@@ -16,7 +16,7 @@ STATUSES = {
     "no_cycles",
     "at_bound",
 }
-VERDICTS = {"identified", "weak", "not identifiable", "at bound", "fixed"}
+VERDICTS = {"identified", "weak", "not identifiable", "at bound", "fixed", "bounded"}
 UNITS = {"mu_s": "", "mu_k0": "", "delta_mu_k": "", "a": "s/m", "D": "m", "t_cr": "s"}
 UNITS |= {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
 LOGARITHMIC = {"a", "D", "t_cr", "mass", "stiffness", "damping"}

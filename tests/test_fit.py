@@ -170,16 +170,19 @@ def _uneven(log, seed, scatter):
     return Record(times, np.ones_like(times), force + NOISE * random.standard_normal(times.size))
 
 
-@pytest.mark.parametrize(("scatter", "status"), [(0.1, Status.MODEL_MISFIT), (0.0, Status.CONVERGED)])
-def test_friction_that_differs_from_cycle_to_cycle_is_no_success(one_try, scatter, status):
+@pytest.mark.parametrize("scatter", [0.1, 0.0])
+def test_friction_that_differs_from_cycle_to_cycle_is_no_success_of_the_plain_fit(one_try, scatter):
     logs = (1, 2)
     records = [_uneven(log, 20 + log, scatter) for log in logs]
-    result = check_document(fit(_scene(logs), records).result)
-    assert result["status"] == status.value
-    if scatter:
-        assert "cycle to cycle" in result["message"]
-        drops = [log["classical"]["rows"][-1]["drop_sd_N"] for log in result["logs"]]
-        assert max(drops) > 5 * NOISE, "the classical table shows the scatter"
+    result = fit(_scene(logs), records).result
+    if not scatter:
+        assert check_document(result)["status"] == "converged"
+        return
+    assert result["estimator"] == "uneven" or result["status"] == "model_misfit"
+    assert result["parameters"]["mu_s"]["value"] is None
+    assert "cycle to cycle" in result["message"]
+    drops = [log["classical"]["rows"][-1]["drop_sd_N"] for log in result["logs"]]
+    assert max(drops) > 5 * NOISE, "the classical table shows the scatter"
 
 
 def test_a_drive_that_only_loads_still_gives_the_classical_table():

@@ -16,6 +16,7 @@ from identify.uneven.answer import UnevenEstimator
 from identify.uneven.estimator import maximise
 from identify.uneven.events import sticks_of
 from identify.uneven.likelihood import PARAMETERS, Nodes, log_likelihood, onset_motion
+from identify.uneven.transfer import agreement
 
 TOLD = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass")]
 
@@ -174,3 +175,9 @@ def test_the_effect_asks_for_the_uneven_estimator_at_once(tracks):
     result = fit(asked, [tracks[1].record]).result
     assert (result["status"], result["estimator"], result["search"]) == ("converged", "uneven", [])
     assert "friction_heterogeneity" in result["provenance"]["scene"]["effects"]
+
+
+def test_records_that_share_nothing_are_told_apart(maxima):
+    assert agreement([maximum for _, maximum in maxima]) > 0.01
+    moved = replace(maxima[0][1], theta=maxima[0][1].theta + np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert agreement([moved, maxima[1][1]]) < 0.01

@@ -22,6 +22,8 @@ from identify.uneven.drawn import Begin, Distribution, drawn_distributions
 from identify.uneven.estimator import Maximum, maximise
 from identify.uneven.events import Sticks, sticks_of
 from identify.uneven.likelihood import PARAMETERS, Cycles, log_likelihood
+from identify.uneven.transfer import APART, agreement, alone
+from identify.uneven.transfer import left_out as left_out_in_turn
 
 Array = NDArray[np.float64]
 
@@ -81,6 +83,14 @@ class UnevenEstimator:
 def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out: Mapping[int, str]) -> Estimated:
     """What follows from the maximum of the likelihood, quantity by quantity."""
     records, first = [s.sticks for s in seen], seen[0]
+    maxima = alone(records, maximum) if len(seen) > 1 else [maximum]
+    transfer = left_out_in_turn([s.number for s in seen], records, maxima, task.seed)
+    seen_so: dict[str, Any] = {
+        "uneven_cycles": [_cycle_table(s) for s in seen],
+        "transfer": [t.to_dict() for t in transfer],
+    }
+    if len(seen) > 1 and agreement(maxima) < APART:
+        return Estimated(Status.MODEL_MISFIT, _apart(seen, maxima), (), left_out=left_out, more=seen_so)
     withheld = _withheld(maximum, records)
     creep = CreepTime(None, None) if withheld else creep_interval(records, maximum)
     load = first.log.data.mean_normal_force
@@ -95,8 +105,8 @@ def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out:
         "distributions": distributions or {"reason": withheld},
         "strength_against_rest": curve or {"reason": withheld},
         "odd_slips": [{"log": s.number + 1, "cycle": int(c)} for s in seen for c in _odd(s)],
-        "uneven_cycles": [_cycle_table(s) for s in seen],
         "log_likelihood": maximum.log_likelihood,
+        **seen_so,
     }
     estimates = [*own, *_of_a_uniform_pair(task.unknowns, creep, first.sticks.typical_rest, withheld)]
     return Estimated(
@@ -108,8 +118,20 @@ def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out:
         curves=[None for _ in task.logs],
         left_out=left_out,
         more=more,
-        notes=wording.notes([s.log for s in seen], [s.sticks for s in seen], _found_mass(own)),
+        notes=[
+            *wording.notes([s.log for s in seen], [s.sticks for s in seen], _found_mass(own)),
+            *(wording.transferred(task.logs[t.number].name, t.drive_speed, t.holds) for t in transfer),
+        ],
     )
+
+
+def _apart(seen: Sequence[Seen], maxima: Sequence[Maximum]) -> str:
+    """A sentence on records that do not share their parameters."""
+    values = []
+    for s, maximum in zip(seen, maxima, strict=True):
+        strength, weakening = np.exp(maximum.theta[:2]).tolist()
+        values.append((s.log.name, strength, strength / weakening, float(np.sqrt(maximum.covariance[0, 0]))))
+    return wording.apart(values)
 
 
 def _found_mass(estimates: Sequence[Estimate]) -> tuple[float, float, float] | None:

@@ -118,6 +118,28 @@ def answered(logs: Sequence[Prepared], cycles: int, withheld: str) -> str:
     )
 
 
+def apart(values: Sequence[tuple[str, float, float, float]]) -> str:
+    """Records that do not share their parameters; values: name, strength, weakening length [m] and the deviation of the
+    strength's logarithm, of each by itself."""
+    told = "; ".join(
+        f"{name}: strength {three_figures(strength)} (within {100 * sd:.0f} %), weakening length "
+        f"{three_figures(1e6 * length)} µm"
+        for name, strength, length, sd in values
+    )
+    return (
+        "cycles differ, and these records do not share one strength, weakening and mass, so that nothing holds for all "
+        f"of them ({told}); fit the records of each drive speed and stiffness by themselves"
+    )
+
+
+def transferred(name: str, speed: float, holds: bool) -> str:
+    """What the other records predict of one that is left out."""
+    at = f"{three_figures(1e6 * speed)} µm/s"
+    if holds:
+        return f"Drop and period of {name} ({at}) are as the other records predict them."
+    return f"Drop or period of {name} ({at}) are not as the other records predict them: what is told does not transfer."
+
+
 def notes(logs: Sequence[Prepared], records: Sequence[Sticks], mass: tuple[float, float, float] | None) -> list[str]:
     """What the reader has to know of the rig and of cycles that were left out; mass: found, with its interval [kg]."""
     out = []

@@ -1,0 +1,93 @@
+"""Several records: whether they share their parameters, and what the others predict of each that is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from identify.uneven.drawn import Begin, drawn_distributions
+from identify.uneven.estimator import Maximum, maximise
+from identify.uneven.events import Sticks
+from identify.uneven.likelihood import PARAMETERS
+
+Array = NDArray[np.float64]
+
+# What records of one pair share; the creep time is mostly a bound, and the level's wander may differ along a track.
+SHARED = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass", "strength_scatter")]
+APART = 0.01  # probability of the difference, below which records do not share them
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """What the other records predict of one that is left out: number of it (from 0), its drive speed [m/s], stiffness
+    over the load [1/m]; per quantity (drop over the load, period [s]) predicted median and its interval, and measured
+    median."""
+
+    number: int
+    drive_speed: float
+    stiffness: float
+    predicted: dict[str, tuple[float, float, float]]
+    measured: dict[str, float]
+
+    @property
+    def holds(self) -> bool:
+        """Whether every measured median lies within the interval of the predicted one."""
+        return all(low <= self.measured[name] <= high for name, (_, low, high) in self.predicted.items())
+
+    def to_dict(self) -> dict[str, object]:
+        """As in `transfer` of result.json; logs are counted from 1."""
+        quantities = {
+            name: {"predicted": value, "interval": [low, high], "measured": self.measured[name]}
+            for name, (value, low, high) in self.predicted.items()
+        }
+        return {"log": self.number + 1, "drive_speed_m_per_s": self.drive_speed, **quantities, "holds": self.holds}
+
+
+def alone(records: Sequence[Sticks], maximum: Maximum) -> list[Maximum]:
+    """The maximum of every record by itself, from that of all."""
+    return [maximise([sticks], maximum.theta) for sticks in records]
+
+
+def agreement(maxima: Sequence[Maximum]) -> float:
+    """Probability that records differ by as much in what they share, if they do share it."""
+    weights = [np.linalg.inv(m.covariance[np.ix_(SHARED, SHARED)]) for m in maxima]
+    theta = [m.theta[SHARED] for m in maxima]
+    middle = np.linalg.solve(sum(weights), sum(w @ t for w, t in zip(weights, theta, strict=True)))
+    statistic = sum(float((t - middle) @ w @ (t - middle)) for w, t in zip(weights, theta, strict=True))
+    return float(chi2.sf(statistic, len(SHARED) * (len(maxima) - 1)))
+
+
+def left_out(numbers: Sequence[int], records: Sequence[Sticks], maxima: Sequence[Maximum], seed: int) -> list[Transfer]:
+    """Leave-one-out over records of different drive speed or stiffness; empty where all have the same.
+
+    Args:
+        maxima: of every record by itself.
+    """
+    points = [(round(s.rig.rate / s.rig.stiffness, 9), round(s.rig.stiffness, 3)) for s in records]
+    if len(set(points)) < 2:
+        return []
+    out = []
+    for i, sticks in enumerate(records):
+        others = [s for s, point in zip(records, points, strict=True) if point != points[i]]
+        known = maximise(others, maximum.theta)
+        begin = Begin(
+            0.5 * (sticks.line + sticks.arrest), sticks.arrest, float(np.min(sticks.drop)), sticks.typical_rest
+        )
+        _, drop, period = drawn_distributions(sticks.rig, begin, known.theta, known.covariance, seed)
+        predicted = {d.name: (d.values[1], d.intervals[1][0], d.intervals[1][1]) for d in (drop, period)}
+        whole = np.diff(sticks.anchor)[sticks.follows[1:]]
+        measured = {"drop": float(np.median(sticks.drop)), "period": float(np.median(whole))}
+        out.append(
+            Transfer(
+                numbers[i],
+                sticks.rig.drive_speed,
+                sticks.rig.stiffness,
+                {name: tuple(float(v) for v in values) for name, values in predicted.items()},  # type: ignore[misc]
+                measured,
+            )
+        )
+    return out
