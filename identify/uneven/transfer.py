@@ -72,11 +72,12 @@ def left_out(numbers: Sequence[int], records: Sequence[Sticks], maxima: Sequence
         return []
     out = []
     for i, sticks in enumerate(records):
-        others = [s for s, point in zip(records, points, strict=True) if point != points[i]]
-        known = maximise(others, maximum.theta)
-        begin = Begin(
-            0.5 * (sticks.line + sticks.arrest), sticks.arrest, float(np.min(sticks.drop)), sticks.typical_rest
-        )
+        others = [j for j, point in enumerate(points) if point != points[i]]
+        known = maxima[others[0]]
+        if len(others) > 1:
+            known = maximise([records[j] for j in others], known.theta)
+        middle, smallest = 0.5 * (sticks.line + sticks.arrest), float(np.min(sticks.drop))
+        begin = Begin(middle, sticks.arrest, smallest, sticks.typical_rest)
         _, drop, period = drawn_distributions(sticks.rig, begin, known.theta, known.covariance, seed)
         predicted = {d.name: (d.values[1], d.intervals[1][0], d.intervals[1][1]) for d in (drop, period)}
         whole = np.diff(sticks.anchor)[sticks.follows[1:]]
