@@ -22,9 +22,9 @@ from identify.logs.log_data import Grid, Guess, LogData  # noqa: E402
 from identify.logs.unknowns import from_scene  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
 from identify.scene import Scene  # noqa: E402
-from identify.shooting.lay_out import lay_out  # noqa: E402
+from identify.shooting.transcription import lay_out  # noqa: E402
 from identify.simulation.drive import NormalForce  # noqa: E402
-from identify.simulation.initial import initial_states  # noqa: E402
+from identify.simulation.phases import initial_states  # noqa: E402
 from identify.simulation.simulate import run  # noqa: E402
 from identify.simulation.trajectory import Trajectory  # noqa: E402
 

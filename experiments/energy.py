@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.simulation.phases import Phase
-from identify.simulation.samples import inside
-from identify.simulation.trajectory import Trajectory
+from identify.simulation.trajectory import Trajectory, inside
 
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)

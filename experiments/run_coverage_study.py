@@ -25,7 +25,7 @@ from data_io import Record
 from experiments.answers import answer
 from experiments.machine import describe
 from experiments.study_problem import DEMO, NORMAL_FORCE, RIG
-from identify.base.equilibrated import Factors, optimality_matrix
+from identify.base.linear import Factors, optimality_matrix
 from identify.effects import MAIN
 from identify.estimation.bootstrap import bootstrap
 from identify.estimation.coloured import colour, coloured_covariance

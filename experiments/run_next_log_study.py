@@ -28,7 +28,7 @@ from experiments.in_parts import append, started
 from experiments.machine import describe
 from experiments.run_recovery_study import CASES, FRICTION, RANGES, Outcome, Study, compared, sources_named
 from experiments.study_problem import NOISE, Case, scene_of
-from identify.base.speeds import speed_text
+from identify.base.wording import speed_text
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.next_log import NextLog, next_logs
 from identify.effects import MAIN

@@ -20,15 +20,12 @@ from experiments.draws import Draw
 from experiments.energy import balance
 from identify.base.errors import SceneError, SimulationError
 from identify.effects import MAIN
-from identify.simulation.admission import admit
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.machine import Machine
 from identify.simulation.methods import STIFF
-from identify.simulation.plan import plan
-from identify.simulation.samples import inside
-from identify.simulation.scales import scales
+from identify.simulation.plan import admit, plan, scales
 from identify.simulation.simulate import phases
-from identify.simulation.trajectory import Trajectory
+from identify.simulation.trajectory import Trajectory, inside
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,7 @@ from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.machine import Machine
 from identify.simulation.methods import Method
 from identify.simulation.phases import Phase
-from identify.simulation.plan import only
-from identify.simulation.scales import scales
+from identify.simulation.plan import only, scales
 from identify.simulation.simulate import phases, run
 from identify.simulation.trajectory import Trajectory
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from identify.prediction.mapping import continue_over, stability_map
     from identify.report.finished import Fit
     from identify.scene import Scene
-    from identify.shooting.fit_options import Asked
+    from identify.shooting.accuracy import Asked
     from identify.simulation.simulate import simulate
 
     __version__: str
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Asked": "identify.shooting.fit_options",
+    "Asked": "identify.shooting.accuracy",
     "Estimated": "identify.estimation.estimator",
     "EstimationTask": "identify.estimation.estimator",
     "Estimator": "identify.estimation.estimator",

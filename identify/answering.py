@@ -30,7 +30,7 @@ from identify.logs.loads import calmed
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.scene import Scene
-from identify.shooting.fit_options import Asked
+from identify.shooting.accuracy import Asked
 
 _Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
 Answer = tuple[list[Prepared], Findings]  # the logs as they are followed, and what was found

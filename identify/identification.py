@@ -38,7 +38,7 @@ from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import document
 from identify.scene import Scene
-from identify.shooting.fit_options import NOTHING_MORE, Asked
+from identify.shooting.accuracy import NOTHING_MORE, Asked
 from identify.shooting.vibration import tuned
 from identify.uneven.answer import UnevenEstimator
 

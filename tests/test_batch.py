@@ -14,12 +14,10 @@ from batch_case import STUB, Silent, alive, children, kill, put, started, wait_f
 from data_io.errors import LogError
 from experiments.run_batch_faults import Tally
 from experiments.stub_fits import numbers
-from identify.studies.batch_store import complete
-from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, TIMED_OUT, TRY_AGAIN, Job
-from identify.studies.lock import locked
+from identify.studies.batch_store import complete, locked
+from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, TIMED_OUT, TRY_AGAIN, BatchError, Job
 from identify.studies.making import guarded, make
 from identify.studies.planning import plan
-from identify.studies.refusal import BatchError
 from identify.studies.running import run_batch
 from identify.studies.workers import LocalWorkers
 

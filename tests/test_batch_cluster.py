@@ -12,8 +12,8 @@ import pytest
 from batch_case import ROOT, STUB, Silent, environment, wait_for, write_case
 
 from identify.studies.batch_store import complete
+from identify.studies.job import BatchError
 from identify.studies.planning import plan
-from identify.studies.refusal import BatchError
 from identify.studies.running import run_batch
 from identify.studies.workers import LocalWorkers
 

@@ -8,13 +8,10 @@ import pytest
 from batch_case import SCENE, write_case
 
 from identify.scene import Scene
-from identify.studies.batch_tables import Ended, harmless, index_csv
-from identify.studies.job import Job
-from identify.studies.key import content_key, numerics
-from identify.studies.naming import LONGEST, folder_names
-from identify.studies.pace import Pace, in_words
+from identify.studies.batch_store import Ended, harmless, index_csv
+from identify.studies.job import LONGEST, BatchError, Job, content_key, folder_names, numerics
 from identify.studies.planning import Plan, plan
-from identify.studies.refusal import BatchError
+from identify.studies.running import Pace, in_words
 
 
 @pytest.fixture
@@ -213,7 +210,7 @@ def test_the_key_knows_what_the_numbers_depend_on(case):
 
 def test_the_time_left_follows_the_work(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("identify.studies.pace.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("identify.studies.running.time.monotonic", lambda: now[0])
     pace = Pace(100)
     assert pace.remaining() is None
     now[0] = 10.0

@@ -17,15 +17,14 @@ import pytest
 from experiments.pooling_draws import Plan, draw
 from identify.cli.folder import COMPARISON, check_replaceable
 from identify.cli.main import main
-from identify.studies.clean import cell, latex, visible
 from identify.studies.compare import compare
+from identify.studies.comparison_files import write_comparison
 from identify.studies.comparison_page import Answers, write_batch_report
 from identify.studies.fits import read_fits
-from identify.studies.labels import CompareError, Question, usual
+from identify.studies.labels import CompareError, Question, cell, latex, usual, visible
 from identify.studies.operating_points import NOTHING, GroupAnswer, group_answers, probability
 from identify.studies.points import common
 from identify.studies.reporting import items
-from identify.studies.write_comparison import write_comparison
 from tests.comparing_case import document, write_fit, write_study
 
 SMALL = Plan("small", volunteers=4, runs=2, gap=4.0)

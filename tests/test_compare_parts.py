@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from identify.cli.main import main
-from identify.studies.compare import compare
+from identify.studies.compare import compare, parts
+from identify.studies.comparison_files import all_sheets
 from identify.studies.comparison_page import answered, render
-from identify.studies.comparison_parts import parts
 from identify.studies.fits import count, read_fits
 from identify.studies.labels import CompareError, Question
 from identify.studies.operating_points import NOTHING, group_answers
 from identify.studies.points import common
 from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
-from identify.studies.write_comparison import all_sheets
 from tests.comparing_case import NAMES, document, write_fit
 
 OWN = ("mu_s", "D")

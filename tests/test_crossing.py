@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.base.crossing import Course, first_zero
 from identify.base.errors import SimulationError
+from identify.base.roots import Course, first_zero
 
 
 def test_a_straight_line() -> None:

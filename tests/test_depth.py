@@ -24,8 +24,7 @@ from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, accuracy_of
-from identify.shooting.fit_options import Asked
+from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, Asked, accuracy_of
 from identify.simulation.simulate import run
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]

@@ -25,7 +25,7 @@ from identify.estimation.starts import features_of, starts_of
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.shooting.start import candidates, fit_features
+from identify.shooting.starts import candidates, fit_features
 from identify.simulation.simulate import run
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted

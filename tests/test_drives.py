@@ -17,8 +17,8 @@ from identify.cli.fit import fit_and_report
 from identify.logs.drives import with_drives
 from identify.logs.scene_records import with_records
 from identify.report.finished import Fit
+from identify.studies.job import BatchError
 from identify.studies.planning import plan
-from identify.studies.refusal import BatchError
 
 TIME = np.arange(6000) / 500.0
 STEPS = ((0.0, 1e-3), (4.0, 2e-3), (8.0, 1e-3))

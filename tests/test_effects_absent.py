@@ -9,7 +9,7 @@ import pytest
 from identify.effects import ALL
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.initial import initial_states
+from identify.simulation.phases import initial_states
 from identify.simulation.simulate import run, simulate
 
 VARYING = (*case.MAIN, "varying_normal_force")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from identify.base.equilibrated import Factors, _Bordered, solve_equilibrated
+from identify.base.linear import Factors, _Bordered, solve_equilibrated
 
 
 def _bordered(random, size, crowded):

@@ -8,9 +8,11 @@ import pytest
 from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.model.model import assemble
-from identify.shooting import along, first_state, following, onset_places
-from identify.shooting.along import Along
+from identify.shooting import following, onset_places
+from identify.shooting import onset_places as along
+from identify.shooting import placing as first_state
 from identify.shooting.following import follow
+from identify.shooting.onset_places import Along
 from identify.simulation.drive import NormalForce
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory

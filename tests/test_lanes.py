@@ -7,8 +7,9 @@ import pytest
 import shooting_case as case
 from scipy.interpolate import CubicHermiteSpline
 
-from identify.shooting import lanes, sliding_lanes
-from identify.shooting.waveform import Waves
+from identify.shooting import batch as lanes
+from identify.shooting import batch as sliding_lanes
+from identify.shooting.features import Waves
 
 PER_HALF_PERIOD = 60
 MODEL = case.MODEL

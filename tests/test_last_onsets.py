@@ -14,7 +14,7 @@ from identify.logs.log_data import Guess
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import SPEED, assemble
-from identify.shooting.last_onsets import turned_back, with_last_onsets
+from identify.shooting.onsets import turned_back, with_last_onsets
 from identify.simulation.simulate import run
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")

@@ -15,8 +15,8 @@ from identify.estimation.attempt import Attempt, Clock, resolve, solve_from
 from identify.estimation.hanging import hanging
 from identify.estimation.letting_go import let_go
 from identify.logs.unknowns import Unknowns
-from identify.shooting import first_state
-from identify.shooting.fit_options import NOTHING_MORE
+from identify.shooting import placing as first_state
+from identify.shooting.accuracy import NOTHING_MORE
 
 NAMES = ["slowest", "slow", "fast", "fastest"]
 

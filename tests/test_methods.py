@@ -14,13 +14,12 @@ from test_simulate import MODEL, PAIR, RELAXING, STEPS
 from identify.base import tableaus
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, assemble
-from identify.simulation.interface import Method
+from identify.simulation.bursts import trial
 from identify.simulation.methods import ALL, HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF
-from identify.simulation.plan import ACCURACY, accuracy_for, plan
-from identify.simulation.scales import scales
+from identify.simulation.plan import ACCURACY, accuracy_for, plan, scales
 from identify.simulation.simulate import run
 from identify.simulation.situated import Situated
-from identify.simulation.stepping import trial
+from identify.simulation.steppers import Method
 from identify.simulation.trajectory import distance
 
 P = np.array([PAIR[name] for name in MODEL.parameter_names])

@@ -18,7 +18,7 @@ from identify.estimation.fine_enough import information_at
 from identify.estimation.nearly_rests import neighbours
 from identify.estimation.sequence import modes_of
 from identify.logs.unknowns import Unknowns
-from identify.shooting.fit_options import NOTHING_MORE
+from identify.shooting.accuracy import NOTHING_MORE
 
 FAST = 2  # the first of the logs that are fitted: at 1, 5 and 20 mm/s
 CLOSE, FAR = 22.5, 40.0

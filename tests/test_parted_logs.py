@@ -11,7 +11,7 @@ from test_cli import folder, refused, stickslip  # noqa: F401
 from data_io import Record, write_csv
 from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
-from identify.base.log_numbers import numbers_of, places_of
+from identify.base.outcome import numbers_of, places_of
 from identify.cli import counsel
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records

@@ -8,12 +8,20 @@ from scipy.optimize import minimize
 from scipy.stats import studentized_range
 
 from experiments.pooling_draws import Plan, draw
-from identify.studies.design import RUN, SUBJECT, SUBJECT_BY_GROUP, Setting, design, indicators
 from identify.studies.joint import Together
-from identify.studies.mixed import Component, PoolingError, fit_mixed
+from identify.studies.mixed import (
+    RUN,
+    SUBJECT,
+    SUBJECT_BY_GROUP,
+    Component,
+    PoolingError,
+    Setting,
+    design,
+    fit_mixed,
+    indicators,
+)
 from identify.studies.outliers import outliers
-from identify.studies.pooled import DIFFERENT, NOT_TESTED, NOT_TOLD_APART, pool, predictive
-from identify.studies.simultaneous import below, critical
+from identify.studies.pooled import DIFFERENT, NOT_TESTED, NOT_TOLD_APART, below, critical, pool, predictive
 
 
 def balanced(seed, people=8, groups=3, runs=3, crossed=0.03):

@@ -43,8 +43,8 @@ from identify.shooting.following import follow, glide
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 from identify.simulation.drive import Drive
+from identify.simulation.plan import decay, steadiness
 from identify.simulation.simulate import run
-from identify.simulation.steadiness import decay, steadiness
 
 MODEL = assemble(MAIN)
 NAMES = MODEL.parameter_names
@@ -278,7 +278,7 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
     from identify.estimation.objection import Change
     from identify.estimation.profile import Profiles
     from identify.estimation.profile_ground import FREE, ProfilePoint
-    from identify.shooting.fit_options import Asked
+    from identify.shooting.accuracy import Asked
 
     kind = _kind(SLOW, FAST)
     prepared, unknowns = _prepared(kind)

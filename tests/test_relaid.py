@@ -10,9 +10,9 @@ import shooting_case as case
 
 from identify.logs.log_data import Grid
 from identify.logs.unknowns import FORGOTTEN
-from identify.shooting.lay_out import lay_out
 from identify.shooting.relaid import with_finer_steps
 from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.transcription import lay_out
 
 SMALL = Grid(slip=4, saturated=3, steps=2)
 

@@ -12,7 +12,7 @@ from identify.estimation.attempt import FIRST, SLOWLY, Clock, released, solve_fr
 from identify.estimation.starts import own_starts
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
-from identify.shooting.trust import Trust, held_back
+from identify.shooting.passes import Trust, held_back
 
 DESIGN = 144  # one log of short sticks, whose own starts are off in all six
 

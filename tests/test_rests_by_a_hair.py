@@ -15,7 +15,7 @@ from identify.estimation.sequence import hardly, is_clear
 from identify.identification import find
 from identify.logs.log_data import Guess, Stretch
 from identify.model.model import assemble
-from identify.shooting.slide_parts import SlideParts
+from identify.shooting.parts import SlideParts
 from identify.simulation.simulate import run
 
 MODEL = assemble(MAIN)

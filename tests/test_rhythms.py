@@ -21,7 +21,7 @@ from identify.logs.rhythms import rhythms
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.shooting.discretisation import discretisation_error
+from identify.shooting.accuracy import discretisation_error
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.vibration import quieted, tuned
 from identify.simulation.simulate import run

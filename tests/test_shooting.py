@@ -10,10 +10,10 @@ import shooting_case as case
 
 from identify.logs.log_data import Grid
 from identify.model.model import assemble
-from identify.shooting.lay_out import lay_out
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.shooting import Problem, transcribe
 from identify.shooting.solve import solve
+from identify.shooting.transcription import lay_out
 
 SMALL = Grid(slip=4, saturated=3, steps=2)
 FINE = Grid(slip=16, saturated=16, steps=4)
@@ -163,7 +163,7 @@ def test_a_cell_may_be_compressed_in_portions(portion, monkeypatch):
     whole = _masked(_problem(load_sd=1e-3)[0])
     z = _somewhere(whole, 3e-2)
     cost, fitted = whole.evaluate(z, derivatives=False).cost, whole.fitted(z)
-    monkeypatch.setattr("identify.shooting.compression.PORTION", portion)
+    monkeypatch.setattr("identify.shooting.pattern.PORTION", portion)
     cut = Problem(whole.logs, whole.layout)
     assert cut.evaluate(z, derivatives=False).cost == pytest.approx(cost, rel=1e-12)
     assert cut.samples == whole.samples
@@ -176,7 +176,7 @@ def test_derivatives_may_be_taken_in_portions(portion, monkeypatch):
     whole = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)[0]
     z, on_rows = _somewhere(whole, 1e-2), np.random.default_rng(7).standard_normal(whole.layout.rows)
     assert all(len(family.parts) == 1 for family in whole.pattern.families)
-    monkeypatch.setattr("identify.shooting.pattern.PORTION", portion)
+    monkeypatch.setattr("identify.shooting.pattern.PATTERN_PORTION", portion)
     cut = Problem(whole.logs, whole.layout)
     assert max(len(family.parts) for family in cut.pattern.families) > 3
     one, other = (problem.evaluate(z, derivatives=True) for problem in (whole, cut))

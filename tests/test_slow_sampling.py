@@ -18,7 +18,7 @@ from identify.estimation.starts import features_of, own_starts
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.shooting import features, passes
-from identify.shooting.start import GOOD, fit_features
+from identify.shooting.starts import GOOD, fit_features
 
 
 def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypatch):

@@ -10,7 +10,8 @@ import shooting_case as case
 
 from identify.estimation.influence import sample_moves
 from identify.logs.log_data import Grid
-from identify.shooting import blocks, reageing
+from identify.shooting import blocks
+from identify.shooting import blocks as reageing
 from identify.shooting.layout import KNOWN
 from identify.shooting.shooting import transcribe
 

@@ -24,7 +24,7 @@ from identify.logs.parting import parted
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
 from identify.logs.unknowns import from_scene
-from identify.shooting.fit_options import NOTHING_MORE
+from identify.shooting.accuracy import NOTHING_MORE
 from identify.shooting.vibration import tuned
 
 

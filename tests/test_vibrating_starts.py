@@ -16,8 +16,9 @@ from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.shooting import lanes, passes
-from identify.shooting.first_onsets import with_first_onsets
+from identify.shooting import batch as lanes
+from identify.shooting import passes
+from identify.shooting.onsets import with_first_onsets
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe

@@ -6,8 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from identify.base import mapped, native, wide
-from identify.base.mapped import Mapped
+from identify.base import compiled as mapped
+from identify.base import native, wide
+from identify.base.compiled import Mapped
 
 SAMPLES = np.array([-2.5, -1.0, -0.3, -0.0, 0.0, 0.2, 0.7, 1.0, 1.9, 30.0, math.nan])
 

@@ -6,7 +6,7 @@ import pytest
 from experiments.run_recovery_study import CLOSE, FAR, Study, fit_case
 from experiments.study_problem import scene_of
 from identify import fit
-from identify.base.level import NORMAL
+from identify.base.quantiles import NORMAL
 from identify.estimation import worth_a_walk
 from identify.estimation.widened import ENOUGH, widened, widened_on_both_scales
 

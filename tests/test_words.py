@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from identify.base.number_words import three_figures, told_apart
+from identify.base.wording import three_figures, told_apart
 from identify.cli import main as cli
 from identify.prediction.outlook_words import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once

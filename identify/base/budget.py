@@ -21,7 +21,7 @@ _deadline: ContextVar[float] = ContextVar("deadline", default=math.inf)
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
     """What runs inside sees at most so many seconds [s] from now; a limit inside another one cannot extend it."""
-    token = _deadline.set(min(_deadline.get(), time.perf_counter() + seconds))
+    token = _deadline.set(min(_deadline.get(), now() + seconds))
     try:
         yield
     finally:
@@ -38,11 +38,16 @@ def no_time_limit() -> Iterator[None]:
         _deadline.reset(token)
 
 
+def now() -> float:
+    """The clock of all limits [s]."""
+    return time.perf_counter()
+
+
 def seconds_left() -> float:
     """Until the deadline [s], not below 0; infinite where there is none."""
-    return max(_deadline.get() - time.perf_counter(), 0.0)
+    return max(_deadline.get() - now(), 0.0)
 
 
 def time_is_up() -> bool:
     """Whether the deadline has passed."""
-    return time.perf_counter() >= _deadline.get()
+    return now() >= _deadline.get()

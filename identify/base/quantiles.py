@@ -44,3 +44,11 @@ def chi_square_exceeded(probability: float, freedom: float) -> float:
 def beta(probability: float, first: float, second: float) -> float:
     """What a beta variate of these two shapes stays below with this probability."""
     return float(betaincinv(first, second, probability))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The level of every interval that is told, and what it means in standard deviations.
+# ----------------------------------------------------------------------------------------------------------------------
+
+LEVEL = 0.95
+NORMAL = normal(0.5 + LEVEL / 2)  # half width of an interval in standard deviations

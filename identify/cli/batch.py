@@ -46,7 +46,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, OSError: one sentence each. What is wrong with the batch is an answer with all complaints.
     """
-    from identify.studies.refusal import BatchError
+    from identify.studies.job import BatchError
 
     try:
         return _run(arguments, terminal)
@@ -119,8 +119,8 @@ def _workers(arguments: Namespace, out: Path) -> Workers:
 
 def _say(summary: Summary, terminal: Terminal) -> None:
     """The groups that did not converge with their reasons, then how many there were."""
-    from identify.base.plain_text import wrapped
-    from identify.studies.pace import in_words
+    from identify.base.wording import wrapped
+    from identify.studies.running import in_words
 
     for group, end in summary.ended.items():
         if end.status != "converged":

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Self, TextIO
 
 from identify.cli.interrupt import check_interrupted
 from identify.cli.progress import draws
-from identify.studies.pace import in_words
+from identify.studies.running import in_words
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from identify.studies.batch_tables import Ended
+    from identify.studies.batch_store import Ended
 
 
 class BatchProgress:

@@ -40,13 +40,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         CommandLineError, CompareError, OSError: one sentence each.
     """
     from identify.cli.folder import COMPARISON, check_replaceable, result_folder
-    from identify.studies.clean import visible
     from identify.studies.compare import compare
+    from identify.studies.comparison_files import all_sheets, document, write_comparison
     from identify.studies.comparison_page import answered
     from identify.studies.comparison_views import together
     from identify.studies.fits import read_fits
-    from identify.studies.labels import Question
-    from identify.studies.write_comparison import all_sheets, document, write_comparison
+    from identify.studies.labels import Question, visible
 
     speeds, load = _point(arguments)
     out = Path(arguments.out or f"stickslip-by-{_file_name(arguments.by)}")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from identify.base.errors import SimulationError
-from identify.base.log_numbers import numbers_of
+from identify.base.outcome import numbers_of
 from identify.cli.point import Point
 from identify.cli.points import points_of
 from identify.prediction.advice import advise

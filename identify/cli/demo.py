@@ -63,7 +63,7 @@ def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None
     """How far the estimates are from what was simulated."""
     if not fit.converged:
         return
-    from identify.base.plain_text import columns
+    from identify.base.wording import columns
     from identify.report.quantity_text import quantity
 
     rows = [["", "truth", "estimate off by", ""]]

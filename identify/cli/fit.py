@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from identify.estimation.starts import Sources
     from identify.report.finished import Fit
     from identify.scene import Scene
-    from identify.shooting.fit_options import Asked
+    from identify.shooting.accuracy import Asked
 
 NAME = "fit"
 HELP = "identify the friction parameters from all the logs together, and write a report"
@@ -90,8 +90,7 @@ def asked_of(arguments: Namespace) -> Asked:
         CommandLineError, FitError: an accuracy or a number of replicates that cannot be.
     """
     from identify.estimation.bootstrap import FEWEST
-    from identify.shooting.accuracy import DEFAULT, accuracy_of
-    from identify.shooting.fit_options import Asked
+    from identify.shooting.accuracy import DEFAULT, Asked, accuracy_of
 
     replicates = arguments.bootstrap or 0
     if arguments.bootstrap is not None and replicates < FEWEST:
@@ -133,7 +132,7 @@ def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) 
         CommandLineError: no log, or no such log. SceneError: no scene file.
     """
     from data_io.whereabouts import log_is_at
-    from identify.scene.logs import located
+    from identify.scene.rig import located
     from identify.scene.toml import read_toml
 
     try:
@@ -184,7 +183,7 @@ def fit_and_report(
     scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None, starts: Sources | None = None
 ) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
-    from identify.base.mapped import keep
+    from identify.base.compiled import keep
     from identify.cli.counsel import with_counsel
     from identify.cli.folder import result_folder
     from identify.cli.progress import Progress
@@ -192,7 +191,7 @@ def fit_and_report(
     from identify.report import write_report
     from identify.report.stored_result import scene_of
     from identify.report.summary import summary
-    from identify.shooting.fit_options import NOTHING_MORE
+    from identify.shooting.accuracy import NOTHING_MORE
 
     with Progress(terminal.notes, terminal.verbose) as progress:
         outcome = fit(scene, progress=progress, starts=starts, asked=asked or NOTHING_MORE)

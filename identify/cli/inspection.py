@@ -13,8 +13,7 @@ from data_io import Record, Step
 from data_io.record import WINDOW_START
 from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.wording import percent
-from identify.base.plain_text import columns, wrapped
-from identify.base.speeds import programme_text
+from identify.base.wording import columns, programme_text, wrapped
 from identify.cli.common import Terminal
 from identify.cli.scene import only
 from identify.logs.classical import table_of

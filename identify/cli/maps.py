@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.base.plain_text import wrapped
+from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, picture, quantity
 from identify.prediction.chart import chart
 from identify.prediction.chart_data import check_data_path, values_of, write_chart, write_continuation

@@ -6,7 +6,7 @@ from argparse import Namespace
 from collections.abc import Sequence
 from typing import Any
 
-from identify.base.plain_text import wrapped
+from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture
 from identify.cli.further import asked_further
 from identify.cli.groups import one_pair

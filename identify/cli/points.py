@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.log_numbers import places_of
+from identify.base.outcome import places_of
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
 from identify.cli.point import Point
@@ -23,8 +23,7 @@ from identify.prediction.stated import stated
 from identify.prediction.tested import Tested
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
-from identify.scene.checks import check_ranges
-from identify.scene.tables import nearest
+from identify.scene.tables import check_ranges, nearest
 
 Array = NDArray[np.float64]
 POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}

@@ -27,7 +27,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
         SceneError, FitError, LogError, CommandLineError, OSError: one sentence each.
     """
     from data_io.atomic import atomic_path
-    from identify.base.plain_text import columns, wrapped
+    from identify.base.wording import columns, wrapped
     from identify.cli.progress import Progress
     from identify.diagnosis.selection import LOOKED_AT
     from identify.estimation.preview import preview

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.base.speeds import speed_text
+from identify.base.wording import speed_text
 from identify.cli.common import MEASURED, Answer, CommandLineError, Terminal, file_to_write, new_file, quantity
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     import numpy as np
 
     from data_io import Record, write_csv, write_hdf5
-    from identify.base.plain_text import wrapped
+    from identify.base.wording import wrapped
     from identify.diagnosis.choice import document_of
     from identify.diagnosis.selection_numbers import choose_from_numbers
     from identify.simulation.simulate import simulate

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from identify.base.plain_text import columns, wrapped
+from identify.base.wording import columns, wrapped
 from identify.cli.common import Answer, Terminal, add_log_options, log_options
 from identify.cli.common import quantity as quantity_given
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-from identify.base.log_numbers import places_of
+from identify.base.outcome import places_of
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
 
 NAME = "verify"
@@ -37,7 +37,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.estimation.starts import Sources
     from identify.identification import fit
     from identify.report.stored_result import read_result, scene_of
-    from identify.shooting.fit_options import Asked
+    from identify.shooting.accuracy import Asked
 
     path = Path(arguments.result)
     stored = read_result(path)

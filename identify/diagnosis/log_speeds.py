@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identify.base.speeds import speed_scale
+from identify.base.wording import speed_scale
 from identify.diagnosis.fitted import Fitted
 from identify.diagnosis.suspects import REACH, SHIFTED, Freed, Suspect, Words, constant_speed, with_speeds
 from identify.logs.parting import name_of_recording, recordings

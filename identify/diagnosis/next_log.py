@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import NORMAL
 from identify.base.outcome import Status
+from identify.base.quantiles import NORMAL
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.rehearsal import Rehearsal, rehearse
 from identify.estimation.hints import WANTED, onsets, round_up

@@ -6,8 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from identify.base.number_words import three_figures
-from identify.base.speeds import speed_text
+from identify.base.wording import speed_text, three_figures
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.next_log import Advice, NextLog
 from identify.estimation.hints import hints

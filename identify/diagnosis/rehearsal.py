@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identify.base.errors import SimulationError
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
-from identify.simulation.scales import scales
+from identify.simulation.plan import scales
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.number_words import three_figures
+from identify.base.wording import three_figures
 from identify.logs.loads import swing
 from identify.logs.prepare import Prepared
 from identify.logs.rhythms import Rhythm

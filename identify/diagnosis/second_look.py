@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from data_io import Record
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
@@ -16,6 +17,7 @@ from identify.diagnosis.restraints import restraints, sitting
 from identify.diagnosis.seen_before import look_swapped, seen_before
 from identify.estimation.allowed import slowness
 from identify.estimation.attempt import Attempt
+from identify.estimation.certainty import unexamined
 from identify.estimation.status_words import EXCHANGE
 from identify.logs.prepare import Prepared
 from identify.scene import Scene
@@ -54,7 +56,17 @@ def looked_into(
     memory = 1.0 if findings.sure is None else slowness(findings.attempt, findings.sure.colours)
     where = scene, read, prepared, findings.unknowns, findings.attempt
     found = doubt(*where, findings.held, told, memory, beyond=doubtful, anew=refused or _rises(findings))
-    return (findings, None) if found is None else (_doubted(findings, found), found.better)
+    if found is None:
+        return (_unexamined(findings) if doubtful and time_is_up() else findings), None
+    return _doubted(findings, found), found.better
+
+
+def _unexamined(findings: Findings) -> Findings:
+    """An answer that the rig as stated speaks against, and that there was no time to look into."""
+    if findings.status is not Status.CONVERGED or findings.attempt is None:
+        return findings
+    attempt = unexamined(findings.attempt)
+    return replace(findings, attempt=attempt, status=attempt.gate.status, message=attempt.gate.message)
 
 
 def _unexplained(findings: Findings, scene: Scene) -> str:

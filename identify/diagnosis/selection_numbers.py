@@ -19,7 +19,7 @@ from identify.effects.quantities import Effect
 from identify.effects.typical import fall, slip_time, stick_time
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.initial import initial_states
+from identify.simulation.phases import initial_states
 from identify.simulation.simulate import run
 
 TOLERANCE = 0.01  # relative change of drop, period or level from which an effect stays

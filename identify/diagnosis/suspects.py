@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.base.number_words import three_figures, told_apart
+from identify.base.wording import three_figures, told_apart
 from identify.diagnosis.fitted import Fitted
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import stated_rig

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.base.number_words import three_figures
+from identify.base.wording import three_figures
 from identify.effects.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
 from identify.effects.typical import fall, stick_time
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from identify.base.number_words import three_figures
+from identify.base.wording import three_figures
 from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
 from identify.effects.typical import slip_time, stick_time
 

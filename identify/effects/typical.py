@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from identify.base.number_words import three_figures
+from identify.base.wording import three_figures
 
 TINY = 1e-300
 

@@ -17,9 +17,8 @@ from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import glide
-from identify.shooting.passes import COARSE, Solved, solve_in_passes
+from identify.shooting.passes import COARSE, Solved, Trust, solve_in_passes
 from identify.shooting.placing import place
-from identify.shooting.trust import Trust
 
 Array = NDArray[np.float64]
 PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut, and the motion placed on it

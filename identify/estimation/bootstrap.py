@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL, NORMAL
 from identify.base.progress import Progress
-from identify.base.quantiles import student
+from identify.base.quantiles import LEVEL, NORMAL, student
 from identify.estimation.influence import Influence
 from identify.shooting.shooting import Problem
 from identify.shooting.warm import Settled, Warm

@@ -30,8 +30,7 @@ from identify.estimation.strategies import Strategy, attempted
 from identify.estimation.uncertainty import Estimate, Information
 from identify.estimation.valleys import weakens
 from identify.logs.unknowns import Unknowns
-from identify.shooting.accuracy import AccuracyRow, accuracy_table
-from identify.shooting.fit_options import Asked
+from identify.shooting.accuracy import AccuracyRow, Asked, accuracy_table
 
 Array = NDArray[np.float64]
 
@@ -94,7 +93,9 @@ def certainty(
         return None
     seen = examine(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
     attempt, view = seen.attempt, seen.view
-    if seen.accepted and not view.bounds:  # at a bound the pulls of the logs do not cancel
+    if seen.unfinished:
+        attempt = unexamined(attempt)
+    elif seen.accepted and not view.bounds:  # at a bound the pulls of the logs do not cancel
         held = hanging(attempt.solved, [log.name for log in attempt.prepared])
         if held is not None:
             attempt = replace(attempt, gate=replace(attempt.gate, status=Status.WRONG_EVENT_COUNT, message=held))
@@ -128,6 +129,16 @@ def certainty(
 def _by(strategy: Strategy, attempt: Attempt, other: Callable[[Attempt], Attempt | None]) -> Attempt:
     """The answer that a strategy puts in the place of one; the same where it finds none, or is not due."""
     return attempted(strategy, lambda: other(attempt), attempt, attempt.logs) or attempt
+
+
+def unexamined(attempt: Attempt) -> Attempt:
+    """An answer that fits, and that there was no time to examine as far as it calls for: it is none to rely on."""
+    gate = attempt.gate
+    message = (
+        f"an answer fits ({gate.message}), but the time limit ended the look at whether other values, or another "
+        "cause, describe the logs as well; give more time"
+    )
+    return replace(attempt, gate=replace(gate, status=Status.SOLVER_FAILED, message=message))
 
 
 def _with_fine_steps(

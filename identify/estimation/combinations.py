@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import NORMAL
+from identify.base.quantiles import NORMAL
 from identify.prediction.outlook_words import listed
 
 Array = NDArray[np.float64]

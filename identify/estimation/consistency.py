@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identify.logs.log_data import Guess, LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import SPEED
-from identify.shooting.last_onsets import turned_back
+from identify.shooting.onsets import turned_back
 
 Array = NDArray[np.float64]
 

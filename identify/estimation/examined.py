@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL
+from identify.base.budget import no_time_limit, time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.base.quantiles import chi_square
+from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.allowed import Allowed, allowed
 from identify.estimation.attempt import Attempt, resolve_firmly
 from identify.estimation.fine_enough import information_at
@@ -29,7 +30,7 @@ from identify.estimation.valleys import lowest_valley, objection, preferred, wea
 from identify.estimation.widened import widened_on_both_scales
 from identify.estimation.worth_a_walk import doubtful, ridge
 from identify.logs.unknowns import Unknowns
-from identify.shooting.fit_options import Asked
+from identify.shooting.accuracy import Asked
 
 Array = NDArray[np.float64]
 AtBound = Callable[[Array], Mapping[str, str]]
@@ -90,7 +91,8 @@ class Trail:
 @dataclass(frozen=True)
 class Examined:
     """An answer, the information known at it, the profiles walked from it (None: none were), what is seen from it;
-    beside: answers of motions that hardly differ from its own."""
+    beside: answers of motions that hardly differ from its own; unfinished: the time was up before all was looked at
+    that this answer calls for."""
 
     attempt: Attempt
     known: Information
@@ -98,6 +100,8 @@ class Examined:
     view: View
     trail: Trail
     beside: tuple[Attempt, ...] = ()
+
+    unfinished: bool = False
 
     @property
     def accepted(self) -> bool:
@@ -120,7 +124,8 @@ def examine(attempt: Attempt, known: Information, question: Question) -> Examine
         if there is None:
             break
         here = there
-    return here
+    calls_for_more = here.accepted and (_doubtful(here, question) or here.view.leaves_open)
+    return replace(here, unfinished=time_is_up() and calls_for_more)
 
 
 def _standing(
@@ -225,20 +230,21 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
         return None
     attempt, seen, trail = here.attempt, here.view.allowed, here.trail
     samples = attempt.solved.problem.samples
-    walked = profile(
-        attempt.prepared,
-        attempt.solved,
-        q.unknowns,
-        seen.white,
-        q.progress,
-        seen.noise,
-        memory=seen.remembered,
-        beside=seen.memory / seen.remembered,
-        steps=CURVE_STEPS if q.asked.profile else 1,
-        only=along,
-        valleys=[valley.solved for valley in (*trail.valleys, *here.beside)],
-        before=trail.met if trail.samples == samples else (),
-    )
+    with no_time_limit() if q.asked.profile else nullcontext():
+        walked = profile(
+            attempt.prepared,
+            attempt.solved,
+            q.unknowns,
+            seen.white,
+            q.progress,
+            seen.noise,
+            memory=seen.remembered,
+            beside=seen.memory / seen.remembered,
+            steps=CURVE_STEPS if q.asked.profile else 1,
+            only=along,
+            valleys=[valley.solved for valley in (*trail.valleys, *here.beside)],
+            before=trail.met if trail.samples == samples else (),
+        )
     here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
     return _with_walk(here, walked, q) if walked.better is None else _at_better(here, walked, walked.better, q, last)
 

@@ -12,8 +12,7 @@ from identify.estimation.attempt import Attempt, resolve
 from identify.estimation.strategies import Strategy, attempted
 from identify.estimation.uncertainty import Information, information
 from identify.logs.unknowns import Unknowns
-from identify.shooting.discretisation import discretisation_error
-from identify.shooting.fit_options import Asked
+from identify.shooting.accuracy import Asked, discretisation_error
 
 
 def fine_enough(attempt: Attempt, unknowns: Unknowns, asked: Asked) -> tuple[Attempt, Information, dict[str, float]]:

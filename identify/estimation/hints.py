@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.base.speeds import speed_text
+from identify.base.wording import speed_text
 from identify.estimation.coloured import Colour
 from identify.estimation.sliding_levels import FIGURES, first_of, levels, steady
 from identify.estimation.uncertainty import Estimate

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.equilibrated import Factors, optimality_matrix
-from identify.shooting.compression import Moments, samples_of
+from identify.base.linear import Factors, optimality_matrix
 from identify.shooting.layout import Family, Layout, kept_parameters
+from identify.shooting.pattern import Moments, samples_of
 from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]

@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL
 from identify.base.outcome import Status
-from identify.base.quantiles import chi_square
+from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.attempt import SLOWLY, Attempt, released
 from identify.estimation.objection import Remembering
 from identify.logs.unknowns import Unknowns

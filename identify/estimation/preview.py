@@ -18,7 +18,7 @@ from identify.shooting.features import extract
 from identify.shooting.passes import COARSE
 from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe
-from identify.shooting.start import candidates, fit_features
+from identify.shooting.starts import candidates, fit_features
 from identify.shooting.vibration import quieted, tuned
 
 Array = NDArray[np.float64]

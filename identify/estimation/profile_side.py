@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL
-from identify.base.quantiles import chi_square
+from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.profile_ground import ProfilePoint
 from identify.estimation.profile_line import ProfileLine
 from identify.estimation.uncertainty import WEAK

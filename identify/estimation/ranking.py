@@ -13,7 +13,7 @@ from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
-from identify.shooting.start import Start
+from identify.shooting.starts import Start
 
 Array = NDArray[np.float64]
 

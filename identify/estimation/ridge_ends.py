@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
-from identify.base.level import LEVEL
 from identify.base.outcome import Status
-from identify.base.quantiles import chi_square
+from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.attempt import Attempt, Clock, place_on, solve_placed, usable
 from identify.estimation.objection import Remembering
 from identify.estimation.valleys import of_same_samples, preferred, weakens

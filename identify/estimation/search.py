@@ -29,8 +29,8 @@ from identify.estimation.starts import Sources, drawn_starts, starts_of, suggest
 from identify.estimation.strategies import Strategy, attempted, is_due
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
-from identify.shooting.levels import level_starts
-from identify.shooting.trust import Trust
+from identify.shooting.passes import Trust
+from identify.shooting.starts import level_starts
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from identify.estimation.attempt import Attempt, Clock, solve_from
 from identify.estimation.starts import apart, features_of
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.shooting.start import fit_features
+from identify.shooting.starts import fit_features
 from identify.shooting.vibration import quieted, rhythmic
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from identify.base.speeds import speed_text
+from identify.base.wording import speed_text
 from identify.estimation.coloured import Colour
 from identify.logs.log_data import Guess, LogData
 from identify.prediction.outlook_words import listed

@@ -15,8 +15,7 @@ from identify.estimation.ranking import ranked
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.features import Features, extract
-from identify.shooting.levels import level_starts
-from identify.shooting.start import GOOD, Start, candidates, fit_features, random_starts
+from identify.shooting.starts import GOOD, Start, candidates, fit_features, level_starts, random_starts
 from identify.shooting.vibration import quieted
 
 Array = NDArray[np.float64]

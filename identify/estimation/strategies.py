@@ -7,7 +7,6 @@ is measured by `experiments/run_ablation.py`, which switches rows off one by one
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -15,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from identify.base.budget import time_is_up
+from identify.base.budget import now, time_is_up
 
 if TYPE_CHECKING:
     from identify.estimation.attempt import Attempt
@@ -116,14 +115,14 @@ def tracing(switched_off: Iterable[Strategy] = ()) -> Iterator[Trace]:
 @contextmanager
 def as_one_trial(strategy: Strategy, detail: str) -> Iterator[None]:
     """All that is tried inside is one entry of the trace: a hypothesis is a whole fit of its own."""
-    outer, began = _trace.get(), time.perf_counter()
+    outer, began = _trace.get(), now()
     token = _trace.set(Trace(switched_off=frozenset() if outer is None else outer.switched_off))
     try:
         yield
     finally:
         _trace.reset(token)
         if outer is not None:
-            seconds = time.perf_counter() - began
+            seconds = now() - began
             outer.trials.append(Trial(f"{strategy.title}: {detail}", (), "examined", None, seconds))
 
 
@@ -150,9 +149,9 @@ def attempted(
     """
     if not is_due(strategy):
         return None
-    began = time.perf_counter()
+    began = now()
     found = make()
-    seconds = time.perf_counter() - began
+    seconds = now() - began
     if found is since:
         found = None
     if found is not None:

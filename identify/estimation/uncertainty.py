@@ -15,8 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from identify.base.equilibrated import solve_equilibrated
-from identify.base.level import NORMAL
+from identify.base.linear import solve_equilibrated
+from identify.base.quantiles import NORMAL
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import kept_parameters
 from identify.shooting.shooting import Problem

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
-from identify.base.level import LEVEL
 from identify.base.outcome import Status
-from identify.base.quantiles import chi_square
+from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.attempt import Attempt, Clock, crept, resolve_firmly, solve_or_hold, usable
 from identify.estimation.objection import Remembering
 from identify.estimation.ranking import ranked

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import NORMAL
+from identify.base.quantiles import NORMAL
 from identify.estimation.uncertainty import IDENTIFIED, Estimate, sizes
 from identify.logs.unknowns import Unknowns
 from identify.shooting.vibration import rhythmic

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.rotation import StatedVelocity, stated_velocity
 from data_io.speed_steps import steps_of
-from identify.base.speeds import speed_text
+from identify.base.wording import speed_text
 from identify.logs.segment import segment
 from identify.logs.strokes import turns_of_sign
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.base.speeds import speed_text
+from identify.base.wording import speed_text
 from identify.effects import MAIN
 from identify.logs.along_friction import velocity_in_head, velocity_text
 from identify.logs.judgement import judge

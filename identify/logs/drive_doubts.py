@@ -12,7 +12,7 @@ from data_io.frozen import Finding
 from data_io.motion import motion_of
 from data_io.speed_steps import SAME
 from data_io.true_runs import true_runs
-from identify.base.speeds import programme_text, speed_text
+from identify.base.wording import programme_text, speed_text
 from identify.logs.along_friction import AGREES, velocity_in_head, velocity_text
 from identify.logs.told_drive import ToldDrive, drive_position, told_drive
 from identify.scene import Scene

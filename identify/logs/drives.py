@@ -8,7 +8,7 @@ from dataclasses import replace
 from data_io import Record
 from data_io.speed_steps import Programme
 from identify.base.errors import FitError
-from identify.base.speeds import programme_text
+from identify.base.wording import programme_text
 from identify.logs.scene_records import read_entry
 from identify.logs.told_drive import ToldDrive, told_drive
 from identify.scene import Scene

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.base.bracket import rising_root
-from identify.base.twofold import one_plus_two_products
+from identify.base.linear import one_plus_two_products
+from identify.base.roots import rising_root
 from identify.prediction.slip_slopes import end_slopes, peak_slopes
 
 Array = NDArray[np.float64]

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.base.level import LEVEL
-from identify.base.quantiles import beta, normal_below
+from identify.base.quantiles import LEVEL, beta, normal_below
 from identify.model.model import Model
 from identify.prediction.branch import moved_orbit
 from identify.prediction.cycle import CycleMap

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import NORMAL
+from identify.base.quantiles import NORMAL
 from identify.prediction.chart import Boundary
 from identify.prediction.map_axes import Axis, Site, axis
 from identify.prediction.plane import Plane

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identify.model.model import ELONGATION, SPEED, Model
 from identify.prediction.glide import Glide, Glider
 from identify.prediction.hold import Hold
-from identify.simulation.scales import scales
+from identify.simulation.plan import scales
 
 Array = NDArray[np.float64]
 

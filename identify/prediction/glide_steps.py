@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import casadi as ca
 
-from identify.base.mapped import Mapped
+from identify.base.compiled import Mapped
 from identify.base.tableaus import DORMAND_PRINCE, step
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName, sliding_modes

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.base.speeds import speed_scale
+from identify.base.wording import speed_scale
 
 Document = Mapping[str, Any]
 OPEN = "interval open: "  # how a reason begins

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
-from identify.base.level import LEVEL, NORMAL
-from identify.base.quantiles import student
+from identify.base.quantiles import LEVEL, NORMAL, student
 from identify.model.model import Model
 
 Array = NDArray[np.float64]

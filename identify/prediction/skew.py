@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL, NORMAL
+from identify.base.quantiles import LEVEL, NORMAL
 from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
 from identify.prediction.drawn import Drawn, axis_points, draw, scales_of, unknown

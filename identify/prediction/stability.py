@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.base.bracket import rising_root
+from identify.base.roots import rising_root
 from identify.prediction.steady import eigenvalues
 
 __all__ = [

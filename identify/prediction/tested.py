@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from identify.base.log_numbers import numbers_of
+from identify.base.outcome import numbers_of
 from identify.prediction.outlook_words import listed, said
 
 SLACK = 1.1  # beyond the range by this factor still counts as inside

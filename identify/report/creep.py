@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.base.level import NORMAL
+from identify.base.quantiles import NORMAL
 from identify.diagnosis.findings import Findings
 from identify.logs.prepare import Prepared
 from identify.report.log_outlook import of_log

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL
+from identify.base.quantiles import LEVEL
 from identify.estimation.certainty import Certainty
 from identify.estimation.profile_side import CRITICAL
 from identify.estimation.uncertainty import parameter_value

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identify.base.errors import FitError
-from identify.base.log_numbers import numbers_of
-from identify.base.outcome import LogCurves, Status
-from identify.base.plain_text import wrapped
+from identify.base.outcome import LogCurves, Status, numbers_of
+from identify.base.wording import wrapped
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.outlook import outlook
 from identify.prediction.pairs import pair_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from identify.base.speeds import speed_scale
+from identify.base.wording import speed_scale
 
 DASH = "–"
 DECADES = 100.0  # from the smaller to the larger end of an interval, from which on no number of decimals suits both

@@ -12,7 +12,7 @@ from identify.base.outcome import LogCurves, SlipDetail
 from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.shooting import lanes
+from identify.shooting import batch as lanes
 from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL, NORMAL
 from identify.base.outcome import Status
+from identify.base.quantiles import LEVEL, NORMAL
 from identify.diagnosis.choice import Choice, as_listed, document_of
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.held import held_document

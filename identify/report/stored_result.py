@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from identify.base.errors import FitError, SceneError
-from identify.base.log_numbers import numbers_of
+from identify.base.outcome import numbers_of
 from identify.scene import Scene
 
 

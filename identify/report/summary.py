@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from identify.base.plain_text import columns, wrapped
+from identify.base.wording import columns, wrapped
 from identify.report.report_views import parameter_views
 from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
 

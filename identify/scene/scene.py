@@ -15,7 +15,9 @@ from identify.base.errors import SceneError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
-from identify.scene.checks import (
+from identify.scene.parameters import declared_by, default_spec
+from identify.scene.rig import question_bare_numbers
+from identify.scene.tables import (
     check_coefficients,
     check_groups,
     check_log_overrides,
@@ -23,8 +25,6 @@ from identify.scene.checks import (
     check_ranges,
     check_rig_bounds,
 )
-from identify.scene.parameters import declared_by, default_spec
-from identify.scene.rig import question_bare_numbers
 from identify.scene.toml import known_effects, read_parts, read_toml
 from identify.scene.values import Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 from identify.scene.words import document_of

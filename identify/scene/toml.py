@@ -15,9 +15,8 @@ from data_io.thresholds import Thresholds
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
-from identify.scene.logs import read_log_entry
 from identify.scene.parameters import declared_by, read_parameters
-from identify.scene.rig import RIG, read_rig, with_listed
+from identify.scene.rig import RIG, read_log_entry, read_rig, with_listed
 from identify.scene.tables import Table, nearest, quantity, share
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
 

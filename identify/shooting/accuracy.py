@@ -3,22 +3,49 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import FitError
+from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.shooting.discretisation import discretisation_error
 from identify.shooting.passes import COARSE as FIRST_GRID
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.placing import place
 
+# ----------------------------------------------------------------------------------------------------------------------
+# What the integration steps of a fit cost in accuracy: how far the answer would move with half the step.
+#
+# One Newton step on the same problem with twice as many steps, from the solution: the numerical error of the
+# discretisation, which is worth showing as a share of each standard error.
+# ----------------------------------------------------------------------------------------------------------------------
+
 Array = NDArray[np.float64]
+
+ORDER = 4  # of the step formula of the shooting
+
+
+def discretisation_error(solved: Solved) -> Array:
+    """Error of theta (f,) of the free parameters that the integration steps leave, signed, in search units."""
+    problem, z = solved.problem.with_finer_steps(), solved.solution.z
+    point = problem.evaluate(z, derivatives=True)
+    assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
+    kkt = optimality_matrix(point.hessian, point.jacobian)
+    # What the solver left of its own conditions is not the steps' doing: it is taken out.
+    own = solved.problem.evaluate(solved.solution.z, derivatives=True)
+    assert own.jacobian is not None and own.gradient is not None
+    change = point.gradient - own.gradient + (point.jacobian - own.jacobian).T @ solved.solution.multipliers
+    left = np.concatenate([change, point.rows - own.rows])
+    step = solve_equilibrated(kkt, -left[:, None])[:, 0] * 2**ORDER / (2**ORDER - 1)
+    count = problem.layout.free.size
+    return np.asarray(-step[:count] * problem.layout.scale[:count])
+
 
 OFFSETS = (0.3, 0.1, 0.03, 0.0)  # of the spread: how far from the answer the solves of the table start
 FINEST = 1e-4
@@ -125,3 +152,41 @@ def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tupl
         if counts and len(good) == len(logs):
             return theta, [replace(g, own=a.own) for g, a in zip(good, answer.guesses, strict=True)]
     return answer.theta, answer.guesses
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a user asks of a fit beyond its values: how finely, and which further looks at how sure it is.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Asked:
+    """accuracy: of the integration; profile: every parameter by its profile likelihood; bootstrap: replicates, 0 for
+    none; accuracy_table: what each level costs and changes; effects_table: the fit with and without each effect."""
+
+    accuracy: Accuracy = DEFAULT
+    profile: bool = False
+    bootstrap: int = 0
+    accuracy_table: bool = False
+    effects_table: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """All of it, for provenance; only accuracy and profile decide the numbers, and `again` reads no more."""
+        return asdict(self) | {"accuracy": self.accuracy.name}
+
+    @staticmethod
+    def again(document: Any) -> Asked:
+        """What a stored result asked for; the default where it says nothing that can be read.
+
+        Args:
+            document: "asked" of its provenance, or whatever stands there.
+        """
+        told = document if isinstance(document, Mapping) else {}
+        try:
+            accuracy = accuracy_of(str(told.get("accuracy", DEFAULT.name)))
+        except FitError:
+            accuracy = DEFAULT
+        return Asked(accuracy=accuracy, profile=told.get("profile") is True)
+
+
+NOTHING_MORE = Asked()

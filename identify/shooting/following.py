@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from identify.base.errors import SimulationError
 from identify.logs.log_data import Guess, LogData, Stretch
 from identify.model.model import Model
-from identify.shooting.along import Along
-from identify.shooting.first_state import first_state
-from identify.shooting.slide_parts import SlideParts
+from identify.shooting.onset_places import Along
+from identify.shooting.parts import SlideParts
+from identify.shooting.placing import first_state
 from identify.simulation.phases import Phase
 from identify.simulation.trajectory import Trajectory
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from identify.logs.log_data import Guess, Stretch
 from identify.logs.unknowns import Unknowns
-from identify.shooting.blocks import Block
+from identify.model.model import Model
+from identify.shooting.blocks import Block, BlockKind, block
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -135,3 +136,139 @@ def kept_parameters(layout: Layout) -> Indices:
     """Indices of all parameters among the unknowns: the shared ones, then those that single logs have."""
     own = np.unique(np.concatenate([place.own for place in layout.places])) if layout.places else np.array([], int)
     return np.concatenate([np.arange(layout.free.size), own[own >= layout.free.size]]).astype(np.int64)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Gathers what a layout is made of, while it is built: unknowns, rows and blocks.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Blocks of one kind and cycle: slots and fixed (B, n) but for the parameters, constants (B, n_c), edges
+    (B, cells, 2); the number of the first row; theta (n_p,): the slots of the parameters."""
+
+    slots: Indices
+    fixed: Array
+    constants: Array
+    edges: Array
+    first_row: int
+    log: int
+    cycle: int
+    theta: Indices
+
+
+class Collector:
+    """Gathers unknowns, rows and blocks while a layout is built; thrown away afterwards."""
+
+    def __init__(self, model: Model, unknowns: Unknowns, free: Indices) -> None:
+        self.model, self.unknowns = model, unknowns
+        self.scale: list[Array] = [unknowns.spread[free]]
+        self.start: list[Array] = [unknowns.start[free]]
+        self.lower: list[Array] = [unknowns.lower[free]]
+        self.upper: list[Array] = [unknowns.upper[free]]
+        self.mean: list[Array] = [unknowns.prior_mean[free]]
+        self.sd: list[Array] = [unknowns.prior_sd[free]]
+        self.count, self.rows = free.size, 0
+        self.theta = np.full(len(unknowns.names), KNOWN)
+        self.theta[free] = np.arange(free.size)
+        self.source = unknowns.source
+        self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
+        self.events: list[int] = []
+        self.made: dict[tuple[BlockKind, int], Block] = {}
+        self.parts: dict[tuple[BlockKind, int], list[_Blocks]] = {}
+
+    def add(
+        self,
+        start: Array,
+        scale: Array,
+        lower: Array | None = None,
+        upper: Array | None = None,
+        mean: Array | None = None,
+        sd: Array | None = None,
+    ) -> Indices:
+        """New unknowns; without bounds, without prior unless given. Returns their indices."""
+        n = start.size
+        infinite = np.full(n, np.inf)
+        self.start.append(start)
+        self.scale.append(scale)
+        self.lower.append(-infinite if lower is None else lower)
+        self.upper.append(infinite if upper is None else upper)
+        self.mean.append(np.zeros(n) if mean is None else mean)
+        self.sd.append(infinite if sd is None else sd)
+        self.count += n
+        return np.arange(self.count - n, self.count)
+
+    def state(self, value: Array, scale: Array, known: tuple[int, ...]) -> Indices:
+        """Unknowns for one node state; the components in `known` stay constants."""
+        index = np.full(value.size, KNOWN)
+        free = [i for i in range(value.size) if i not in known]
+        index[free] = self.add(value[free], scale[free])
+        return index
+
+    def event(self, scale: float, left: float, right: float) -> int:
+        """The offset of one event time, kept within the phases beside it [s]."""
+        one = np.ones(1)
+        index = int(self.add(0 * one, scale * one, -0.45 * left * one, 0.45 * right * one)[0])
+        self.events.append(index)
+        return index
+
+    def put(
+        self,
+        kind: BlockKind,
+        steps: int,
+        log: int,
+        cycle: int,
+        slots: list[Indices],
+        fixed: list[Array],
+        constants: Array,
+        edges: Array,
+        own: Indices,
+    ) -> None:
+        """One block: its slots are the given ones and the parameters, of which this log has some for itself."""
+        joined, values = np.concatenate(slots)[None, :], np.concatenate(fixed)[None, :]
+        self.put_all(kind, steps, log, cycle, joined, values, constants[None, :], edges[None], own)
+
+    def put_all(
+        self,
+        kind: BlockKind,
+        steps: int,
+        log: int,
+        cycle: int,
+        slots: Indices,
+        fixed: Array,
+        constants: Array,
+        edges: Array,
+        own: Indices,
+    ) -> None:
+        """Blocks of one kind and cycle: slots and fixed (B, n) but for the parameters, constants (B, n_c), edges
+        (B, cells, 2)."""
+        made = self.made.get((kind, steps))
+        if made is None:
+            made = self.made[kind, steps] = block(self.model, kind, steps)
+        theta = np.where(own >= 0, own, self.theta)[self.source]
+        entry = _Blocks(slots, fixed, constants, edges, self.rows, log, cycle, theta)
+        self.rows += slots.shape[0] * made.n_rows
+        self.parts.setdefault((kind, steps), []).append(entry)
+
+    def families(self) -> tuple[Family, ...]:
+        """All blocks so far, one family per kind."""
+        return tuple(self._family(self.made[key], entries) for key, entries in self.parts.items())
+
+    def _family(self, made: Block, entries: list[_Blocks]) -> Family:
+        counts = np.array([e.slots.shape[0] for e in entries])
+        count = int(counts.sum())
+        theta = np.repeat(np.stack([e.theta for e in entries]), counts, axis=0)
+        start = np.broadcast_to(self.unknowns.start[self.source], theta.shape)
+        within = np.arange(count) - np.repeat(np.cumsum(counts) - counts, counts)
+        first = np.repeat([e.first_row for e in entries], counts) + made.n_rows * within
+        return Family(
+            made,
+            np.concatenate([np.concatenate([e.slots for e in entries]), theta], axis=1),
+            np.concatenate([np.concatenate([e.fixed for e in entries]), start], axis=1),
+            np.concatenate([e.constants for e in entries]),
+            first[:, None] + np.arange(made.n_rows),
+            np.repeat([e.log for e in entries], counts),
+            np.repeat([e.cycle for e in entries], counts),
+            np.concatenate([e.edges for e in entries]),
+        )

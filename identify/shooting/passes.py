@@ -6,6 +6,7 @@ more than half a sample, the assignment and the answer agree.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,13 +19,71 @@ from identify.base.budget import time_is_up
 from identify.logs.loads import calmed
 from identify.logs.log_data import Grid, Guess, LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.first_onsets import with_first_onsets
-from identify.shooting.last_onsets import turned_back, with_last_onsets
+from identify.shooting.layout import kept_parameters
+from identify.shooting.onsets import turned_back, with_first_onsets, with_last_onsets
 from identify.shooting.shooting import Problem, transcribe
 from identify.shooting.solve import Solution, solve
-from identify.shooting.trust import EASY, Trust, held_back
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How far one pass of a solve is trusted: parameters and events go no farther from where the samples were assigned.
+#
+# From a start that is off a solve takes steps along what it sees there, and may be lost after the first: a slip begins
+# from an unstable equilibrium, and what a parameter does to it holds for a small part of its range. Held to such a
+# part, each pass is an easy solve, and the next begins where it ended.
+# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
+
+FIRST = 0.5  # of the spread of a parameter
+OF_A_SLIP = 1 / 3  # of its duration: for the events about it
+WIDER, NARROWER = 1.5, 0.25  # times that, after a pass that was easy and one that was lost
+EASY = 8  # iterations
+LOST = 3  # passes that may be lost
+EDGE = 0.99  # of the way to where trust ends: what goes as far is held back
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How far parameters may go, in their spreads, and how many passes were lost so far."""
+
+    reach: float = FIRST
+    lost: int = 0
+
+    def after(self, easy: bool) -> Trust:
+        """What is trusted after a pass that succeeded."""
+        return replace(self, reach=self.reach * WIDER) if easy else self
+
+    def less(self) -> Trust | None:
+        """What is trusted after a pass that was lost; None where enough were."""
+        return None if self.lost == LOST else Trust(self.reach * NARROWER, self.lost + 1)
+
+    def bounds(self, problem: Problem, guesses: Sequence[Guess]) -> tuple[Array, Array]:
+        """Lower and upper bounds of the unknowns (n,), in physical units."""
+        layout = problem.layout
+        room = np.full(layout.size, np.inf)
+        kept = kept_parameters(layout)
+        room[kept] = self.reach * layout.scale[kept]
+        for place, guess in zip(layout.places, guesses, strict=True):
+            slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else np.inf
+            room[place.events] = OF_A_SLIP * slip
+        return np.maximum(layout.lower, layout.start - room), np.minimum(layout.upper, layout.start + room)
+
+    def held_to(self, problem: Problem, guesses: Sequence[Guess]) -> Problem:
+        """The problem within what is trusted."""
+        lower, upper = self.bounds(problem, guesses)
+        out = copy.copy(problem)
+        out.layout = replace(problem.layout, lower=lower, upper=upper)
+        return out
+
+
+def held_back(problem: Problem, x: Array) -> bool:
+    """Whether some parameter or event went as far as the problem lets it, from its start, in a point x (n,)."""
+    layout = problem.layout
+    moved = x - layout.start
+    asked = np.union1d(kept_parameters(layout), layout.events)
+    room = np.where(moved > 0.0, layout.upper - layout.start, layout.start - layout.lower)[asked]
+    return bool(np.any(np.abs(moved[asked]) > EDGE * room))
+
 
 COARSE = Grid(slip=8, saturated=8, steps=2)
 STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
@@ -34,14 +93,14 @@ SETTLED = 0.5  # samples: the last event shift
 RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
 VANISHING = 0.05  # samples: an event that goes as far as it can, and no farther than this, stands still
-OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
+PASSES_OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
 PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 LONGEST = 40  # passes where slips last no longer than samples lie apart: an event comes a share of a slip nearer
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, and iterations until then
 ENOUGH, FOLLOWS = 3, 1e-2  # iterations until then from a good start, and the largest row of a motion that comes of it
-LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
+PASSES_LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 OVERTIME = 80  # iterations more where a load trembles and
 ALMOST = 1.5  # times the noise variance is what is left
 HANGS = 1e-5  # largest row of a motion that hangs together
@@ -229,7 +288,7 @@ def _last(solved: Solved, arrived: int, hopeless: float) -> bool:
     """
     solution, fine = solved.solution, solved.grid is not COARSE
     misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
-    far = misfit > LOST if not solution.success else arrived >= PASSES and misfit > ALL_BUT
+    far = misfit > PASSES_LOST if not solution.success else arrived >= PASSES and misfit > ALL_BUT
     broken = not solution.success and (fine or solution.infeasibility > NEAR)
     if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
         return True
@@ -319,7 +378,7 @@ def _interval(log: LogData, guess: Guess) -> float:
     """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter (not where
     half of them last no time at all: a motion that no one can settle)."""
     slip = float(np.median(guess.slips)) if guess.slips.size else 0.0
-    return min(log.interval, OF_A_SLIP * slip) if slip > 0.0 else log.interval
+    return min(log.interval, PASSES_OF_A_SLIP * slip) if slip > 0.0 else log.interval
 
 
 def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:

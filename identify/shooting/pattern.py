@@ -6,7 +6,8 @@ nothing else share it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -14,12 +15,166 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from identify.logs.log_data import LogData
 from identify.shooting.layout import Family, Indices, Layout
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The samples of a log, compressed exactly: what a fit needs of them whatever the curve.
+#
+# In each cell the model's curve is a polynomial in reference time, so sums of powers of the sample times and of the
+# residuals against one curve are all that is needed. The cost of an evaluation does not depend on the sampling rate.
+# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
 
+PORTION = 1 << 15  # samples worked on at once: few enough to stay in cache
+LINE = 2  # coefficients of a line
 
-PORTION = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
+
+@dataclass(frozen=True)
+class CellSamples:
+    """Samples of one log in cells of a family: number of the log; cells (k,) that hold any, none twice, how many each
+    holds (k,), and of these samples, cell by cell, the index (n,), or their slice where they follow each other, and
+    u in [0, 1] (n,). A cell of many samples is cut: its others come later."""
+
+    log: int
+    cells: Indices
+    lengths: Indices
+    samples: Indices | slice
+    u: Array
+
+    def of_curve(self, coefficients: Array) -> Array:
+        """A curve, by its coefficients in every cell of the family (..., order, *rest), at the samples (n, *rest), by
+        Horner's rule."""
+        order, rest = coefficients.shape[1], coefficients.shape[2:]
+        taken = coefficients[self.cells]
+        u = self.u.reshape(-1, *(1 for _ in rest))
+        value = np.repeat(taken[:, order - 1], self.lengths, axis=0)
+        for power in range(order - 2, -1, -1):
+            value *= u
+            value += _each(taken[:, power], self.lengths)
+        return value
+
+
+@dataclass(frozen=True)
+class Moments:
+    """The compressed samples of one family: with w = weight, r = force - reference curve, u in [0, 1]:
+    curvature (B, cells, order, order) = sum w u^(i+j); pull (B, cells, order) = sum w u^i r;
+    reference (B, cells, order) coefficients; square (B,) = sum w r^2; count (B,) samples that count."""
+
+    curvature: Array
+    pull: Array
+    reference: Array
+    square: Array
+    count: Array
+
+    def slope_at(self, curve: Array) -> Array:
+        """Gradient of half the weighted squares with respect to the curve coefficients, shape of curve."""
+        return np.asarray(self._bent(curve - self.reference) - self.pull)
+
+    def squares_at(self, curve: Array) -> Array:
+        """Sum of squared weighted residuals of each block (B,) at these curve coefficients."""
+        step = curve - self.reference
+        return np.asarray(self.square + np.sum(step * (self._bent(step) - 2 * self.pull), axis=(1, 2)))
+
+    def around(self, curve: Array) -> Moments:
+        """The same samples, compressed around another curve."""
+        return replace(self, reference=curve, pull=-self.slope_at(curve), square=self.squares_at(curve))
+
+    def of(self, blocks: slice) -> Moments:
+        """Those of some blocks."""
+        columns = (self.curvature, self.pull, self.reference, self.square, self.count)
+        return Moments(*(column[blocks] for column in columns))
+
+    def _bent(self, step: Array) -> Array:
+        return np.asarray(np.matmul(self.curvature, step[..., None])[..., 0])
+
+
+def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]:
+    """The samples in the cells of a family, log by log and a portion at a time."""
+    n_cells = family.block.n_cells
+    flat = family.edges.reshape(-1, 2)
+    for number, log in enumerate(logs):
+        cells = np.flatnonzero(np.repeat(family.log == number, n_cells))
+        if cells.size == 0:
+            continue
+        first, last = np.searchsorted(log.time, flat[cells].T, side="left")
+        final = flat[cells, 1] >= log.end
+        last = np.where(final, np.searchsorted(log.time, log.end, side="right"), last)
+        full = last > first
+        cells, first, lengths = cells[full], first[full], (last - first)[full]
+        if cells.size == 0:
+            continue
+        for part, begin, held in _portions(first, lengths):
+            ends = begin + held
+            sample: Indices | slice
+            if np.array_equal(begin[1:], ends[:-1]):  # as a rule: a slice copies nothing
+                sample = slice(int(begin[0]), int(ends[-1]))
+            else:
+                sample = np.arange(int(held.sum())) + np.repeat(ends - np.cumsum(held), held)
+            edges = flat[cells[part]]
+            u = log.time[sample] - _each(edges[:, 0], held)
+            u /= _each(edges[:, 1] - edges[:, 0], held)
+            yield CellSamples(number, cells[part], held, sample, u)
+
+
+def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Moments:
+    """The samples in the cells of a family, compressed around a curve (B, cells, order).
+
+    Sample by sample only the line that the curve begins with is taken off, which leaves residuals small enough for
+    their squares to be exact; the rest of it moves the sums.
+    """
+    order, n_cells, count = family.block.order, family.block.n_cells, family.slots.shape[0]
+    n = count * n_cells
+    powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
+    square, number = np.zeros(n), np.zeros(n)
+    line = np.where(np.arange(order) < LINE, reference, 0.0)
+    beginning = line.reshape(n, order)[:, :LINE]
+    for held in samples_of(family, logs):
+        log, cells, u = logs[held.log], held.cells, held.u
+        weight, force = log.weight[held.samples], log.force[held.samples]
+        first = np.cumsum(held.lengths) - held.lengths
+        r = force - held.of_curve(beginning)
+        number[cells] += held.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
+        pulled = weight * r
+        square[cells] += np.add.reduceat(np.multiply(pulled, r, out=r), first)
+        weighed = weight.copy()
+        for i in range(2 * order - 1):
+            powers[cells, i] += np.add.reduceat(weighed, first)
+            weighed *= u
+            if i < order:
+                pull[cells, i] += np.add.reduceat(pulled, first)
+                pulled *= u
+    hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
+    shape = (count, n_cells)
+    about_line = Moments(
+        powers[:, hankel].reshape(*shape, order, order),
+        pull.reshape(*shape, order),
+        line,
+        square.reshape(shape).sum(axis=1),
+        number.reshape(shape).sum(axis=1),
+    )
+    return about_line.around(reference)
+
+
+def _each(values: Array, lengths: Indices) -> Array:
+    """What belongs to cells (k, *rest), for each of their samples (n, *rest), or for all of one cell (1, *rest)."""
+    return values if lengths.size == 1 else np.repeat(values, lengths, axis=0)
+
+
+def _portions(first: Indices, lengths: Indices) -> Iterator[tuple[slice, Indices, Indices]]:
+    """PORTION samples at a time of cells (k,): which cells in a row, and where their samples of it begin, and how many
+    they are."""
+    ends = np.cumsum(lengths)
+    begins = ends - lengths
+    for start in range(0, int(ends[-1]), PORTION):
+        stop = start + PORTION
+        part = slice(int(np.searchsorted(ends, start, side="right")), int(np.searchsorted(begins, stop)))
+        skipped = np.maximum(start - begins[part], 0)
+        yield part, first[part] + skipped, np.minimum(ends[part], stop) - begins[part] - skipped
+
+
+PATTERN_PORTION = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
 
 
 @dataclass(frozen=True)
@@ -72,8 +227,8 @@ class Scatter:
     def of(family: Family, numbering: _Numbering) -> Scatter:
         """That of a family, whose entries are counted."""
         used = np.flatnonzero(np.any(family.slots >= 0, axis=0))
-        starts = range(0, family.slots.shape[0], PORTION)
-        parts = tuple(numbering.part(family, slice(first, first + PORTION)) for first in starts)
+        starts = range(0, family.slots.shape[0], PATTERN_PORTION)
+        parts = tuple(numbering.part(family, slice(first, first + PATTERN_PORTION)) for first in starts)
         return Scatter(family.slots, family.rows, tuple(used.tolist()), parts)
 
     def gradient(self, pull: Array, size: int) -> Array:

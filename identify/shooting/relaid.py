@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.logs.unknowns import Unknowns
-from identify.shooting.block_equations import SLIDES
-from identify.shooting.blocks import block
+from identify.shooting.blocks import SLIDES, block
 from identify.shooting.layout import KNOWN, Family, Indices, Layout, Places
 
 Array = NDArray[np.float64]

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from identify.logs.log_data import Grid, Guess, LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.compression import Moments, compressed, samples_of
-from identify.shooting.lay_out import lay_out
 from identify.shooting.layout import Family, Layout
-from identify.shooting.pattern import Pattern
+from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
 from identify.shooting.relaid import with_every_parameter, with_finer_steps
+from identify.shooting.transcription import lay_out
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from identify.base.equilibrated import Factors, optimality_matrix
+from identify.base.linear import Factors, optimality_matrix
 from identify.shooting.shooting import Point, Problem
 
 Array = NDArray[np.float64]

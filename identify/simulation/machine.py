@@ -10,8 +10,7 @@ from identify.model.modes import GUARDS, ModeName, sliding_modes
 from identify.simulation import resting
 from identify.simulation.bursts import SHORTEST
 from identify.simulation.methods import Method
-from identify.simulation.plan import Plan, growth
-from identify.simulation.scales import Scales
+from identify.simulation.plan import Plan, Scales, growth
 from identify.simulation.situated import Situated
 from identify.simulation.stepper import Stepper, borrowed, give_back
 

@@ -1,11 +1,7 @@
 """The table of integration methods. A new one is one file here and one line in ALL."""
 
 from identify.base import tableaus
-from identify.simulation.explicit import Explicit
-from identify.simulation.interface import Method
-from identify.simulation.outside import Cvodes
-from identify.simulation.radau import Radau
-from identify.simulation.series import Exponential
+from identify.simulation.steppers import Cvodes, Explicit, Exponential, Method, Radau
 
 LOW = Explicit.of(tableaus.BOGACKI_SHAMPINE, "explicit, low order", "Bogacki and Shampine 1989")
 MIDDLE = Explicit.of(tableaus.DORMAND_PRINCE, "explicit, middle order", "Dormand and Prince 1980")

@@ -12,13 +12,208 @@ from numpy.typing import NDArray
 
 from identify.base.compiled import compiled
 from identify.base.errors import SimulationError
-from identify.model.model import ELONGATION, SPEED, Model
+from identify.effects import ALL
+from identify.effects.quantities import Parameter
+from identify.model.model import BASE_STATES, ELONGATION, INPUTS, SPEED, Model
 from identify.model.modes import ModeName, sliding_modes
+from identify.simulation.bursts import takes
 from identify.simulation.methods import HIGH, LINEAR, LOW, MIDDLE, STIFF, Method
-from identify.simulation.scales import Scales, scales
-from identify.simulation.stepping import takes
+from identify.simulation.resting import swing
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Steady sliding of the composed model: the state in which nothing changes while the mass goes as fast as the drive.
+# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
+
+STEPS = 40  # of Newton's method: one is enough where the rates are linear in the states
+CLOSE = 1e-9  # of the typical states: the last step
+
+
+@dataclass(frozen=True)
+class Steadiness:
+    """A state (n_x,) that does not change, and whether the bounded state is held at its bound there."""
+
+    state: Array
+    saturated: bool
+
+
+def rate_slopes(model: Model, x: Array, p: Array, u: Array) -> Array:
+    """Derivatives (n_x, n_x) of the rates of a sliding mass with respect to its states, no state held."""
+    return _rates(model, False, x, p, u)[1]
+
+
+def steadiness(model: Model, p: Array, u: Array) -> Steadiness | None:
+    """The state of steady sliding under inputs u (4,); None where there is none (something goes on changing).
+
+    Args:
+        p: (n_p,).
+    """
+    if model.clocked:
+        return None
+    free = _settled(model, p, u, saturated=False)
+    if model.clamped is None or (free is not None and free[model.clamped] > (model.states[model.clamped].lower or 0.0)):
+        return None if free is None else Steadiness(free, False)
+    held = _settled(model, p, u, saturated=True)
+    return None if held is None else Steadiness(held, True)
+
+
+def decay(model: Model, at: Steadiness, p: Array, u: Array) -> float:
+    """Rate [1/s] at which the slowest small deviation from steady sliding fades; negative where it grows."""
+    slopes = _rates(model, at.saturated, at.state, p, u)[1]
+    moving = [i for i in range(at.state.size) if not (at.saturated and i == model.clamped)]
+    return float(-np.max(np.linalg.eigvals(slopes[np.ix_(moving, moving)]).real))
+
+
+def _settled(model: Model, p: Array, u: Array, *, saturated: bool) -> Array | None:
+    """Newton's method on the rates of all states but the elongation, which the speed of the drive answers for."""
+    held = (model.clamped,) if saturated else ()
+    solved = [i for i in range(len(model.states)) if i != SPEED and i not in held]
+    rows = [i for i in range(len(model.states)) if i != ELONGATION and i not in held]
+    level = p[model.parameter_names.index("mu_k0")] * u[1]
+    x = np.array(model.at_force(level, p, u)).ravel()
+    x[SPEED] = u[0]
+    for i in held:
+        assert i is not None
+        x[i] = model.states[i].lower or 0.0
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            rates, slopes = _rates(model, saturated, x, p, u)
+            if not np.all(np.isfinite(rates)) or not np.all(np.isfinite(slopes)):
+                return None
+            move = np.linalg.lstsq(slopes[np.ix_(rows, solved)], -rates[rows], rcond=None)[0]
+            x[solved] += move
+            if np.all(np.abs(move) <= CLOSE * (np.abs(x[solved]) + 1e-12)):
+                left = np.abs(_rates(model, saturated, x, p, u)[0][rows])
+                reach = np.max(np.abs(slopes[rows]) * (np.abs(x) + 1e-12), axis=1)
+                return x if np.all(left <= 1e-6 * reach) else None
+    return None
+
+
+@lru_cache(maxsize=64)
+def _function(model: Model, saturated: bool) -> ca.Function:
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
+    rates = (model.saturated if saturated else model.slip)(x, p, u)
+    return ca.Function("rates", [x, p, u], [rates, ca.densify(ca.jacobian(rates, x))])
+
+
+def _rates(model: Model, saturated: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
+    """Rates (n_x,) of the states and their derivatives (n_x, n_x)."""
+    rates, slopes = _function(model, saturated)(x, p, u)
+    return np.array(rates).ravel(), np.array(slopes)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a simulation is asked must make sense: checked once, before anything moves.
+# ----------------------------------------------------------------------------------------------------------------------
+
+ROUNDING = 1e-9  # by which a state may start outside its bounds
+LARGE = 1e100
+PHASE = 1e-3  # [rad]: what rounding may make of the phase of a vibration at the end of a record
+
+
+def admit(model: Model, values: Mapping[str, float], duration: float, start: Mapping[str, float]) -> None:
+    """Let pass what can be simulated.
+
+    Args:
+        values: parameters by name, SI. duration: [s]. start: initial states by name.
+
+    Raises:
+        SimulationError: a parameter that is missing, not finite or has a sign that it cannot have; a duration that is
+            not positive and finite, or so long that a vibration has no phase any more; a state that nobody knows, that
+            is not finite or that lies outside its bounds.
+    """
+    if not 0.0 < duration < np.inf:
+        raise SimulationError(f"the duration is {duration} s; expected a positive time")
+    for parameter in model.parameters:
+        if parameter.name not in values:
+            raise SimulationError(f"the parameter {parameter.name} is missing; give it a value")
+        if not _possible(parameter, values[parameter.name]):
+            raise SimulationError(
+                f"the parameter {parameter.name} is {values[parameter.name]:g} {parameter.unit}".rstrip()
+                + f"; expected {_expected(parameter)}"
+            )
+    _tell_phases(model, values, duration)
+    if not start:
+        return
+    states = {s.name: s for s in model.states}
+    known = {s.name for s in BASE_STATES} | {s.name for effect in ALL for s in effect.states} | set(states)
+    for name, value in start.items():
+        if name not in known:
+            raise SimulationError(
+                f"the motion is to start with {name!r}, which is no state; states are {sorted(known)}"
+            )
+        state = states.get(name)
+        low = -LARGE if state is None or state.lower is None else state.lower - ROUNDING
+        high = LARGE if state is None or state.upper is None else state.upper + ROUNDING
+        if not low <= value <= high:
+            raise SimulationError(f"{name} starts at {value:g}; expected a number from {low:.3g} to {high:.3g}")
+
+
+def _tell_phases(model: Model, values: Mapping[str, float], duration: float) -> None:
+    if not model.vibrates:
+        return
+    p = np.array([values[name] for name in model.parameter_names], float)
+    omegas, forces = (np.array(f(p)).ravel() for f in (model.waves, model.swings))
+    fastest = float(np.max(omegas[forces > 0.0], initial=0.0))
+    if np.finfo(float).eps * fastest * duration > PHASE:
+        raise SimulationError(
+            f"the drive vibrates {fastest * duration / (2.0 * np.pi):.1g} times within {duration:g} s: no digits are "
+            "left of the phase of the vibration; shorten the record, or leave out that vibration"
+        )
+
+
+def _possible(parameter: Parameter, value: float) -> bool:
+    """Whether its law can be evaluated: the box says which sign it has, not how large it may be."""
+    if parameter.lower > 0.0:
+        return 0.0 < value < np.inf
+    return (0.0 if parameter.lower == 0.0 else -np.inf) <= value < np.inf and value > -np.inf
+
+
+def _expected(parameter: Parameter) -> str:
+    if parameter.lower > 0.0:
+        return "a positive number"
+    return "a number from 0 on" if parameter.lower == 0.0 else "a finite number"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Typical sizes of a scene: they set first steps and absolute tolerances.
+# ----------------------------------------------------------------------------------------------------------------------
+
+SHARE = 4.0  # steps on one period or wave, at least
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical time [s] and state sizes (n_x,) of a scene under a normal force [N].
+
+    No step is longer than `longest` [s] or goes farther than `farthest` [m]: an error estimate sees no vibration
+    and no track that it steps over.
+    """
+
+    time: float
+    state: Array
+    normal_force: float
+    longest: float
+    farthest: float
+
+
+def scales(model: Model, p: Array, normal_force: float) -> Scales:
+    """Natural time scale sqrt(m/k), and the states a load of one normal force gives."""
+    return _scales(model, np.asarray(p, float).tobytes(), float(normal_force))
+
+
+@lru_cache(maxsize=256)
+def _scales(model: Model, parameters: bytes, normal_force: float) -> Scales:
+    p = np.frombuffer(parameters)
+    values = dict(zip(model.parameter_names, p.tolist(), strict=True))
+    k, m = values["stiffness"], values["mass"]
+    state = np.ones(len(model.states))
+    state[ELONGATION], state[SPEED] = normal_force / k, normal_force / np.sqrt(k * m)
+    farthest = float(np.min(np.array(model.finest(p)))) if model.finest.numel_out(0) else np.inf
+    state.setflags(write=False)
+    return Scales(float(np.sqrt(m / k)), state, normal_force, swing(model, p)[0] / SHARE, farthest / SHARE)
+
 
 ACCURACY = 1e-10  # where nobody asks and no noise is known
 BELOW_NOISE = 0.1  # of the noise: what the integration may be wrong by

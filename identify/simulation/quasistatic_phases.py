@@ -5,22 +5,35 @@ As in `phases`, switch times are located on the step itself, and time is local t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from identify.base.crossing import first_zero
 from identify.base.errors import SimulationError
+from identify.base.roots import first_zero
 from identify.model.model import Model
 from identify.model.modes import GuardName, ModeName, sliding_modes
+from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.phases import Phase
-from identify.simulation.quasistatic_balance import negligible
-from identify.simulation.quasistatic_collocation import ESTIMATE_ORDER, Collocator, Local
+from identify.simulation.plan import other
+from identify.simulation.quasistatic import (
+    CLOSE,
+    ESTIMATE_ORDER,
+    NEWTON_STEPS,
+    NODES,
+    Collocator,
+    Local,
+    local_function,
+    negligible,
+    settle,
+    stage_function,
+)
 from identify.simulation.resting import courses, swing
 from identify.simulation.situated import Situated
+from identify.simulation.trajectory import Second, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -214,3 +227,201 @@ class Slide:
         if low is None:
             return 0.0
         return float(brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A motion simulated without inertia, and its samples: as `trajectory`, the speed following from the balance.
+# ----------------------------------------------------------------------------------------------------------------------
+
+METHOD = "radau in balance"  # the name by which its method is reported
+BRIEF = 1e-6  # of a step: what is nearer to its start lies on a straight line
+
+
+@dataclass(frozen=True)
+class BalancedTrajectory(Trajectory):
+    """A motion without inertia: phases with speeds, and the same samples as with it."""
+
+    phases: Sequence[BalancedPhase]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The one method there is, where anything slides."""
+        return (METHOD,) if any(phase.mode != "stick" for phase in self.phases) else ()
+
+    def _moments(self, t: Array) -> dict[str, Array]:
+        """The samples at rising times t (n,) [s], the force of the moment."""
+        names = (*(s.name for s in self.model.states), "sliding_speed")
+        out = {name: np.empty(t.size) for name in (*names, "force", "normal_force", "coefficient", "sliding")}
+        starts = np.array([p.start for p in self.phases])
+        cuts = np.append(np.searchsorted(t, starts[1:], side="left"), t.size)
+        first = 0
+        for phase, last in zip(self.phases, cuts.tolist(), strict=True):
+            if last > first:
+                _sample_phase(self.model, phase, t[first:last] - phase.start, out, slice(first, last))
+            first = last
+        return out
+
+
+def _sample_phase(model: Model, phase: BalancedPhase, t: Array, out: dict[str, Array], where: slice) -> None:
+    """Fill the samples of one phase; t (n,) is local to it."""
+    s, n = phase.situated, t.size
+    t = np.clip(t, 0.0, phase.duration)
+    p, u = np.repeat(s.p[:, None], n, axis=1), s.at(t, s.direction)
+    speeds = np.zeros((1, n))
+    if phase.mode == "stick":
+        x = np.array(model.rest(np.repeat(phase.x[0][:, None], n, axis=1), p, u, t[None, :]))
+        load = np.array(model.driving_force(x, p, u)).ravel()
+    else:
+        x, speeds = _within(model, phase, t)
+        load = np.array(model.load(x, p, u, speeds)).ravel()
+    for i, state in enumerate(model.states):
+        out[state.name][where] = x[i]
+    out["sliding_speed"][where] = s.direction * speeds[0]
+    out["force"][where] = np.array(model.load_cell(x, p, u, speeds)).ravel()
+    out["normal_force"][where] = u[1]
+    out["coefficient"][where] = load / u[1]
+    out["sliding"][where] = float(phase.mode != "stick")
+
+
+def _within(model: Model, phase: BalancedPhase, t: Array) -> tuple[Array, Array]:
+    """States (n_x, n) and speeds (1, n) at times t (n,) of a slide: a shorter step from the node before each."""
+    s, n = phase.situated, t.size
+    node = np.clip(np.searchsorted(phase.t, t, side="right") - 1, 0, max(phase.t.size - 2, 0))
+    at, x0, v0 = phase.t[node], phase.x[node].T, phase.v[node][None, :]
+    whole = phase.t[np.minimum(node + 1, phase.t.size - 1)] - at
+    h = t - at
+    taken = np.maximum(h, BRIEF * whole)
+    share = np.divide(h, taken, out=np.zeros(n), where=taken > 0.0)
+    p, drive = np.repeat(s.p[:, None], n, axis=1), np.repeat(s.inputs[:, None], n, axis=1)
+    x, v = _step(model, phase, (x0, v0, p, drive), at, taken)
+    x = x0 + share * (x - x0)
+    local = np.array(local_function(model, phase.mode)(x, v, p, drive, t[None, :]))
+    speeds = np.where(share < 1.0, v0[0] + share * (v[0] - v0[0]), local[-2])
+    return x, np.where(phase.t[-1] == t, phase.v[-1], speeds)[None, :]
+
+
+def _step(
+    model: Model, phase: BalancedPhase, given: tuple[Array, Array, Array, Array], at: Array, h: Array
+) -> tuple[Array, Array]:
+    """States and speeds after a step of each lane, by Newton's method on all of them together."""
+    x, v, p, drive = given
+    n, lanes = x.shape
+    slopes = np.array(local_function(model, phase.mode)(x, v, p, drive, at[None, :]))[:n]
+    growth = np.concatenate([slopes, np.zeros((1, lanes))])
+    first = np.concatenate([x, v])
+    stages = np.concatenate([first + c * h * growth for c in NODES])
+    function, size = stage_function(model, phase.mode), 3 * (n + 1)
+    for _ in range(NEWTON_STEPS):
+        result = np.array(function(stages, x, p, drive, at[None, :], h[None, :]))
+        matrices = result[size:].T.reshape(lanes, size, size).transpose(0, 2, 1)
+        change = np.linalg.solve(matrices, result[:size].T[:, :, None])[:, :, 0].T
+        stages = stages - change
+        if np.all(
+            np.abs(change[-n - 1 : -1]) <= CLOSE * (1e-300 + np.max(np.abs(stages[-n - 1 : -1]), axis=1))[:, None]
+        ):
+            break
+    return stages[-n - 1 : -1], stages[-1:]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Run a model without inertia forward: rest, sliding in balance of forces, located switches, jumps of the speed.
+#
+# It is the limit of a vanishing mass with hysteresis damping h > 0 and stiffness k fixed, reached with sqrt(m).
+# (Without any damping a mass on an ageing contact is unstable, however small: it swings up at the rate k_D/(2 t_cr (k -
+# k_D)), k_D = (mu_s - mu_k) F_n/D.) Where friction falls as sliding sets in, or softens with distance faster than the
+# spring unloads (k < k_D), the motion jumps to another place: refused by name.
+# ----------------------------------------------------------------------------------------------------------------------
+
+MAX_PHASES = 2_000_000
+STALLED, MOMENT = 1000, 1e-10  # so many phases in a row, each no longer than that share of the whole: chatter
+
+
+def balanced(
+    model: Model,
+    p: Array,
+    drive: Drive,
+    normal_force: NormalForce,
+    duration: float,
+    x: Array,
+    *,
+    rtol: float = 1e-11,
+    accuracy: float | None = None,
+    locate: bool = True,
+) -> BalancedTrajectory:
+    """The motion of a model without inertia from rest at state x (n_x,), for `duration` [s]; arguments as `run`.
+
+    Raises:
+        SimulationError: a jump to another place, or phases without time passing.
+    """
+    motion = tuple(_phases(model, p, (drive, normal_force), duration, x, rtol, locate))
+    following, share = other(rtol)
+
+    def again() -> BalancedTrajectory:
+        outside = (drive, normal_force)
+        return balanced(model, p, *outside, duration, x, rtol=following, accuracy=accuracy, locate=locate)
+
+    return BalancedTrajectory(model, motion, duration, accuracy, Second(again, share, following < rtol))
+
+
+def _phases(
+    model: Model,
+    p: Array,
+    outside: tuple[Drive, NormalForce],
+    duration: float,
+    x: Array,
+    rtol: float,
+    locate: bool,
+) -> Iterator[BalancedPhase]:
+    drive, normal_force = outside
+    machine = Collocator(model, rtol, sizes(model, p, float(normal_force.at(0.0))))
+    ends = breaks(drive, normal_force, duration)
+    t, v, segment, stalled, direction, folded = 0.0, 0.0, 0, 0, 1.0, False
+    mode: ModeName = "stick"
+    for _ in range(MAX_PHASES):
+        force, slope = normal_force.line(t)
+        situated = Situated(p, drive.at(t), direction, force, slope, t)
+        limit = float(ends[segment]) - t
+        phase, following = _phase(machine, mode, (x, v, folded), situated, limit, locate)
+        stalled = stalled + 1 if phase.duration <= MOMENT * duration else 0
+        if stalled > STALLED:
+            raise SimulationError(
+                f"the contact changes between rest and slide without time passing at {t:.6g} s (chatter): "
+                "without inertia nothing holds it either way; add the effect inertia"
+            )
+        if phase.duration > 0.0 or phase.ended_by is not None:
+            yield phase  # of no duration too: an arrest at a step of the drive is an arrest
+        t, x, v, folded = t + phase.duration, phase.x[-1], float(phase.v[-1]), phase.ended_by == "fold"
+        if phase.ended_by is None:
+            t, segment = float(ends[segment]), segment + 1
+            if segment == ends.size:
+                return
+        if mode == "stick" and following != "stick":
+            u = np.array([situated.drive_speed, float(normal_force.at(t)), 1.0, t])
+            direction = float(np.sign(np.array(model.driving_force(x, p, u)).item())) or 1.0
+        elif mode != "stick" and following == "stick" and model.jumps:
+            x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
+        mode = following
+    raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+
+
+def _phase(
+    machine: Collocator,
+    mode: ModeName,
+    at: tuple[Array, float, bool],
+    situated: Situated,
+    limit: float,
+    locate: bool,
+) -> tuple[BalancedPhase, ModeName]:
+    """One phase of `limit` [s] at most, and the mode that follows it; at: state, speed, whether that has folded."""
+    model, start, (x, v, folded) = machine.model, situated.time, at
+    if mode == "stick":
+        phase = stick(model, x, situated, start, limit)
+        return phase, "stick" if phase.ended_by is None else "slip"
+    speed = settle(machine, mode, x, situated, v, folded=folded)
+    if speed is None:
+        still = BalancedPhase(mode, start, situated, np.zeros(1), x[None, :], "speed", np.zeros(1))
+        return still, "stick"
+    phase = Slide(machine, mode, situated, locate=locate).run(x, speed, start, limit)
+    if phase.ended_by is None or phase.ended_by == "fold":
+        return phase, mode
+    return phase, dict(sliding_modes(model.clamped is not None)[mode].exits)[phase.ended_by]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.compiled import compiled
-from identify.base.crossing import Course, first_zero
+from identify.base.roots import Course, first_zero
 from identify.model.model import Model
 from identify.simulation.situated import Situated
 

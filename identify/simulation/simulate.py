@@ -17,15 +17,12 @@ from identify.base.errors import SimulationError
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
 from identify.scene.tables import quantity
-from identify.simulation.admission import admit
 from identify.simulation.drive import Drive, NormalForce, breaks
-from identify.simulation.initial import initial_states
 from identify.simulation.machine import Machine
 from identify.simulation.methods import Method
-from identify.simulation.phases import MAX_STEPS, Phase, rest, slide
-from identify.simulation.plan import ACCURACY, SAFETY, Plan, accuracy_for, only, plan
-from identify.simulation.quasistatic import balanced
-from identify.simulation.scales import scales
+from identify.simulation.phases import MAX_STEPS, Phase, initial_states, rest, slide
+from identify.simulation.plan import ACCURACY, SAFETY, Plan, accuracy_for, admit, only, plan, scales
+from identify.simulation.quasistatic_phases import balanced
 from identify.simulation.situated import Situated
 from identify.simulation.trajectory import Second, Trajectory
 

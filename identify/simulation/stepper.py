@@ -13,10 +13,9 @@ from identify.base import native
 from identify.base.compiled import Compiled, compiled
 from identify.model.model import Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
-from identify.simulation.bursts import DIPS, MODES, Pace, burst
+from identify.simulation.bursts import DIPS, MODES, N_GUARDS, Pace, burst, coefficient, ends, trial
 from identify.simulation.methods import Method
 from identify.simulation.situated import Situated
-from identify.simulation.stepping import N_GUARDS, coefficient, ends, trial
 
 Array = NDArray[np.float64]
 

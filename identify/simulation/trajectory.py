@@ -4,24 +4,187 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identify.base.compiled import compiled
 from identify.base.errors import SimulationError
-from identify.model.model import Model
+from identify.model.model import SPEED, Model
+from identify.model.modes import ModeName
 from identify.scene.tables import quantity
-from identify.simulation.averaging import averaged, rest_edges
+from identify.simulation.bursts import within
+from identify.simulation.methods import Method
 from identify.simulation.phases import Phase, Slide
-from identify.simulation.samples import moments
+from identify.simulation.steppers import Expression
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+# ----------------------------------------------------------------------------------------------------------------------
+# What a load cell shows that averages: the mean of its force over the last moments, exact on smooth pieces.
+# ----------------------------------------------------------------------------------------------------------------------
+
 Array = NDArray[np.float64]
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+TURN = 2.0  # length of a piece in time constants, or radians: the rule is exact to rounding on it
+GONE = 40.0  # time constants after which a decay is below rounding
+
+
+def averaged(force: Callable[[Array], Array], edges: Array, times: Array, span: float) -> Array:
+    """Mean force over the last `span` [s] before each of `times` (n,) [s]; before `span`, over what there is.
+
+    Args:
+        force: force [N] at rising times [s].
+        edges: rising times [s] between which the force is smooth; they enclose `times`, and begin at the start.
+    """
+    begin = np.maximum(times - span, edges[0])
+    last = edges.size - 2
+    first_piece = np.clip(np.searchsorted(edges, begin, side="right") - 1, 0, last)
+    last_piece = np.clip(np.searchsorted(edges, times, side="left") - 1, 0, last)
+    one = first_piece >= last_piece
+    whole = np.zeros(edges.size)
+    np.add.at(whole, first_piece[~one] + 1, 1.0)
+    np.add.at(whole, last_piece[~one], -1.0)
+    needed = np.flatnonzero(np.cumsum(whole)[:-1] > 0)
+    # In one go, so that the motion is sampled once: pieces inside a window, and what is cut off at its two ends.
+    lefts = np.concatenate([edges[needed], begin, np.where(one, times, edges[last_piece])])
+    rights = np.concatenate([edges[needed + 1], np.where(one, times, edges[first_piece + 1]), times])
+    parts = _integrals(force, lefts, rights)
+    summed = np.zeros(edges.size)
+    summed[needed + 1] = parts[: needed.size]
+    summed = np.cumsum(summed)
+    tail, head = np.split(parts[needed.size :], 2)
+    inside = np.where(one, 0.0, summed[last_piece] - summed[np.minimum(first_piece + 1, edges.size - 1)])
+    length = times - begin
+    out = (tail + inside + head) / np.where(length > 0.0, length, 1.0)
+    still = np.flatnonzero(length <= 0.0)
+    if still.size:
+        out[still] = force(times[still])
+    return np.asarray(out)
+
+
+def rest_edges(duration: float, rates: Array, omegas: Array) -> Array:
+    """Times [s] from the start of a rest between which its force is smooth: decay rates [1/s], frequencies [rad/s]."""
+    pieces = [np.array([0.0, duration])]
+    for rate in rates:
+        pieces.append(np.arange(0.0, min(duration, GONE / rate), TURN / rate))
+    fastest = float(np.max(omegas, initial=0.0))
+    if fastest > 0.0:
+        pieces.append(np.linspace(0.0, duration, 2 + int(duration * fastest / TURN)))
+    return np.unique(np.concatenate(pieces))
+
+
+def _integrals(force: Callable[[Array], Array], left: Array, right: Array) -> Array:
+    """Integrals over [left, right] (m,) each [N s]."""
+    half = 0.5 * (right - left)
+    points = (left + half)[:, None] + half[:, None] * _POINTS
+    flat = points.ravel()
+    order = np.argsort(flat, kind="stable")
+    values = np.empty_like(flat)
+    values[order] = force(flat[order])
+    return np.asarray(half * (values.reshape(points.shape) @ _WEIGHTS))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The motion at any times: rests in closed form, slips inside the steps they were taken by, many in one call.
+# ----------------------------------------------------------------------------------------------------------------------
+
+LANES = 64  # times of one call
+FEW = 8  # the same, for the last ones
+SHOWN = 2  # what follows the states in a row: force of the load cell [N], friction over normal force
+
+
+def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]:
+    """Samples (n,) at rising times t (n,) [s]: states by name, "force", "coefficient", "normal_force", "sliding"."""
+    starts = np.array([phase.start for phase in phases])
+    which = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, None)
+    return inside(model, phases, which, t - starts[which])
+
+
+def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local: Array) -> dict[str, Array]:
+    """The same in phases `which` (n,), rising, at times from the start of each (n,) [s]: late phases lose no digits."""
+    local = np.clip(local, 0.0, np.array([phase.duration for phase in phases])[which])
+    numbers = np.array([phase.situated.numbers for phase in phases])[which]
+    n = len(model.states)
+    xth = np.zeros((local.size, 2 * n + 3))
+    kinds: dict[tuple[Method | None, ModeName], list[Array]] = {}
+    edges = np.searchsorted(which, np.arange(len(phases) + 1))
+    for i in np.unique(which).tolist():
+        phase, rows = phases[i], np.arange(edges[i], edges[i + 1])
+        at = local[rows]
+        method = phase.method if isinstance(phase, Slide) else None
+        kinds.setdefault((method, phase.mode), []).append(rows)
+        if method is None:
+            xth[rows, :n], xth[rows, n + 2] = phase.x[0], at
+            continue
+        node = np.clip(np.searchsorted(phase.t, at, side="right") - 1, 0, max(phase.t.size - 2, 0))
+        beyond = np.minimum(node + 1, phase.t.size - 1)
+        xth[rows, :n], xth[rows, n] = phase.x[node], phase.t[node]
+        xth[rows, n + 1], xth[rows, n + 2] = phase.t[beyond] - phase.t[node], at - phase.t[node]
+        xth[rows, n + 3 :] = phase.x[beyond]
+    shown = np.empty((local.size, n + SHOWN))
+    p = phases[0].situated.p
+    tolerances = next((phase.tolerances for phase in phases if isinstance(phase, Slide)), np.ones(n + 1))
+    for (method, mode), parts in kinds.items():
+        rows = np.concatenate(parts)
+        shown[rows] = _evaluated(model, method, mode, xth[rows], numbers[rows], p, tolerances)
+    out = {state.name: shown[:, i].copy() for i, state in enumerate(model.states)}
+    out["force"], out["coefficient"] = shown[:, n].copy(), shown[:, n + 1].copy()
+    out["normal_force"] = numbers[:, 2] + numbers[:, 3] * local
+    out["sliding"] = np.array([float(phase.mode != "stick") for phase in phases])[which]
+    return out
+
+
+def _evaluated(
+    model: Model, method: Method | None, mode: ModeName, xth: Array, numbers: Array, p: Array, tolerances: Array
+) -> Array:
+    """Rows (m, n_x + SHOWN) of m times: xth (m, 2 n_x + 3) as in `within`, numbers (m, 5)."""
+    out = np.empty((xth.shape[0], len(model.states) + SHOWN))
+    first = 0
+    for lanes in (LANES, FEW):
+        call = compiled(_row(model, method, mode, lanes))
+        x, inputs = np.zeros((lanes, xth.shape[1])), np.zeros((lanes, numbers.shape[1]))
+        call.bind([x.reshape(-1), inputs.reshape(-1), p, tolerances])
+        while xth.shape[0] - first >= (lanes if lanes > FEW else 1):
+            part = slice(first, min(first + lanes, xth.shape[0]))
+            size = part.stop - part.start
+            x[:size], inputs[:size] = xth[part], numbers[part]
+            out[part] = call().reshape(lanes, -1)[:size]
+            first += size
+    return out
+
+
+@lru_cache(maxsize=64)
+def _row(model: Model, method: Method | None, mode: ModeName, lanes: int) -> ca.Function:
+    """(as in `within`, inputs (5,), p, tolerances) -> state, force, coefficient; of so many lanes."""
+    kind, n = ca.SX if method is None else method.kind, len(model.states)
+    xth, drive = kind.sym("xth", 2 * n + 3), kind.sym("drive", 5)
+    p, tolerances = kind.sym("p", len(model.parameters)), kind.sym("tolerances", n + 1)
+    t = xth[n] + xth[n + 2]
+    force = drive[2] + drive[3] * t
+    u = ca.vertcat(drive[0], force, drive[1], drive[4] + t)
+    if method is None:
+        x = model.rest(xth[:n], p, u, t)
+        friction = model.driving_force(x, p, u)
+    else:
+        x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
+        friction = _friction(model, mode, x, p, u)
+    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / force))
+    one = ca.Function("row", [xth, drive, p, tolerances], [row])
+    return one.map(lanes, [False, False, True, True], [False])
+
+
+def _friction(model: Model, mode: ModeName, x: Expression, p: Expression, u: Expression) -> Expression:
+    """Friction force while sliding [N]: what the load leaves of the inertia."""
+    field = model.saturated if mode == "saturated" else model.slip
+    return model.load(x, p, u) - p[model.parameter_names.index("mass")] * field(x, p, u)[SPEED]
+
 
 LAST_DIGITS = 1e-13  # no estimate says less
 COMPARED = 2000  # times at which forces are compared

@@ -13,11 +13,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from identify.studies.batch_store import new_part
-from identify.studies.grip import Grip
-from identify.studies.job import CRASHED, End, Job
-from identify.studies.key import numerics
-from identify.studies.refusal import BatchError
-from identify.studies.workers import Answer, Pending, WorkersLostError
+from identify.studies.job import CRASHED, BatchError, End, Job, numerics
+from identify.studies.workers import Answer, Grip, Pending, WorkersLostError
 
 EXTRA = "pip install 'stick-slip-workbench[cluster]'"
 WAIT = 30.0  # s for the scheduler, and for its first worker

@@ -3,18 +3,246 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
+import h5py
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
+from numpy.typing import NDArray
 
-from identify.report.quantity_text import scale_for
+from identify.report.quantity_text import number, quantity, scale_for
 from identify.report.report_wording import plain_symbol
 from identify.studies.compare import Comparison, PooledQuantity
-from identify.studies.drawing import band, colour, dash, line, path, svg, text, x_axis, y_axis
-from identify.studies.multiples import Excerpt
+from identify.studies.fits import FitEntry
+from identify.studies.labels import brief, visible
 from identify.studies.operating_points import Curve, GroupAnswer
-from identify.studies.scale import Scale, around
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A few cycles of every fit, read from its result.h5: enough to see at a glance which fits look odd.
+# ----------------------------------------------------------------------------------------------------------------------
+
+Array = NDArray[np.float64]
+
+CYCLES = 3
+POINTS = 150  # per thumbnail
+MOST_SAMPLES = 200_000
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """A stretch of one log: time [s], measured and fitted force [N] (NaN where nothing is fitted), words on it."""
+
+    time: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()
+    fitted: tuple[float, ...] = ()
+    words: str = ""
+
+
+def excerpt(entry: FitEntry) -> Excerpt:
+    """About three cycles in the middle of the log of middle speed; empty where there are no curves."""
+    path = entry.folder / "result.h5"
+    try:
+        if not path.is_file():
+            return Excerpt()
+        with h5py.File(path, "r") as file:
+            curves = file.get("curves")
+            if curves is None or not len(curves):
+                return Excerpt()
+            ordered = sorted(curves.values(), key=lambda log: abs(float(log.attrs.get("drive_speed_m_per_s", 0.0))))
+            return _of(ordered[len(ordered) // 2])
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError):  # a damaged file spoils its own picture only
+        return Excerpt()
+
+
+def _of(log: h5py.Group) -> Excerpt:
+    count = min(log["time"].shape[0], MOST_SAMPLES)
+    time = np.asarray(log["time"][:count], float)
+    first, last = _window(log, time)
+    part = slice(first, last)
+    measured = np.asarray(log["friction_force"][part], float)
+    fitted = np.asarray(log["fitted_force"][part], float)
+    kept = _kept(measured, POINTS)
+    speed = quantity(abs(float(log.attrs.get("drive_speed_m_per_s", np.nan))), "m/s", 3)
+    length = quantity(float(time[last - 1] - time[first]), "s", 2)
+    return Excerpt(
+        tuple(time[part][kept].tolist()),
+        tuple(measured[kept].tolist()),
+        tuple(fitted[kept].tolist()),
+        f"{speed}, {length}",
+    )
+
+
+def _window(log: h5py.Group, time: Array) -> tuple[int, int]:
+    """Indices of about CYCLES cycles in the middle, from the onsets that the fit stored; else the middle third."""
+    onsets = np.asarray(log["cycles/onset"][:], float) if "cycles/onset" in log else np.zeros(0)
+    onsets = np.sort(onsets[np.isfinite(onsets)])
+    if len(onsets) < 2:
+        begin, end = time[0] + (time[-1] - time[0]) / 3, time[0] + 2 * (time[-1] - time[0]) / 3
+    else:
+        middle = max((len(onsets) - CYCLES) // 2, 0)
+        period = float(np.median(np.diff(onsets)))
+        begin = onsets[middle] - 0.5 * period
+        end = onsets[min(middle + CYCLES - 1, len(onsets) - 1)] + 0.5 * period
+    first, last = (int(i) for i in np.searchsorted(time, [begin, end]))
+    return (first, last) if last - first >= 2 else (0, len(time))
+
+
+def _kept(values: Array, most: int) -> NDArray[np.int64]:
+    """Indices of the lowest and the highest sample of every stretch, so that a fast slip keeps its depth."""
+    n = len(values)
+    if n <= most:
+        return np.arange(n)
+    edges = np.linspace(0, n, most // 2 + 1).astype(int)
+    filled = np.where(np.isfinite(values), values, np.nanmean(values) if np.any(np.isfinite(values)) else 0.0)
+    found = {0, n - 1}
+    for a, b in pairwise(edges.tolist()):
+        found |= {a + int(np.argmin(filled[a:b])), a + int(np.argmax(filled[a:b]))}
+    return np.array(sorted(found))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Axes for drawings inside a page: from numbers to places, linear or logarithmic, with ticks a person would choose.
+# ----------------------------------------------------------------------------------------------------------------------
+
+STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """From `low`..`high` to `first`..`last` (points of the drawing); logarithmic where `log`."""
+
+    low: float
+    high: float
+    first: float
+    last: float
+    log: bool = False
+
+    def at(self, value: float) -> float:
+        """The place of a value."""
+        a, b, v = (math.log(x) if self.log else x for x in (self.low, self.high, value))
+        return self.first + (v - a) / (b - a) * (self.last - self.first)
+
+    def ticks(self, most: int = 6) -> list[float]:
+        """Values to mark: round numbers, or powers of ten."""
+        if self.log:
+            decades = range(math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9) + 1)
+            powers = [10.0**k for k in decades]
+            return powers if len(powers) >= 2 else self._linear(most)
+        return self._linear(most)
+
+    def _linear(self, most: int) -> list[float]:
+        span = self.high - self.low
+        raw = span / most
+        unit = 10.0 ** math.floor(math.log10(raw))
+        step = next(unit * s for s in STEPS if unit * s >= raw * (1 - 1e-9))
+        first = math.ceil(self.low / step - 1e-9)
+        return [round(k * step, 12) for k in range(first, math.floor(self.high / step + 1e-9) + 1)]
+
+
+def around(values: Sequence[float], first: float, last: float, log: bool = False, share: float = 0.06) -> Scale:
+    """A scale around all finite values, with a little room."""
+    kept = [v for v in values if math.isfinite(v) and (v > 0.0 or not log)]
+    low, high = (min(kept), max(kept)) if kept else (1.0, 2.0)
+    if log:
+        room = max(share * math.log(high / low), 0.02)
+        return Scale(low * math.exp(-room), high * math.exp(room), first, last, True)
+    room = share * (high - low) or 0.05 * abs(high) or 0.05
+    return Scale(low - room, high + room, first, last)
+
+
+def tick_text(value: float) -> str:
+    """A tick as text."""
+    return number(0.0 if abs(value) < 1e-15 else value, 4)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Drawings for a page as plain SVG: small, sharp in print, drawn in a millisecond; every text is escaped.
+# ----------------------------------------------------------------------------------------------------------------------
+
+# Okabe and Ito's colours, black and yellow left out; after six groups they begin again with a dashed line.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#3f4750")
+DASHES = ("", "6 3", "2 3")
+
+
+def colour(place: int) -> str:
+    """The colour of the group at a place."""
+    return COLOURS[place % len(COLOURS)]
+
+
+def dash(place: int) -> str:
+    """The dash of the group at a place, "" for a full line."""
+    return DASHES[place // len(COLOURS) % len(DASHES)]
+
+
+def svg(width: float, height: float, parts: Iterable[str], label: str) -> Markup:
+    """A drawing with a description for those who cannot see it."""
+    body = "".join(parts)
+    described = escape(visible(label, 300))
+    return Markup(
+        f'<svg class="drawing" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{described}">{body}</svg>'
+    )
+
+
+def text(x: float, y: float, words: str, anchor: str = "start", kind: str = "", most: int = 40) -> str:
+    """Words at a place."""
+    extra = f' class="{kind}"' if kind else ""
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{extra}>{escape(brief(words, most))}</text>'
+
+
+def line(x1: float, y1: float, x2: float, y2: float, kind: str = "rule") -> str:
+    """A straight line."""
+    return f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" class="{kind}"/>'
+
+
+def path(points: Sequence[tuple[float, float]], stroke: str, width: float = 1.6, dashed: str = "") -> str:
+    """A line through points; it breaks where one is not finite."""
+    words, pen = [], "M"
+    for x, y in points:
+        if not (math.isfinite(x) and math.isfinite(y)):
+            pen = "M"
+            continue
+        words.append(f"{pen}{x:.1f} {y:.1f}")
+        pen = "L"
+    extra = f' stroke-dasharray="{dashed}"' if dashed else ""
+    return f'<path d="{"".join(words)}" fill="none" stroke="{stroke}" stroke-width="{width:g}"{extra}/>'
+
+
+def band(upper: Sequence[tuple[float, float]], lower: Sequence[tuple[float, float]], fill: str, opacity: float) -> str:
+    """The area between two lines, where both are finite; in pieces where they break."""
+    pieces: list[list[int]] = [[]]
+    for k, (a, b) in enumerate(zip(upper, lower, strict=True)):
+        if all(map(math.isfinite, (*a, *b))):
+            pieces[-1].append(k)
+        elif pieces[-1]:
+            pieces.append([])
+    out = []
+    for piece in pieces:
+        ring = [upper[k] for k in piece] + [lower[k] for k in reversed(piece)]
+        if len(piece) > 1:
+            d = "L".join(f"{x:.1f} {y:.1f}" for x, y in ring)
+            out.append(f'<path d="M{d}Z" fill="{fill}" fill-opacity="{opacity:g}" stroke="none"/>')
+    return "".join(out)
+
+
+def x_axis(scale: Scale, y: float, top: float, title: str, most: int = 6) -> str:
+    """Grid lines, ticks and title of a horizontal axis."""
+    out = []
+    for tick in scale.ticks(most):
+        x = scale.at(tick)
+        out.append(line(x, top, x, y, "grid") + text(x, y + 13, tick_text(tick), "middle", "tick"))
+    return "".join(out) + text((scale.first + scale.last) / 2, y + 28, title, "middle", "title", 60)
+
+
+def y_axis(scale: Scale, x: float, right: float, title: str, most: int = 5) -> str:
+    """Grid lines, ticks and title (above, at the left) of a vertical axis."""
+    out = []
+    for tick in scale.ticks(most):
+        y = scale.at(tick)
+        out.append(line(x, y, right, y, "grid") + text(x - 5, y + 3.5, tick_text(tick), "end", "tick"))
+    return "".join(out) + text(4, scale.last - 9, title, "start", "title", 60)
+
 
 WIDTH, ROW = 460.0, 34.0
 LEFT, RIGHT = 108.0, 12.0

@@ -15,11 +15,10 @@ from data_io.atomic import atomic_write
 from identify.base.errors import IdentifyError
 from identify.studies import comparison_views as views
 from identify.studies import fit_views
-from identify.studies.clean import visible
 from identify.studies.compare import Comparison, compare
 from identify.studies.comparison_figures import curves, forest
 from identify.studies.fits import PAGE, FitEntry, count, read_fits
-from identify.studies.labels import CompareError, Question, usual
+from identify.studies.labels import CompareError, Question, usual, visible
 from identify.studies.operating_points import GroupAnswer, group_answers
 from identify.studies.points import Common, common
 from identify.studies.reporting import items

@@ -18,8 +18,8 @@ from identify.report.quantity_text import (
     scale_for,
 )
 from identify.report.report_wording import MEANINGS, OUTCOMES, plain_symbol
-from identify.studies.clean import SHOWN, visible
 from identify.studies.compare import Comparison, PooledQuantity
+from identify.studies.labels import SHOWN, visible
 from identify.studies.operating_points import Figure, GroupAnswer
 from identify.studies.pooled import DIFFERENT, NOT_TESTED, Difference
 from identify.studies.quantities import Quantity

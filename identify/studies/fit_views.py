@@ -14,10 +14,9 @@ from identify.report.quantity_text import DASH, Scale, decimals, finite, number,
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
 from identify.report.shown_error import scatter, shown_error
 from identify.studies.compare import Comparison
-from identify.studies.comparison_figures import thumbnail
+from identify.studies.comparison_figures import excerpt, thumbnail
 from identify.studies.comparison_views import REASON, Cell, Table, table
 from identify.studies.fits import PAGE, FitEntry, natural
-from identify.studies.multiples import excerpt
 
 MOST_LABELS = 6
 MOST_PARAMETERS = 8

@@ -2,9 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import importlib.metadata
+import json
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
+
+from identify.base.errors import IdentifyError
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Folder names for groups, whatever the groups are called.
+# ----------------------------------------------------------------------------------------------------------------------
+
+LONGEST = 80  # characters
+# What a batch itself writes, and what Windows keeps for itself: no folder may be called so.
+_PORTS = [f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10)]
+TAKEN = frozenset(["batch.json", "index.csv", "report.html", "con", "prn", "aux", "nul", *_PORTS])
+_HARMFUL = re.compile(r"[^\w.+=@()\[\] -]+")
+
+
+def folder_names(groups: Sequence[str]) -> dict[str, str]:
+    """A folder name for each group: its own where that is harmless and unlike all others, else with a hash behind."""
+    plain = {group: _harmless(group) for group in groups}
+    folded = [name.casefold() for name in plain.values()]
+    return {
+        group: name if name == group and folded.count(name.casefold()) == 1 else f"{name}-{_hash(group)}"
+        for group, name in plain.items()
+    }
+
+
+def _harmless(group: str) -> str:
+    """Word characters and a few signs; no leading or trailing dot, no name that is taken, not too long."""
+    name = _HARMFUL.sub("_", group).strip("._- ")
+    while len(name.encode()) > LONGEST:
+        name = name[: len(name) - 1 - max(0, (len(name) - LONGEST))]
+    if not name or name.split(".")[0].casefold() in TAKEN or name.casefold() in TAKEN:
+        name = f"group_{name}".rstrip("_")
+    return name
+
+
+def _hash(group: str) -> str:
+    return hashlib.sha256(group.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+
 
 CONVERGED = "converged"
 FAILED, TIMED_OUT, CRASHED, DEFECT = "failed", "timed_out", "crashed", "defect"
@@ -64,3 +107,67 @@ class End:
     def converged(self) -> bool:
         """Whether the fit passed its gate."""
         return self.status == CONVERGED
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The content key of a fit: what its numbers depend on, and nothing else.
+# ----------------------------------------------------------------------------------------------------------------------
+
+PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py")  # whose numbers a fit uses
+OUTSIDE = (
+    "cli",
+    "report",
+    "comparing",
+    "pooling",
+    "batch",
+    "examples",
+)  # folders of identify that make no number of a fit
+
+
+@lru_cache(maxsize=1)
+def numerics() -> str:
+    """The version of the numerics: this package's version, a hash of the source that makes the numbers, libraries."""
+    import data_io
+    import identify
+
+    digest = hashlib.sha256()
+    for package in (data_io, identify):
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(folder.rglob("*.py")):
+            inside = path.relative_to(folder)
+            if inside.parts[0] not in OUTSIDE:
+                digest.update(f"{folder.name}/{inside.as_posix()}\n".encode())
+                digest.update(path.read_bytes())
+    versions = " ".join(f"{name} {importlib.metadata.version(name)}" for name in PACKAGES)
+    return f"{importlib.metadata.version('stick-slip-workbench')}+{digest.hexdigest()[:12]} {versions}"
+
+
+def content_key(scene: Mapping[str, Any], sha256: Sequence[str], version: str) -> str:
+    """SHA-256 over the scene, the contents of its logs and the version of the numerics.
+
+    Args:
+        scene: the document of the scene, SI. Its name and where the logs lie do not count.
+        sha256: of each log's file, in the scene's order.
+        version: as `numerics` gives it.
+    """
+    logs = [
+        {key: value for key, value in log.items() if key != "path"} | {"sha256": digest}
+        for log, digest in zip(scene["logs"], sha256, strict=True)
+    ]
+    content = {key: value for key, value in scene.items() if key != "name"} | {"logs": logs}
+    text = json.dumps([content, version], sort_keys=True, ensure_ascii=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is wrong with a batch before it begins: every complaint at once.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+class BatchError(IdentifyError):
+    """A batch cannot begin. `complaints` holds one sentence per thing to mend; the text counts them."""
+
+    def __init__(self, complaints: Sequence[str]) -> None:
+        self.complaints = tuple(complaints)
+        first, number = self.complaints[0], len(self.complaints)
+        super().__init__(first if number == 1 else f"{number} things to mend, first {first}")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.studies.design import Setting, candidates
+from identify.studies.mixed import Setting, candidates
 from identify.studies.pooled import Pooled
 
 Array = NDArray[np.float64]

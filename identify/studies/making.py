@@ -14,10 +14,9 @@ from typing import Any
 from data_io.digest import file_sha256
 from data_io.errors import LogError, UnitError
 from identify.base.errors import IdentifyError
-from identify.base.log_numbers import places_of
+from identify.base.outcome import places_of
 from identify.studies.batch_store import is_full, write_job
-from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, UNWRITTEN, End, Job
-from identify.studies.key import numerics
+from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, UNWRITTEN, End, Job, numerics
 
 Make = Callable[[Job, Path], End]
 

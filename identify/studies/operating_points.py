@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import LEVEL, NORMAL
-from identify.base.quantiles import student, student_below
+from identify.base.quantiles import LEVEL, NORMAL, student, student_below
 from identify.prediction.outlook import OperatingPoint, outlooks
 from identify.prediction.sliding import slidings
 from identify.studies.compare import Comparison

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import NORMAL
+from identify.base.quantiles import NORMAL
 from identify.effects import ALL
 from identify.report.quantity_text import finite
 from identify.studies.fits import FitEntry

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from identify.report.quantity_text import finite, quantity
-from identify.studies.clean import visible
 from identify.studies.fits import FitEntry, natural
+from identify.studies.labels import visible
 
 MISSING = "missing"
 MOST_VALUES = 6

@@ -10,14 +10,54 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from data_io.atomic import atomic_write
-from identify.studies.batch_store import BATCH, INDEX, Store, complete, discard, is_full, utc, write_document
-from identify.studies.batch_tables import Ended, batch_document, index_csv
-from identify.studies.job import CONVERGED, UNWRITTEN, Job
-from identify.studies.lock import locked
-from identify.studies.pace import Pace
+from identify.studies.batch_store import (
+    BATCH,
+    INDEX,
+    Ended,
+    Store,
+    batch_document,
+    complete,
+    discard,
+    index_csv,
+    is_full,
+    locked,
+    utc,
+    write_document,
+)
+from identify.studies.job import CONVERGED, UNWRITTEN, BatchError, Job
 from identify.studies.planning import Plan
-from identify.studies.refusal import BatchError
 from identify.studies.workers import Answer, Workers, WorkersLostError, answers
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How long a batch will still take, from what it took so far.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+class Pace:
+    """Counts the work done, in bytes of logs; what is left is expected to go as fast."""
+
+    def __init__(self, total: int) -> None:
+        self._began = time.monotonic()
+        self._total, self._done = total, 0
+
+    def add(self, size: int) -> None:
+        """So much more is done."""
+        self._done += size
+
+    def remaining(self) -> float | None:
+        """Expected seconds to the end; None while nothing is done yet."""
+        if not self._done:
+            return None
+        return (time.monotonic() - self._began) * max(self._total - self._done, 0) / self._done
+
+
+def in_words(seconds: float) -> str:
+    """ "40 s", "5 min", "3 h 20 min"."""
+    minutes = round(seconds / 60)
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
 
 EVERY = 5.0  # s between two versions of index.csv
 

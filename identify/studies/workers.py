@@ -2,18 +2,167 @@
 
 from __future__ import annotations
 
+import json
 import os
 import queue
+import signal
+import subprocess
+import sys
+import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import IO, Any, Protocol, Self
 
 from identify.studies.batch_store import new_part
-from identify.studies.grip import Grip
-from identify.studies.job import CRASHED, End, Job
+from identify.studies.job import CRASHED, TIMED_OUT, End, Job
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The grip on one fitting process: started when needed, killed at the time limit, replaced when it died.
+# ----------------------------------------------------------------------------------------------------------------------
+
+MODULE = "identify.studies.hand"
+START_LIMIT = 300.0  # s, to load the libraries from a slow disk
+# One process per core, so one thread per process: whatever library brings its own threads.
+ONE_THREAD = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)  # fmt: skip
+
+
+class Grip:
+    """Runs one job after the other in a process of its own; used by one thread at a time, `close` by any."""
+
+    def __init__(self, module: str | None = None) -> None:
+        self._module = module or MODULE
+        self._process: subprocess.Popen[str] | None = None
+        self._errors: IO[bytes] | None = None
+        self.closed = False
+
+    def run(self, job: Job, part: Path, limit: float) -> End:
+        """Fit a job into the folder `part` within `limit` seconds; every end is an answer, a killed one too."""
+        end = self._run(job, part, limit)
+        if end.status in (CRASHED, TIMED_OUT):
+            self.end()
+        return end
+
+    def _run(self, job: Job, part: Path, limit: float) -> End:
+        try:
+            process = self._started()
+        except OSError as error:
+            return End(CRASHED, f"no process could be started for the fit: {error.strerror or error}")
+        if process is None:
+            return self._died("the fitting process did not start")
+        late = threading.Event()
+        request = json.dumps({"job": job.as_document(), "part": str(part)})
+        answer = self._asked(process, request, limit, late)
+        if answer is not None:
+            if late.is_set():  # it answered as it was being killed
+                self.end()
+            return End(**answer)
+        if late.is_set():
+            return End(TIMED_OUT, f"the fit took longer than the {limit:g} s it was given; see --time-limit")
+        return self._died("the fitting process died")
+
+    def close(self) -> None:
+        """End the process at once, and start no other."""
+        self.closed = True
+        self.end()
+
+    def end(self) -> None:
+        """End the process at once; the next job starts another."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+            for stream in (process.stdin, process.stdout):
+                if stream is not None:
+                    _close(stream)
+        errors, self._errors = self._errors, None
+        if errors is not None:
+            errors.close()
+
+    def _started(self) -> subprocess.Popen[str] | None:
+        """The process, ready; None where it did not get ready."""
+        if self._process is not None and self._process.poll() is None:
+            return self._process
+        self.end()
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        apart: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", self._module],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+            encoding="utf-8",
+            env=_environment(os.environ),
+            **apart,
+        )
+        if self.closed:  # while it was being started
+            self.end()
+            return None
+        return self._process if self._asked(self._process, None, START_LIMIT, threading.Event()) else None
+
+    def _asked(
+        self, process: subprocess.Popen[str], request: str | None, limit: float, late: threading.Event
+    ) -> dict[str, Any] | None:
+        """Send a line, wait for one; None where none came, and `late` is set where it was not waited for any longer."""
+        assert process.stdin is not None and process.stdout is not None
+
+        def too_late() -> None:
+            late.set()
+            process.kill()
+
+        timer = threading.Timer(limit, too_late)
+        timer.daemon = True
+        timer.start()
+        try:
+            if request is not None:
+                process.stdin.write(request + "\n")
+                process.stdin.flush()
+            line = process.stdout.readline()
+            return dict(json.loads(line)) if line.endswith("\n") else None
+        except (OSError, ValueError):  # the process is gone, or was in the middle of its answer
+            return None
+        finally:
+            timer.cancel()
+
+    def _died(self, words: str) -> End:
+        process, errors = self._process, self._errors
+        code = None if process is None else process.wait()
+        detail = ""
+        if errors is not None and not errors.closed:
+            errors.seek(max(0, errors.seek(0, os.SEEK_END) - 4000))
+            detail = errors.read().decode("utf-8", "replace").strip()
+        return End(CRASHED, f"{words} ({_cause(code)}); the other fits went on", detail or None)
+
+
+def _environment(inherited: Mapping[str, str]) -> dict[str, str]:
+    """That of this process, with one thread per library and this very package found first."""
+    root = str(Path(__file__).resolve().parents[2])
+    path = os.pathsep.join(filter(None, (root, inherited.get("PYTHONPATH", ""))))
+    return {**inherited, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": path, "MPLBACKEND": "agg"}
+
+
+def _cause(code: int | None) -> str:
+    if code is None or code >= 0:
+        return f"exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"
+    return f"{name}, perhaps for want of memory" if name == "SIGKILL" else name
+
+
+def _close(stream: IO[str]) -> None:
+    try:
+        stream.close()
+    except OSError:  # what was not yet written has nowhere to go
+        return
+
 
 TICK = 0.5  # s between two looks at the clock
 

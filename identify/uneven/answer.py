@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.level import NORMAL
 from identify.base.outcome import Status
+from identify.base.quantiles import NORMAL
 from identify.estimation.estimator import Estimated, EstimationTask
 from identify.estimation.uncertainty import Estimate
 from identify.logs.prepare import Prepared

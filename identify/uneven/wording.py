@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from identify.base.number_words import three_figures
+from identify.base.wording import three_figures
 from identify.logs.prepare import Prepared
 from identify.uneven.events import Sticks
 

@@ -12,8 +12,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from identify.base import mapped, native
-from identify.base.mapped import Mapped
+from identify.base import compiled as mapped
+from identify.base import native
+from identify.base.compiled import Mapped
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.shooting.blocks import block

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from identify.studies import cluster
-from identify.studies.refusal import BatchError
+from identify.studies.job import BatchError
 
 pytest.importorskip("distributed")
 GREETINGS = {

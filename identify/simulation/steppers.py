@@ -1,0 +1,328 @@
+"""What an integration method is: one step of a sliding motion, with its error measured in tolerances."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from identify.base.tableaus import Tableau, step, weighted
+
+Expression = Any  # a CasADi SX or MX
+Scale = Callable[[Expression], Expression]  # state after a step -> tolerated error of each state (n_x,)
+
+
+class Method(ABC):
+    """One way to take a step. Immutable and hashable: compiled functions are kept per model and method.
+
+    name, says, source: for tables. order: of the error that is left at a fixed time. measured: the power of the step
+    length with which the error measure falls, for the step control. kind: CasADi type it is written in. smooth: its
+    steps are so short that nothing decays within a small part of one. reach: longest step in natural times sqrt(m/k),
+    where no error estimate would ask for a shorter one. trials: steps tried in one call.
+    """
+
+    name: str
+    order: int
+    measured: int
+    says: str
+    source: str
+    kind: ClassVar[Any] = ca.SX
+    smooth: ClassVar[bool] = False
+    reach: float = float("inf")
+    trials: int = 24
+
+    def takes(self, rate: ca.Function) -> bool:
+        """Whether it can integrate this motion, (x, constants, t) -> dx/dt."""
+        return True
+
+    @abstractmethod
+    def step(
+        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
+    ) -> tuple[Expression, Expression]:
+        """One step of length h [s] from x (n_x,) at time t [s].
+
+        Returns:
+            the state after it (n_x,), and the size of its local error: at most 1 is acceptable.
+        """
+
+    def within(
+        self,
+        rate: ca.Function,
+        x: Expression,
+        constants: Expression,
+        t: Expression,
+        h: Expression,
+        part: Expression,
+        scale: Scale,
+        after: Expression,
+    ) -> Expression:
+        """The state (n_x,) at time t + part [s] inside a step of length h [s] that was good, to the state `after`: a
+        step of that length."""
+        return self.step(rate, x, constants, t, part, scale)[0]
+
+
+def largest(error: Expression, tolerated: Expression) -> Expression:
+    """The largest error in units of what is tolerated."""
+    return ca.mmax(ca.fabs(error) / tolerated)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Radau IIA collocation with three stages: implicit, order 5, stiffly accurate, for motions with fast decays.
+# ----------------------------------------------------------------------------------------------------------------------
+
+# Hairer and Wanner, Solving Ordinary Differential Equations II (2nd ed., 1996), section IV.8.
+S6 = 6**0.5
+NODES = np.array([(4 - S6) / 10, (4 + S6) / 10, 1.0])
+REAL = 3 + 3 ** (2 / 3) - 3 ** (1 / 3)  # the eigenvalues of the inverse coefficient matrix: one real, one pair
+PAIR = 3 + 0.5 * (3 ** (1 / 3) - 3 ** (2 / 3)), -0.5 * (3 ** (5 / 6) + 3 ** (7 / 6))
+FORWARD = np.array(
+    [
+        [0.09443876248897524, -0.14125529502095421, 0.03002919410514742],
+        [0.25021312296533332, 0.20412935229379994, -0.38294211275726192],
+        [1.0, 1.0, 0.0],
+    ]
+)
+BACK = np.array(
+    [
+        [4.17871859155190428, 0.32768282076106237, 0.52337644549944951],
+        [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
+        [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
+    ]
+)
+ERROR = np.array([-13 - 7 * S6, -13 + 7 * S6, -1.0]) / 3
+# Row i: coefficients of share, share^2, share^3 of the polynomial that is one at node i, zero at 0 and the others.
+LAGRANGE = np.linalg.inv(NODES[:, None] ** np.arange(1, 4)).T
+INSIDE = 0.4  # of a step, between two nodes: where its polynomial is farthest from the motion, nearly
+NEWTON_STEPS = 8
+SOLVED = 0.1  # a stage may be wrong by that share of what the step may be
+
+
+@dataclass(frozen=True)
+class Radau(Method):
+    """Three collocation points, the last at the end of the step.
+
+    The stage equations are solved by a fixed number of simplified Newton steps with the exact Jacobian at the start;
+    a step whose last correction is not small against the tolerance is refused like one with a large error.
+    """
+
+    name: str = "radau"
+    order: int = 5
+    measured: int = 4
+    says: str = "implicit collocation, stiffly accurate"
+    source: str = "Radau IIA, Hairer and Wanner II, IV.8"
+    trials: int = 8
+
+    def step(
+        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
+    ) -> tuple[Expression, Expression]:
+        """One step; the error is filtered through the real factor, so that fast decays do not inflate it.
+
+        What follows the drive at once has no such error at the end of a step, but inside it: there the polynomial is
+        held against the motion, so that samples are as good as nodes.
+        """
+        z, move, real_inverse = self._stages(rate, x, constants, t, h)
+        after = x + z[:, 2]
+        tolerated = scale(after)
+        error = real_inverse @ (rate(x, constants, t) + z @ (ERROR / h))
+        inside = x + z @ (LAGRANGE @ INSIDE ** np.arange(1, 4))
+        defect = real_inverse @ (
+            rate(inside, constants, t + INSIDE * h) - z @ (LAGRANGE @ (np.arange(1, 4) * INSIDE ** np.arange(3)) / h)
+        )
+        norm = ca.fmax(largest(error, tolerated), largest(defect, tolerated))
+        return after, ca.fmax(norm, largest(move[:, 2], SOLVED * tolerated))
+
+    def within(
+        self,
+        rate: ca.Function,
+        x: Expression,
+        constants: Expression,
+        t: Expression,
+        h: Expression,
+        part: Expression,
+        scale: Scale,
+        after: Expression,
+    ) -> Expression:
+        """The collocation polynomial of the whole step: a part of an implicit step need not be good, for it may
+        show what the whole one has damped away.
+
+        Newton's steps may find their way in the step itself and, a last digit apart, not find it again: then it is the
+        cubic through both ends, with the rates there.
+        """
+        z, share = self._stages(rate, x, constants, t, h)[0], part / h
+        curve = x + z @ ca.vertcat(*(share * (a + share * (b + share * c)) for a, b, c in LAGRANGE.tolist()))
+        first, last = (h * rate(*at) for at in ((x, constants, t), (after, constants, t + h)))
+        bent = (first + last - 2 * (after - x)) * share
+        cubic = x + share * (first + share * (3 * (after - x) - 2 * first - last + bent))
+        return ca.if_else(largest(x + z[:, 2] - after, scale(after)) <= 1, curve, cubic)
+
+    @staticmethod
+    def _stages(
+        rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression
+    ) -> tuple[Expression, Expression, Expression]:
+        """Moves from x to the three stages (n_x, 3), what the last Newton step moved them by, and the inverse of the
+        real factor."""
+        n, slope = x.numel(), _slope(rate)(x, constants, t)
+        one = ca.SX.eye(n)
+        real = REAL / h * one - slope
+        mixed = ca.vertcat(
+            ca.horzcat(PAIR[0] / h * one - slope, -PAIR[1] / h * one),
+            ca.horzcat(PAIR[1] / h * one, PAIR[0] / h * one - slope),
+        )
+        real_inverse, mixed_inverse = ca.inv(real), ca.inv(mixed)
+        z = ca.SX.zeros(n, 3)
+        move = z
+        for _ in range(NEWTON_STEPS):
+            rates = [rate(x + z[:, i], constants, t + NODES[i] * h) for i in range(3)]
+            turned, w = ca.horzcat(*rates) @ BACK.T, z @ BACK.T
+            first = turned[:, 0] - REAL / h * w[:, 0]
+            second = turned[:, 1] - (PAIR[0] * w[:, 1] - PAIR[1] * w[:, 2]) / h
+            third = turned[:, 2] - (PAIR[1] * w[:, 1] + PAIR[0] * w[:, 2]) / h
+            pair = mixed_inverse @ ca.vertcat(second, third)
+            move = ca.horzcat(real_inverse @ first, pair[:n], pair[n:]) @ FORWARD.T
+            z = z + move
+        return z, move, real_inverse
+
+
+def _slope(rate: ca.Function) -> ca.Function:
+    """d rate/dx of (x, constants, t)."""
+    inputs = [ca.SX.sym(name, rate.numel_in(i)) for i, name in enumerate(("x", "c", "t"))]
+    return ca.Function("slope", inputs, [ca.densify(ca.jacobian(rate(*inputs), inputs[0]))])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A reference from outside: one step is a whole integration by CVODES of SUNDIALS.
+# ----------------------------------------------------------------------------------------------------------------------
+
+ABSOLUTE = 1e-3  # of what is tolerated in a step
+
+
+@dataclass(frozen=True)
+class Cvodes(Method):
+    """Backward differentiation formulas of variable order, started anew with every step of ours: slow and foreign.
+
+    Its own relative tolerance holds; the absolute one is a small share of the tolerance asked for.
+    """
+
+    tolerance: float = 1e-12
+    name: str = "cvodes"
+    order: int = 5
+    measured: int = 1
+    says: str = "SUNDIALS, outside reference"
+    source: str = "Hindmarsh et al., ACM TOMS 31 (2005) 363, through CasADi"
+    kind: ClassVar[Any] = ca.MX
+    reach: float = 0.5
+    trials: int = 4
+
+    def step(
+        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
+    ) -> tuple[Expression, Expression]:
+        """Integrate over the step; no error is measured."""
+        n = x.numel()
+        # States in units of what they are tolerated to be wrong by, once the step has made something of them.
+        ahead = x + h * rate(x + h * rate(x, constants, t), constants, t + h)
+        measure = scale(ahead)
+        share, unit = ca.SX.sym("share"), ca.SX.sym("unit", n)
+        scaled, fixed, at, length = (
+            ca.SX.sym("scaled", n),
+            ca.SX.sym("c", constants.numel()),
+            ca.SX.sym("t"),
+            ca.SX.sym("h"),
+        )
+        motion = {
+            "x": scaled,
+            "t": share,
+            "p": ca.vertcat(fixed, at, length, unit),
+            "ode": length * rate(unit * scaled, fixed, at + share * length) / unit,
+        }
+        options = {"reltol": self.tolerance, "abstol": ABSOLUTE, "max_num_steps": 100_000}
+        whole = ca.integrator("whole", "cvodes", motion, 0.0, 1.0, options)
+        after = measure * whole(x0=x / measure, p=ca.vertcat(constants, t, h, measure))["xf"]
+        return after, ca.MX(0.5)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Closed form where the law is linear: the exponential of the motion, summed to the last digit (eq. 13).
+# ----------------------------------------------------------------------------------------------------------------------
+
+TERMS = 30
+LAST_DIGIT = 1e-17
+
+
+@dataclass(frozen=True)
+class Exponential(Method):
+    """x(h) = x + h phi(h A) (A x + b) for dx/dt = A x + b: eq. (13) and its overdamped forms without their cases.
+
+    The series ends where its next term is below the last digit of the state: no truncation error is left, and
+    the tolerance asked for plays no part.
+    """
+
+    name: str = "closed_form"
+    order: int = TERMS
+    measured: int = TERMS
+    says: str = "linear laws, summed to the last digit"
+    source: str = "eq. (13)"
+    reach: float = 1.0
+
+    def takes(self, rate: ca.Function) -> bool:
+        """Only a motion that is linear in the state, with coefficients that stand still."""
+        x, constants, t = (ca.SX.sym(name, rate.numel_in(i)) for i, name in enumerate(("x", "c", "t")))
+        motion = rate(x, constants, t)
+        return bool(ca.is_linear(motion, x)) and not ca.depends_on(motion, t)
+
+    def step(
+        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
+    ) -> tuple[Expression, Expression]:
+        """The sum; the last term against the last digit measures whether h is short enough."""
+        state, fixed = ca.SX.sym("x", x.numel()), ca.SX.sym("c", constants.numel())
+        # Linear: the state at which the slope is taken plays no part, even where it still appears in the expression.
+        slope = ca.Function("slope", [state, fixed], [ca.jacobian(rate(state, fixed, 0), state)])(x, constants)
+        term = h * rate(x, constants, t)
+        after = x + term
+        for number in range(2, TERMS + 1):
+            term = h * (slope @ term) / number
+            after = after + term
+        size = ca.fmax(ca.fabs(x), ca.fabs(after)) + LAST_DIGIT * scale(after)
+        return after, largest(term, LAST_DIGIT * size)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Explicit Runge-Kutta methods: any tableau with an embedded formula.
+# ----------------------------------------------------------------------------------------------------------------------
+
+NOTHING = 1e-300  # keeps 0/0 of an exact step a number
+
+
+@dataclass(frozen=True)
+class Explicit(Method):
+    """Steps with one tableau; its embedded formulas estimate the error."""
+
+    tableau: Tableau
+    name: str
+    order: int
+    measured: int
+    says: str
+    source: str
+    smooth: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, tableau: Tableau, says: str, source: str) -> Explicit:
+        """The method of a tableau that has an embedded formula."""
+        return cls(tableau, tableau.name, tableau.order, tableau.order, says, source)
+
+    def step(
+        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
+    ) -> tuple[Expression, Expression]:
+        """One step of the tableau."""
+        after, error, stages = step(self.tableau, lambda state, at: rate(state, constants, t + at), x, h)
+        tolerated = scale(after)
+        norm = largest(error, tolerated)
+        if self.tableau.coarse:
+            # Mostly the weights of the step itself: what differs is summed, and the way of the step taken off.
+            other = tuple(c - b for c, b in zip(self.tableau.coarse, self.tableau.b, strict=True))
+            coarse = largest((after - x) + h * weighted(other, stages), tolerated)
+            norm = norm**2 / ca.sqrt(norm**2 + 0.01 * coarse**2 + NOTHING)
+        return after, norm

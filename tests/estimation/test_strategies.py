@@ -1,0 +1,106 @@
+"""The table of strategies, its trace, and the time limit of a fit."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from data_io import Record
+from experiments.run_recovery_study import Study
+from experiments.study_problem import scene_of
+from identify import Scene, SceneError, fit
+from identify.base import budget
+from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
+from identify.base.outcome import Status
+from identify.estimation.strategies import STRATEGIES, Strategy, attempted, is_due, tracing
+from identify.examples import FOLDER
+from identify.scene.toml import read_toml
+
+
+def test_every_row_has_a_title_of_its_own_and_says_when_it_applies() -> None:
+    assert len({row.title for row in STRATEGIES}) == len(STRATEGIES)
+    assert all(row.when and row.does for row in STRATEGIES)
+
+
+@pytest.fixture(scope="module")
+def joint() -> dict:
+    return dict(fit(Scene.from_toml(FOLDER / "pair.toml")).result)
+
+
+def test_a_result_says_what_was_tried_and_what_led_to_the_answer(joint) -> None:
+    tried = joint["search"]
+    assert joint["status"] == "converged" and joint["found_by"][0] == Strategy.FEATURE_START.title
+    assert joint["not_tried"] == []
+    assert [trial["strategy"] for trial in tried[: len(joint["found_by"])]] == joint["found_by"]
+    assert set(tried[0]) == {"strategy", "logs", "status", "cost", "seconds"} and tried[0]["logs"] == [1, 2, 3, 4]
+    # Of a truth that is fitted the cost per sample is that of noise, and what was tried lasted no longer than the fit.
+    assert 0.95 < tried[0]["cost"] < 1.05
+    assert sum(trial["seconds"] for trial in tried) < joint["timing_s"]["total"]
+
+
+def test_limits_nest_and_are_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(budget, "time", time)
+    assert seconds_left() == float("inf") and not time_is_up()
+    with time_limit(100.0):
+        with time_limit(1000.0):
+            assert 99.0 < seconds_left() <= 100.0
+        with time_limit(0.0):
+            assert time_is_up() and seconds_left() == 0.0
+            with no_time_limit():
+                assert not time_is_up()
+        assert not time_is_up()
+
+
+def test_what_is_due_when_the_time_is_up_is_noted_and_not_tried() -> None:
+    with tracing() as trace, time_limit(0.0):
+        assert attempted(Strategy.JOINED, lambda: pytest.fail("it was tried")) is None
+        assert not is_due(Strategy.JOINED)
+    assert trace.not_tried == [Strategy.JOINED.title] and trace.trials == []
+    with tracing([Strategy.JOINED]) as trace:
+        assert attempted(Strategy.JOINED, lambda: pytest.fail("it is switched off")) is None
+    assert trace.not_tried == []
+
+
+@pytest.mark.parametrize("limit", [0.02, 0.3])
+def test_a_fit_whose_time_is_up_ends_with_what_it_has(limit: float) -> None:
+    scene = Scene.from_toml(FOLDER / "pair.toml", [f"fit.time_limit={limit}"])
+    found = fit(scene)
+    result = found.result
+    spent = sum(trial["seconds"] for trial in result["search"])
+    assert spent < 1.1 * limit + 1.0, "one pass may be under way"
+    if found.status is not Status.CONVERGED:
+        assert (
+            f"the time limit of {limit:g} s left no time for" in result["message"]
+            and "--time-limit" in result["message"]
+        )
+        assert result["not_tried"] and all(p["value"] is None for p in result["parameters"].values())
+
+
+def test_without_a_repair_a_missed_slip_costs_the_answer() -> None:
+    """Negative control of the table: a row that is switched off is not tried, and what it buys is lost."""
+    case, _, _ = Study("usual").case(1)
+    scene = scene_of(case, None)
+    record = case.records[1]
+    spoiled = record.friction_force.copy()
+    middle = slice(record.time.size // 3, record.time.size // 3 + 40)
+    spoiled[middle] += 0.05
+    records = [case.records[0], Record(record.time, record.normal_force, spoiled), *case.records[2:]]
+    with tracing([row for row in STRATEGIES if row is not Strategy.FEATURE_START]) as trace:
+        refused = fit(scene, records)
+    assert refused.status is not Status.CONVERGED
+    assert {trial.strategy for trial in trace.trials} == {Strategy.FEATURE_START.title}
+
+
+@pytest.mark.parametrize("text", ['"0 s"', '"-3 s"', '"5 N"', '"soon"'])
+def test_a_limit_that_is_none_is_refused(text: str) -> None:
+    document = read_toml(FOLDER / "pair.toml", [f"fit.time_limit={text}"])
+    with pytest.raises(SceneError, match="time_limit"):
+        Scene.from_document(document, FOLDER)
+
+
+def test_a_limit_is_kept_in_the_document() -> None:
+    scene = Scene.from_toml(FOLDER / "pair.toml", ['fit.time_limit="2 min"'])
+    assert scene.time_limit == 120.0
+    assert Scene.from_document(scene.as_document()).time_limit == 120.0
+    assert "fit" not in Scene.from_toml(FOLDER / "pair.toml").as_document()
