@@ -95,7 +95,7 @@ def crossing(time: Array, force: Array, coarse: Array, middle: float, drop: floa
     return float(time[i - 1] + min(max(share, 0.0), 1.0) * (time[i] - time[i - 1]))
 
 
-def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]]) -> float | None:
+def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:
     """Sd of the force about gently curved lines through blocks of the sticks [N].
 
     Blocks with much more than the median (an unseen spike or slip) are left out; the mean of the others is
@@ -104,6 +104,7 @@ def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]]) -> float | N
     Args:
         force: shape (n,) [N].
         sticks: first sample and end of each stick; an eighth is left out at either end.
+        time: shape (n,) [s] of uneven rows; None for even ones.
 
     Returns: None where there are fewer than five blocks of eight samples.
     """
@@ -112,12 +113,12 @@ def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]]) -> float | N
         starts = [np.arange(first, last - length + 1, length) for first, last in kept]
         index = np.concatenate(starts) if starts else np.empty(0, dtype=np.int64)
         if index.size >= FEWEST_BLOCKS:
-            found = _about_lines(force, index, length, degree)
-            return found if found is None or length < LINE_BLOCKS[0][0] else _remembered(force, kept, found)
+            found = _about_lines(force, index, length, degree, time)
+            return found if found is None or length < LINE_BLOCKS[0][0] else _remembered(force, kept, found, time)
     return None
 
 
-def _remembered(force: Array, sticks: list[tuple[int, int]], found: float) -> float:
+def _remembered(force: Array, sticks: list[tuple[int, int]], found: float, time: Array | None) -> float:
     """The noise found in the longest blocks, seen in longer ones as far as that makes it larger."""
     length, degree = LINE_BLOCKS[0]
     first, rest = found, 0.0
@@ -127,7 +128,7 @@ def _remembered(force: Array, sticks: list[tuple[int, int]], found: float) -> fl
         index = np.concatenate(starts)
         if index.size < 2 * FEWEST_BLOCKS:
             return found + rest
-        longer = _about_lines(force, index, length, degree)
+        longer = _about_lines(force, index, length, degree, time)
         if longer is None or longer < LONGER * found:
             return found + rest
         if longer > MOST_LONGER * first:
@@ -137,12 +138,21 @@ def _remembered(force: Array, sticks: list[tuple[int, int]], found: float) -> fl
     return found + rest
 
 
-def _about_lines(force: Array, index: NDArray[np.int64], length: int, degree: int) -> float | None:
-    """Sd of the force about curves of a degree through blocks of a length that begin at `index` (b,) [N]."""
+def _about_lines(force: Array, index: NDArray[np.int64], length: int, degree: int, time: Array | None) -> float | None:
+    """Sd of the force about curves of a degree through blocks of a length that begin at `index` (b,) [N].
+
+    time: (n,) [s], along which the curves run; None: along the rows.
+    """
     index = index[:: max(1, index.size // MOST_BLOCKS)]
     blocks = sliding_window_view(force, length)[index]
-    basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), degree + 1))[0]
-    blocks -= (blocks @ basis) @ basis.T
+    if time is None:
+        basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), degree + 1))[0]
+        blocks -= (blocks @ basis) @ basis.T
+    else:
+        stamps = sliding_window_view(time, length)[index]
+        middle, half = stamps.mean(axis=1, keepdims=True), 0.5 * np.ptp(stamps, axis=1, keepdims=True)
+        basis = np.linalg.qr(((stamps - middle) / half)[..., None] ** np.arange(degree + 1))[0]
+        blocks -= np.einsum("bij,bkj,bk->bi", basis, basis, blocks, optimize=True)
     squares = np.einsum("ij,ij->i", blocks, blocks)
     free = length - degree - 1
     usual = float(np.median(squares)) / (1.0 - 2.0 / (9.0 * free)) ** 3

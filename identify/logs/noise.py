@@ -7,10 +7,13 @@ from math import comb, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import thinned_steps
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BLOCK = 16
+UNEVEN, UNEVEN_SHARE = 0.05, 0.01  # of the usual interval, by which more than such a share of the others differ
 STRETCH = 512
 MOST_STRETCHES = 128
 ORDERS = (2, 3, 4, 5)
@@ -29,8 +32,17 @@ FLOOR = 0.25  # of the height of a dip or bump: samples that differ by less have
 SWING, SWING_SD, SWINGS_ON = 0.3, 3.5, 3 * SIDE
 
 
-def white_noise(force: Array) -> float:
+def uneven(time: Array) -> bool:
+    """Whether rows (n,) [s] follow each other so unevenly that their differences by number are none by time."""
+    steps = thinned_steps(time)
+    usual = float(np.median(steps))
+    return bool(np.mean(np.abs(steps - usual) > UNEVEN * usual) > UNEVEN_SHARE)
+
+
+def white_noise(force: Array, time: Array | None = None) -> float:
     """Standard deviation of the white part of a force (n,), robust to sticks, slips, steps and spikes [N].
+
+    time: (n,) [s] of uneven rows: their differences are taken over true distances; None for even ones.
 
     Differences of order 2 to 5 remove ramps and slow waves; the median over blocks of their mean square
     ignores the few blocks with slips, and unlike a median of single samples does not vanish where a
@@ -41,9 +53,9 @@ def white_noise(force: Array) -> float:
         return _few(force)
     estimates = []
     differences, reached = _sampled(force), 0
-    for order in ORDERS:  # each from the one before
-        differences, reached = np.diff(differences, order - reached), order
-        squares = differences**2
+    for order in ORDERS if time is None else ORDERS[:1]:  # each from the one before
+        differences = np.diff(differences, order - reached) if time is None else _by_distance(force, time)
+        squares, reached = differences**2, order
         blocks = squares.size // BLOCK
         if blocks < 4:
             estimates.append(sqrt(float(np.median(squares)) / 0.455 / comb(2 * order, order)))
@@ -51,6 +63,15 @@ def white_noise(force: Array) -> float:
         means = squares[: blocks * BLOCK].reshape(blocks, BLOCK).mean(axis=1)
         estimates.append(sqrt(float(np.median(means)) / MEDIAN_OF_BLOCK[order] / comb(2 * order, order)))
     return max(min(estimates), quantum(force) / sqrt(12.0))
+
+
+def _by_distance(force: Array, time: Array) -> Array:
+    """How far each force lies off the line between its neighbours, (n - 2,), scaled to the second difference of even
+    rows: of white noise it has the same variance, a ramp is gone at any distances."""
+    before, after = time[1:-1] - time[:-2], time[2:] - time[1:-1]
+    share = after / (before + after)
+    off = force[1:-1] - share * force[:-2] - (1.0 - share) * force[2:]
+    return off * np.sqrt(comb(4, 2) / (1.0 + share**2 + (1.0 - share) ** 2))
 
 
 def _sampled(force: Array) -> Array:

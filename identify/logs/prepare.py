@@ -30,6 +30,7 @@ from identify.simulation.drive import Drive, NormalForce
 
 Array = NDArray[np.float64]
 
+NOISELESS, ASSUMED = 1e-6, 1e-4  # of the force: less is no noise of a measurement, and what is assumed there
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 SWINGS = 0.3  # times that: error of the load in fast rhythms from which on a slip has one of its own
@@ -250,8 +251,10 @@ def _data(log: Segmented, course: Course, fitted: tuple[float, float], unknowns:
 def _weight(log: Segmented) -> Array:
     """1/variance [1/N^2] of every sample (n,), 0 where it does not count."""
     sound = kept(log.force, log.used)
-    floor = 1e-6 * float(max(sound.max(), -sound.min()))
-    return np.where(log.counted, 1.0 / max(log.noise, floor, 1e-12) ** 2, 0.0)
+    size = float(max(sound.max(), -sound.min()))
+    # a log without noise, as a simulation leaves it, is weighted by what the computation is surely good for
+    noise = log.noise if log.noise > NOISELESS * size else ASSUMED * size
+    return np.where(log.counted, 1.0 / max(noise, 1e-12) ** 2, 0.0)
 
 
 def _sd_over_time(course: Course, repeatable: float) -> NormalForce | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from data_io.thinned import kept, thinned_steps
 from identify.logs.local_fits import crossing, level, noise_on_lines, slope, span
-from identify.logs.noise import bridged, quantum, spikes, white_noise
+from identify.logs.noise import bridged, quantum, spikes, uneven, white_noise
 from identify.logs.slips import SLIDING, SLIP, STICK, Slips, Trace, judge, label, loading_knee, not_slipping
 from identify.logs.zigzag import WIDTH_SHARE, find_falls
 
@@ -160,7 +160,8 @@ def segment(
     if time.size < 8 or holes.all():
         return _nothing(time, holes, noise or 0.0)
     clean = bridged(force, holes)
-    white = white_noise(clean)
+    stamps = time if uneven(time) else None
+    white = white_noise(clean, stamps)
     # What slides moves as its track and its noise do: a spike stands out of these, and a dip with a floor is none.
     steps = 0.0 if slips else 1.4826 * float(np.median(np.abs(np.diff(clean)))) / sqrt(2.0)
     masked = spikes(clean, max(white, noise or 0.0, steps), floors=not slips)
@@ -176,7 +177,7 @@ def segment(
     faint = _faint(cycles, sd, interval, half_period)
     return Segmentation(
         cycles=cycles,
-        noise=_noise(kept(force, ~holes), clean, phase, white, faint) if noise is None else noise,
+        noise=_noise(kept(force, ~holes), clean, phase, white, faint, stamps) if noise is None else noise,
         spikes=masked | holes,
         phase=phase,
         begins_in_slip=falls.starts_falling and bool(falls.kept.any()),
@@ -197,9 +198,11 @@ def _faint(cycles: Cycles, white: float, interval: float, half_period: float | N
     return drop * sqrt(max(WIDTH_SHARE * lasting / interval, 1.0)) < CLEAR * white
 
 
-def _noise(finite: Array, clean: Array, phase: NDArray[np.int8], white: float, faint: bool) -> float:
+def _noise(
+    finite: Array, clean: Array, phase: NDArray[np.int8], white: float, faint: bool, stamps: Array | None
+) -> float:
     """Never less than the rounding of the file; what lies between faint slips holds others."""
-    on_lines = None if faint else noise_on_lines(clean, not_slipping(phase))
+    on_lines = None if faint else noise_on_lines(clean, not_slipping(phase), stamps)
     return max(on_lines or white, quantum(finite) / sqrt(12.0))
 
 
