@@ -36,9 +36,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
     """Print the script."""
-    from identify.cli.main import build_parser
-
-    script = script_for(arguments.shell, build_parser().commands)
+    script = script_for(arguments.shell, arguments.parser.commands)
     terminal.say(script.rstrip())
     return Answer(document={"status": "done", "shell": arguments.shell, "script": script})
 

@@ -125,7 +125,7 @@ def build_parser() -> _Parser:
     for command in commands():
         sub = known.add_parser(command.NAME, help=command.HELP, description=command.HELP)
         command.add_arguments(sub)
-        sub.set_defaults(run=command.run)
+        sub.set_defaults(run=command.run, parser=parser)
     for place in (parser, *known.choices.values()):
         place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
         place.add_argument("--debug", action="store_true", help="show the traceback of an error")
