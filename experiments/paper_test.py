@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identify import Scene, fit
 from identify.examples import SCENE
 from identify.prediction.groups import groups
-from identify.prediction.steady import QUANTITIES
+from identify.prediction.stability import QUANTITIES
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ import machine  # noqa: E402
 import numpy as np  # noqa: E402
 
 from identify import stability  # noqa: E402
+from identify.prediction.closed_forms import jump  # noqa: E402
 from identify.prediction.groups import groups  # noqa: E402
-from identify.prediction.jump import jump  # noqa: E402
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "D": 37.4e-6}
 CASES = {  # name: a [s/m], t_cr [s], damping h [N/m]

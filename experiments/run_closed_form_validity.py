@@ -32,14 +32,13 @@ from run_pair_study import OUTCOMES  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
 from identify.prediction.chart import chart  # noqa: E402
-from identify.prediction.comparison import contact  # noqa: E402
+from identify.prediction.closed_forms import contact, jump  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
 from identify.prediction.groups import settings  # noqa: E402
-from identify.prediction.jump import jump  # noqa: E402
 from identify.prediction.limits import sliding_margin, slip_margin  # noqa: E402
 from identify.prediction.map_axes import Site, moved_values  # noqa: E402
 from identify.prediction.orbit import Orbit, settle  # noqa: E402
-from identify.prediction.sensitivity import QUANTITIES, quantities  # noqa: E402
+from identify.prediction.quantities import QUANTITIES, quantities  # noqa: E402
 
 Array = NDArray[np.float64]
 

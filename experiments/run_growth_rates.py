@@ -12,7 +12,7 @@ sys.path[:0] = [str(Path(__file__).parents[1])]
 
 from experiments.growth_rates import FIXED_DAMPER, pairs  # noqa: E402
 from experiments.machine import describe  # noqa: E402
-from identify.prediction.critical import critical_stiffness  # noqa: E402
+from identify.prediction.limits import critical_stiffness  # noqa: E402
 
 SHARES = (0.97, 1.0, 1.03)
 SETS, FEW = 20, 3

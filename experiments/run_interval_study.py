@@ -25,14 +25,14 @@ from paper_test import STAND_IN, Known, assumed, fitted  # noqa: E402
 from scipy.stats import binom  # noqa: E402
 
 from identify.model.model import Model, assemble  # noqa: E402
-from identify.prediction.advice import advise  # noqa: E402
-from identify.prediction.chance import ask, certainty  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
-from identify.prediction.drawn import draw  # noqa: E402
+from identify.prediction.intervals import draw  # noqa: E402
 from identify.prediction.orbit import settle  # noqa: E402
-from identify.prediction.outlook import OperatingPoint, outlooks  # noqa: E402
-from identify.prediction.prospect import prospect  # noqa: E402
-from identify.prediction.sensitivity import QUANTITIES  # noqa: E402
+from identify.prediction.predict import OperatingPoint, outlooks  # noqa: E402
+from identify.prediction.probability import ask, certainty  # noqa: E402
+from identify.prediction.quantities import QUANTITIES  # noqa: E402
+from identify.prediction.solutions import prospect  # noqa: E402
+from identify.prediction.stabilising import advise  # noqa: E402
 
 Array = NDArray[np.float64]
 

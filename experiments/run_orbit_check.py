@@ -21,7 +21,7 @@ import oracle  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
 from identify.prediction.cycle import CycleMap, loads  # noqa: E402
 from identify.prediction.orbit import settle  # noqa: E402
-from identify.prediction.prospect import prospect  # noqa: E402
+from identify.prediction.solutions import prospect  # noqa: E402
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}

@@ -25,8 +25,8 @@ import machine  # noqa: E402
 from run_orbit_check import DEMO, EFFECTS, SPEEDS, random_pairs  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
-from identify.prediction.comparison import AGREES  # noqa: E402
-from identify.prediction.outlook import OperatingPoint, outlooks  # noqa: E402
+from identify.prediction.closed_forms import AGREES  # noqa: E402
+from identify.prediction.predict import OperatingPoint, outlooks  # noqa: E402
 
 TARGET = 0.01
 COMPARED = {"drop": "drop", "period": "period", "peak_speed": "peak"}  # in answers, in `brute_force.Jump`

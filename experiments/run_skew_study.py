@@ -26,7 +26,7 @@ from brute_force_lanes import Lanes, onsets, simulate  # noqa: E402
 from run_window_study import EFFECTS, random_pairs  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
-from identify.prediction.outlook import outlook  # noqa: E402
+from identify.prediction.predict import outlook  # noqa: E402
 
 Array = NDArray[np.float64]
 NAMES = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr", "mass", "damping")

@@ -23,7 +23,7 @@ import machine  # noqa: E402
 from brute_force_lanes import Lanes, onsets, simulate, swings_die  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
-from identify.prediction.outlook import outlook  # noqa: E402
+from identify.prediction.predict import outlook  # noqa: E402
 
 Array = NDArray[np.float64]
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from identify.estimation.estimator import Estimated, EstimationTask, Estimator
     from identify.identification import fit
     from identify.prediction import ageing, amplitude, stability
-    from identify.prediction.mapping import continue_over, stability_map
+    from identify.prediction.continuation import continue_over, stability_map
     from identify.report.finished import Fit
     from identify.scene import Scene
     from identify.shooting.accuracy import Asked
@@ -50,10 +50,10 @@ _HOMES = {
     "Scene": "identify.scene",
     "SceneError": "identify.base.errors",
     "SimulationError": "identify.base.errors",
-    "continue_over": "identify.prediction.mapping",
+    "continue_over": "identify.prediction.continuation",
     "fit": "identify.identification",
     "simulate": "identify.simulation.simulate",
-    "stability_map": "identify.prediction.mapping",
+    "stability_map": "identify.prediction.continuation",
 }
 
 

@@ -11,16 +11,14 @@ import pytest
 from identify import Scene
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.prediction import tested
-from identify.prediction.advice import advise
-from identify.prediction.chance import alike, certainty, document
+from identify.prediction import sources as tested
 from identify.prediction.cycle import CycleMap
-from identify.prediction.drawn import draw, unknown
-from identify.prediction.outlook import outlook
-from identify.prediction.prospect import prospect
-from identify.prediction.remedy import Search
-from identify.prediction.spread import Interval
-from identify.prediction.stated import stated
+from identify.prediction.intervals import Interval, draw, unknown
+from identify.prediction.predict import outlook
+from identify.prediction.probability import alike, certainty, document
+from identify.prediction.solutions import prospect
+from identify.prediction.sources import stated
+from identify.prediction.stabilising import Search, advise
 from identify.report.advice_table import advice_table
 from identify.report.report_tables import Cell
 

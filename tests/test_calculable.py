@@ -6,12 +6,12 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.effects import ALL, MAIN
 from identify.model.model import assemble
-from identify.prediction.comparison import beyond, contact
+from identify.prediction.closed_forms import beyond, contact
 from identify.prediction.cycle import CycleMap
 from identify.prediction.orbit import close
-from identify.prediction.outlook import OperatingPoint, outlook, outlooks
-from identify.prediction.prospect import prospect
-from identify.prediction.sensitivity import orbit_slopes, quantities
+from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.quantities import orbit_slopes, quantities
+from identify.prediction.solutions import prospect
 from identify.simulation.simulate import run
 
 PAIR = {

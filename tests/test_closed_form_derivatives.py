@@ -16,11 +16,11 @@ from scipy.integrate import solve_ivp
 
 from identify import amplitude, stability
 from identify.base.dual import Dual, exp, expm1, log, sqrt, variables, where
-from identify.prediction import critical
+from identify.prediction import limits as critical
+from identify.prediction.closed_forms import UNITS, jump
 from identify.prediction.groups import NAMES, groups
-from identify.prediction.jump import UNITS, jump
 from identify.prediction.limits import limits
-from identify.prediction.steady import QUANTITIES
+from identify.prediction.stability import QUANTITIES
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)
 PAIR = {

@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from identify import amplitude, stability
-from identify.prediction import critical
+from identify.prediction import limits as critical
 
 FEW = settings(max_examples=60, deadline=None, derandomize=True)
 LARGEST = mp.mpf("1e308")

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identify import ageing, amplitude, stability
-from identify.prediction import critical
+from identify.prediction import limits as critical
 from identify.prediction.groups import groups
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "reference.json").read_text())

@@ -173,7 +173,7 @@ def test_the_nonlinear_model_answers_at_common_points(study):
     answers = group_answers(found, ground)
     assert [a.group for a in answers] == ["M1", "M2", "M3"] and not any(a.reason for a in answers)
     from identify.model.model import assemble
-    from identify.prediction.outlook import outlook
+    from identify.prediction.predict import outlook
 
     values = dict(ground.values) | {
         q.name: q.shown(found.answered[q.name].means[0].value) for q in found.values.quantities

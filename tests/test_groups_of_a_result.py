@@ -10,8 +10,8 @@ import pytest
 
 from identify import Scene, examples
 from identify.cli.main import main
-from identify.prediction.outlook import outlook
-from identify.prediction.pairs import pair_of
+from identify.prediction.predict import outlook
+from identify.prediction.sources import pair_of
 
 OFFSET = -0.19  # of mu_k0 from mu_s
 SHARED = {"delta_mu_k": -0.13, "a": 300.0, "t_cr": 0.5}

@@ -13,11 +13,10 @@ from maps_case import SITE, SPANS
 
 from identify.base.errors import SimulationError
 from identify.cli.main import main
-from identify.prediction import tested
+from identify.prediction import sources as tested
 from identify.prediction.chart import chart
-from identify.prediction.chart_data import values_of, write_chart, write_continuation
-from identify.prediction.chart_spread import Known
-from identify.prediction.continuation import continuation
+from identify.prediction.chart_bands import Known
+from identify.prediction.continuation import continuation, values_of, write_chart, write_continuation
 from identify.report.draw_map import Marks, draw_map
 
 

@@ -11,18 +11,15 @@ from maps_case import ALL, DEMO, SITE, SPANS
 
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.prediction.chart import chart
-from identify.prediction.chart_closed import closed_plane
-from identify.prediction.chart_spread import Known, bands, region
+from identify.prediction.chart import chart, growth_at, losses_of_stability
+from identify.prediction.chart_bands import Known, bands, closed_plane, region
 from identify.prediction.continuation import continuation
-from identify.prediction.crossings import growth_at, losses_of_stability
 from identify.prediction.cycle import CycleMap
 from identify.prediction.map_axes import Site, admissible, axis, check_axes, course, known_axes, moved, slopes
+from identify.prediction.map_grid import outline, plane
 from identify.prediction.orbit import settle
-from identify.prediction.outline import outline
-from identify.prediction.plane import plane
-from identify.prediction.prospect import prospect
-from identify.prediction.sensitivity import quantities
+from identify.prediction.quantities import quantities
+from identify.prediction.solutions import prospect
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 import brute_force

@@ -15,14 +15,14 @@ import pytest
 from identify import stability
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.prediction.comparison import closed_forms, contact
+from identify.prediction.closed_forms import closed_forms, contact
 from identify.prediction.cycle import CycleMap
+from identify.prediction.intervals import Spread
 from identify.prediction.orbit import settle
-from identify.prediction.outlook import OperatingPoint, outlook, outlooks
-from identify.prediction.prospect import prospect
-from identify.prediction.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities
+from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities
 from identify.prediction.sliding import sliding, unstable_speeds
-from identify.prediction.spread import Spread
+from identify.prediction.solutions import prospect
 from identify.prediction.windows import Outcome
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")

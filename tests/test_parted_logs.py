@@ -15,7 +15,7 @@ from identify.base.outcome import numbers_of, places_of
 from identify.cli import counsel
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records
-from identify.prediction import tested
+from identify.prediction import sources as tested
 from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
 from identify.studies.making import make

@@ -8,10 +8,9 @@ import pytest
 from test_orbit import ALL, DEMO, map_of
 
 from identify.model.model import assemble
-from identify.prediction.extremes import extremes, peak_to_valley
 from identify.prediction.orbit import settle
-from identify.prediction.outlook import outlook
-from identify.prediction.sensitivity import QUANTITIES, orbit_slopes, quantities
+from identify.prediction.predict import outlook
+from identify.prediction.quantities import QUANTITIES, extremes, orbit_slopes, peak_to_valley, quantities
 
 PLACE = list(QUANTITIES).index("peak_to_valley")
 

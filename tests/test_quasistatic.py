@@ -14,7 +14,7 @@ from identify.base.errors import FitError, SceneError, SimulationError
 from identify.cli.main import main
 from identify.identification import fit
 from identify.model.model import assemble
-from identify.prediction.outlook import outlook
+from identify.prediction.predict import outlook
 from identify.scene import Scene
 from identify.simulation.simulate import run, simulate
 from identify.simulation.trajectory import Trajectory

@@ -9,7 +9,7 @@ import pytest
 
 from identify import examples
 from identify.cli.main import main
-from identify.prediction.scatter import pooled
+from identify.prediction.sources import pooled
 
 
 def records(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from identify.prediction.chance import Certainty, Chance
-from identify.prediction.sureness import _text
+from identify.prediction.probability import Certainty, Chance, _text
 
 SURE = Chance(0.999, 1.0, (0.99, 1.0))
 

@@ -7,7 +7,7 @@ import pytest
 
 from identify.base.wording import three_figures, told_apart
 from identify.cli import main as cli
-from identify.prediction.outlook_words import amplitude_text, said, stability_text
+from identify.prediction.wording import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
 from identify.report.quantity_text import quantity
 from identify.report.report_page import render_page

@@ -10,10 +10,9 @@ from identify.base.errors import SimulationError
 from identify.base.outcome import numbers_of
 from identify.cli.point import Point
 from identify.cli.points import points_of
-from identify.prediction.advice import advise
-from identify.prediction.pairs import groups_of
-from identify.prediction.sureness import sureness
-from identify.prediction.tested import Tested
+from identify.prediction.probability import sureness
+from identify.prediction.sources import Tested, groups_of
+from identify.prediction.stabilising import advise
 from identify.report.finished import Fit
 from identify.scene import Scene
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from identify.cli.common import CommandLineError, quantity
 from identify.cli.point import Point
-from identify.prediction.tested import Tested
+from identify.prediction.sources import Tested
 
 Further = Callable[[Point, Tested | None], dict[str, Any]]
 MOST_DRAWS = 100_000
@@ -28,8 +28,8 @@ def asked_further(arguments: Namespace) -> Further:
         raise CommandLineError(f"--draws is {draws}; expected 1 to {MOST_DRAWS}: write --draws 400")
 
     def further(point: Point, tested: Tested | None) -> dict[str, Any]:
-        from identify.prediction.advice import advise
-        from identify.prediction.sureness import sureness
+        from identify.prediction.probability import sureness
+        from identify.prediction.stabilising import advise
 
         found: dict[str, Any] = {}
         at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)

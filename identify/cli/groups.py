@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from identify.cli.common import CommandLineError
-from identify.prediction.pairs import named
+from identify.prediction.sources import named
 from identify.scene.values import EACH_LOG
 
 if TYPE_CHECKING:

@@ -12,20 +12,27 @@ import numpy as np
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, picture, quantity
 from identify.prediction.chart import chart
-from identify.prediction.chart_data import check_data_path, values_of, write_chart, write_continuation
-from identify.prediction.chart_spread import Known
-from identify.prediction.continuation import Change, Continuation, continuation
+from identify.prediction.chart_bands import Known
+from identify.prediction.continuation import (
+    Change,
+    Continuation,
+    check_data_path,
+    continuation,
+    values_of,
+    write_chart,
+    write_continuation,
+)
+from identify.prediction.intervals import Interval, Spread
 from identify.prediction.map_axes import Site, axis, known_axes
-from identify.prediction.outlook_words import said
-from identify.prediction.plane import around
-from identify.prediction.spread import Interval, Spread
+from identify.prediction.map_grid import around
+from identify.prediction.wording import said
 from identify.report.report_wording import OUTCOMES
 from identify.scene.tables import nearest
 
 if TYPE_CHECKING:
     from identify.cli.point import Point
     from identify.prediction.chart import Chart
-    from identify.prediction.tested import Tested
+    from identify.prediction.sources import Tested
 
 GRID, LINE = 60, 120  # nodes along each of two quantities, and along one
 Range = tuple[float, float] | None

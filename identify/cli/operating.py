@@ -12,8 +12,8 @@ from identify.cli.further import asked_further
 from identify.cli.groups import one_pair
 from identify.cli.point import Point
 from identify.cli.points import operating_points, tested_range
-from identify.prediction.outlook import OperatingPoint, outlook, outlooks
-from identify.prediction.tested import Tested
+from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.sources import Tested
 
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.prediction.map_axes import Site
-from identify.prediction.pairs import Groups, named
+from identify.prediction.sources import Groups, named
 
 if TYPE_CHECKING:
     from identify.model.model import Model

@@ -13,9 +13,9 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from data_io.atomic import atomic_path
 from identify.cli.common import CommandLineError
 from identify.prediction.cycle import CycleMap
-from identify.prediction.prospect import Prospect, prospect
-from identify.prediction.sensitivity import QUANTITIES, quantities
+from identify.prediction.quantities import QUANTITIES, quantities
 from identify.prediction.sliding import sliding
+from identify.prediction.solutions import Prospect, prospect
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,11 +16,8 @@ from identify.cli.common import CommandLineError, quantity
 from identify.cli.groups import of_groups
 from identify.cli.point import Point
 from identify.diagnosis.selection_numbers import choose_from_numbers
-from identify.prediction.calculable import check_calculable
-from identify.prediction.pairs import Pair, groups_of, pair_of, ties_of, with_tied
-from identify.prediction.scatter import pooled_result
-from identify.prediction.stated import stated
-from identify.prediction.tested import Tested
+from identify.prediction.cycle import check_calculable
+from identify.prediction.sources import Pair, Tested, groups_of, pair_of, pooled_result, stated, ties_of, with_tied
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
 from identify.scene.tables import check_ranges, nearest

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from identify.effects import MAIN
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.outlook_words import listed
+from identify.prediction.wording import listed
 from identify.scene import Scene
 
 NAMED = 3  # values of a label that are listed

@@ -21,7 +21,7 @@ from identify.estimation.status_words import at_bounds
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.outlook_words import listed, said
+from identify.prediction.wording import listed, said
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
 from identify.scene.values import ParameterSpec, Tie

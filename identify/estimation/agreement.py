@@ -19,7 +19,7 @@ from identify.base.quantiles import chi_square_exceeded
 from identify.estimation.influence import Influence
 from identify.estimation.uncertainty import sizes
 from identify.logs.unknowns import Unknowns
-from identify.prediction.outlook_words import said
+from identify.prediction.wording import said
 from identify.shooting.layout import KNOWN, Layout
 from identify.shooting.shooting import Problem
 from identify.shooting.vibration import rhythmic

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.quantiles import NORMAL
-from identify.prediction.outlook_words import listed
+from identify.prediction.wording import listed
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]

@@ -11,7 +11,7 @@ import numpy as np
 from identify.base.wording import speed_text
 from identify.estimation.coloured import Colour
 from identify.logs.log_data import Guess, LogData
-from identify.prediction.outlook_words import listed
+from identify.prediction.wording import listed
 
 FIGURES = 3  # of a speed in a sentence
 FEWEST = 2  # samples from which on a level has a scatter

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identify.base.dual import Dual, exp, expm1, plain, sqrt, variables, where
-from identify.prediction.steady import QUANTITIES, FrictionLike, RigLike
+from identify.prediction.stability import QUANTITIES, FrictionLike, RigLike
 
 MEANING = {
     "omega_n": ("rad/s", "natural frequency of the mass on the spring"),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
-from identify.prediction.course import Course
+from identify.prediction.path import Course
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.prediction.branch import Followed, advance, moved_orbit
-from identify.prediction.course import drive_course
 from identify.prediction.cycle import SLIDES_AFTER, CycleMap
 from identify.prediction.orbit import Orbit, Settled, settle
+from identify.prediction.path import End, Followed, advance, drive_course, moved_orbit, trace
 from identify.prediction.sliding import growth_rates, unstable_speeds
-from identify.prediction.trace import End, trace
 
 Array = NDArray[np.float64]
 

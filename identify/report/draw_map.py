@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
 from identify.prediction.chart import Boundary, Chart
-from identify.prediction.chart_closed import closed_plane
-from identify.prediction.chart_spread import Known, bands, region
-from identify.prediction.tested import Tested
+from identify.prediction.chart_bands import Known, bands, closed_plane, region
+from identify.prediction.sources import Tested
 from identify.report.map_contours import amplitudes, falls
 from identify.report.map_regions import regions
 from identify.report.map_view import FONT, View, ticks_in_powers

@@ -13,8 +13,8 @@ from identify.base.errors import FitError
 from identify.base.outcome import LogCurves, Status, numbers_of
 from identify.base.wording import wrapped
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.outlook import outlook
-from identify.prediction.pairs import pair_of
+from identify.prediction.predict import outlook
+from identify.prediction.sources import pair_of
 from identify.report.first_screen import first_screen
 from identify.report.stored_result import read_result, scene_of
 from identify.report.summary import summary

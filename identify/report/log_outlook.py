@@ -11,8 +11,8 @@ from identify.base.outcome import Status
 from identify.diagnosis.findings import Findings
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.prediction.outlook import OperatingPoint, outlooks
-from identify.prediction.pairs import with_tied
+from identify.prediction.predict import OperatingPoint, outlooks
+from identify.prediction.sources import with_tied
 from identify.scene.values import Tie
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from identify.base.outcome import Status
-from identify.prediction.outlook_words import listed
+from identify.prediction.wording import listed
 from identify.report.quantity_text import (
     DASH,
     decimals,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.quantiles import LEVEL, NORMAL, student, student_below
-from identify.prediction.outlook import OperatingPoint, outlooks
+from identify.prediction.predict import OperatingPoint, outlooks
 from identify.prediction.sliding import slidings
 from identify.studies.compare import Comparison
 from identify.studies.joint import Joint, Together

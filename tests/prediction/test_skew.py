@@ -15,11 +15,11 @@ from brute_force_lanes import Lanes
 
 from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap
-from identify.prediction.outlook import OperatingPoint, outlook, outlooks
-from identify.prediction.outlook_words import amplitude_text
-from identify.prediction.skew import LEAST_DRAWS, sampled
-from identify.prediction.sureness import sureness
+from identify.prediction.intervals import LEAST_DRAWS, sampled
+from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.probability import sureness
 from identify.prediction.windows import speed_windows
+from identify.prediction.wording import amplitude_text
 
 MODEL = assemble(study.EFFECTS)
 PAIR = {

@@ -18,7 +18,7 @@ from brute_force_lanes import Lanes, simulate
 from identify.cli.main import main
 from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap
-from identify.prediction.outlook import OperatingPoint, outlook, outlooks
+from identify.prediction.predict import OperatingPoint, outlook, outlooks
 from identify.prediction.windows import speed_windows
 from identify.scene import Scene
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.prediction.branch import expected
 from identify.prediction.cycle import CycleMap, loads
 from identify.prediction.orbit import Orbit, Settled, close, settle
+from identify.prediction.path import expected
 from identify.prediction.sliding import Sliding, slidings
 from identify.prediction.windows import (
     LONGEST_PATIENCE,

@@ -12,21 +12,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
-from identify.prediction.branch import moved_orbit
-from identify.prediction.calculable import check_calculable
-from identify.prediction.chance import ask
-from identify.prediction.comparison import ClosedForms, beyond, closed_forms_each, contact, judged, number
-from identify.prediction.cycle import CycleMap
-from identify.prediction.drawn import POINT, Drawn
-from identify.prediction.form_slopes import Table, form_slopes
+from identify.prediction.closed_forms import (
+    ClosedForms,
+    Table,
+    beyond,
+    closed_forms_each,
+    contact,
+    form_slopes,
+    judged,
+    number,
+)
+from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.groups import MEANING
-from identify.prediction.outlook_words import amplitude_text, closed_form_text, said, stability_text
-from identify.prediction.prospect import Prospect, prospects
-from identify.prediction.sensitivity import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
-from identify.prediction.skew import Uncertain, maps, sampled
-from identify.prediction.spread import Interval, Spread
+from identify.prediction.intervals import POINT, Drawn, Interval, Spread, Uncertain, maps, sampled
+from identify.prediction.path import moved_orbit
+from identify.prediction.probability import ask
+from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
+from identify.prediction.solutions import Prospect, prospects
 from identify.prediction.stability import printed_form
 from identify.prediction.windows import Limit, Outcome, patience
+from identify.prediction.wording import amplitude_text, closed_form_text, said, stability_text
 
 Array = NDArray[np.float64]
 
