@@ -1,6 +1,7 @@
 """Steps to a `Record`: one clock, one sign of the normal force, and the account of where everything came from."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from data_io.record import WINDOW_START, Record
 from data_io.source import Request, Source
 from data_io.thinned import thinned
 from data_io.units import rescaled
+from data_io.unused import Span, unused_spans, without_needless
 
 
 def assemble(
@@ -32,8 +34,9 @@ def assemble(
     notes = list(contents.findings)
     pulls = not settled and request.normal_force is None and _pressed_negative(run)
     steps: list[SiStep] = []
+    begin = contents.skipped if len(picked) == 1 else None
     for part in picked:
-        step, remarks = convert(source, request, part, several=len(run) > 1, settled=settled)
+        step, remarks = convert(source, request, part, several=len(run) > 1, settled=settled, begin=begin)
         steps.append(step)
         notes += remarks
     clocks = [StepClock(step.label, step.time, part.started) for step, part in zip(steps, picked, strict=True)]
@@ -46,17 +49,35 @@ def assemble(
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
     channels, units = _channels(steps)
-    return Record(
-        time=_one([_shifted(step.time, shift) for step, shift in zip(steps, shifts, strict=True)]),
-        normal_force=normal,
-        friction_force=_one([step.roles["friction_force"] for step in steps]),
-        drive_speed=contents.drive_speed if (along := _joined_drive(steps)) is None else along,
-        channels=channels,
-        channel_units=units,
-        steps=_bounds(picked, steps),
-        metadata=_account(source, request, picked[0], contents, start),
-        findings=tuple(dict.fromkeys(notes)),
-    )
+    values: dict[str, Any] = {
+        "time": _one([_shifted(step.time, shift) for step, shift in zip(steps, shifts, strict=True)]),
+        "normal_force": normal,
+        "friction_force": _one([step.roles["friction_force"] for step in steps]),
+        "drive_speed": contents.drive_speed if (along := _joined_drive(steps)) is None else along,
+        "channels": channels,
+        "steps": _bounds(picked, steps),
+    }
+    if spans := unused_spans(request):
+        values = _without_needless(values, spans, contents.skipped)
+    metadata = _account(source, request, picked[0], contents, start)
+    return Record(**values, channel_units=units, metadata=metadata, findings=tuple(dict.fromkeys(notes)))
+
+
+def _without_needless(values: dict[str, Any], spans: Sequence[Span], begin: float) -> dict[str, Any]:
+    """Return the columns without the rows that hold no force in stretches that nobody uses; begin: of the first row."""
+    bad = ~(np.isfinite(values["normal_force"]) & np.isfinite(values["friction_force"]))
+    if not bad.any():
+        return values
+    keep = without_needless(values["time"] + begin, bad, spans, ends=True)
+    rows = np.concatenate(([0], np.cumsum(keep)))
+    steps = [replace(s, start=int(rows[s.start]), stop=int(rows[s.stop])) for s in values["steps"]]
+    drive = values["drive_speed"]
+    return {
+        **{name: values[name][keep] for name in COLUMN_ROLES[:3]},
+        "drive_speed": drive[keep] if isinstance(drive, np.ndarray) else drive,
+        "channels": {name: column[keep] for name, column in values["channels"].items()},
+        "steps": tuple(step for step in steps if step.stop > step.start),
+    }
 
 
 def _one(pieces: Sequence[FloatArray]) -> FloatArray:

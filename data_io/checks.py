@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from data_io.errors import LogError
 from data_io.frozen import COLUMN_ROLES, LARGEST_FORCE, LONGEST_GAP, Finding, FloatArray
@@ -85,13 +86,13 @@ def _within(block: FloatArray, limit: float) -> bool:
 
 
 def forces(
-    fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray
+    fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray, begin: float = 0.0
 ) -> tuple[FloatArray, FloatArray, list[Finding]]:
     """Return both forces (n,) with NaN for what is no force, and a finding where a few rows hold none."""
     if all(_seen(column, last=True).forces or within(column, LARGEST_FORCE) for column in (normal, friction)):
         return normal, friction, []
     normal, friction = force(fail, "normal force", normal), force(fail, "friction force", friction)
-    return normal, friction, check_gaps(fail, time, normal, friction)
+    return normal, friction, check_gaps(fail, time, normal, friction, begin)
 
 
 def force(fail: Fail, name: str, values: FloatArray) -> FloatArray:
@@ -157,8 +158,8 @@ def check_clock(fail: Fail, time: FloatArray) -> None:
         )
 
 
-def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray) -> list[Finding]:
-    """Refuse more than five rows in a row without a number; a finding for fewer."""
+def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray, begin: float) -> list[Finding]:
+    """Refuse more than five rows in a row without a number; a finding for fewer. begin: of the first row [s]."""
     bad = np.isnan(normal) | np.isnan(friction)
     if not bad.any():
         return []
@@ -170,13 +171,27 @@ def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: Float
         which = " and ".join(
             name for name, values in (("normal", normal), ("friction", friction)) if np.isnan(values[row])
         )
+        first, last = time[row] + begin, time[row + count - 1] + begin
+        start, stop = _longest_between(time, starts[lengths > LONGEST_GAP], lengths[lengths > LONGEST_GAP])
         raise fail(
-            f"the {which} force holds no number in rows {row + 1} to {row + count} "
-            f"({time[row]:.6g} to {time[row + count - 1]:.6g} s); at most {LONGEST_GAP} such rows in a row are "
-            "accepted; cut the log there or export it again"
+            f"the {which} force holds no number in rows {row + 1} to {row + count} ({first:.6g} to {last:.6g} s); at "
+            f'most {LONGEST_GAP} such rows in a row are accepted; use a part, as with --window "{start + begin:.6g} s,'
+            f'{stop + begin:.6g} s" (in a scene: window = ["{start + begin:.6g} s", "{stop + begin:.6g} s"]), in a '
+            f'scene leave them out with exclude = [["{first:.6g} s", "{last:.6g} s"]], or export the log again'
         )
     if np.count_nonzero(~bad) < 2:
         raise fail("no two rows hold finite forces; a log with numbers was expected; export it again")
     total, blocks = int(np.count_nonzero(bad)), starts.size
     message = f"{total} of {bad.size} rows hold no number in {blocks} place(s), first at {time[starts[0]]:.6g} s; "
     return [Finding("missing_rows", "warning", message + "they stay empty and get no weight")]
+
+
+def _longest_between(
+    time: FloatArray, starts: npt.NDArray[np.intp], lengths: npt.NDArray[np.intp]
+) -> tuple[float, float]:
+    """Return first and last time of the longest stretch without such gaps."""
+    firsts = np.concatenate(([0], starts + lengths))
+    lasts = np.concatenate((starts, [time.size])) - 1
+    held = np.flatnonzero(lasts > firsts)
+    here = held[np.argmax(time[lasts[held]] - time[firsts[held]])] if held.size else 0
+    return float(time[min(firsts[here], time.size - 1)]), float(time[max(lasts[here], 0)])

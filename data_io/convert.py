@@ -1,12 +1,12 @@
 """One step in SI: which raw column is which, units, rows without a time, channels; a sentence where one is missing."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from data_io.checks import BLOCK
+from data_io.checks import BLOCK, rising
 from data_io.clock import Rows, StepClock, usable_rows
 from data_io.columns import EXAMPLES, KIND, Name, find_column, shown, words
 from data_io.errors import UnitError
@@ -16,6 +16,7 @@ from data_io.part import Part
 from data_io.role_doubts import refuse_doubtful_roles
 from data_io.source import Request, Source
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
+from data_io.unused import Span, unused_spans, without_needless
 
 _VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
 _CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
@@ -32,15 +33,22 @@ class SiStep:
 
 
 def convert(
-    source: Source, request: Request, part: Part, *, several: bool, settled: bool
+    source: Source, request: Request, part: Part, *, several: bool, settled: bool, begin: float | None
 ) -> tuple[SiStep, list[Finding]]:
-    """Return one step in SI and what was noticed; `settled` keeps empty columns as well. Raises `LogError`."""
+    """Return one step in SI and what was noticed; `settled` keeps empty columns as well. Raises `LogError`.
+
+    begin: the time of its first row [s] in that of the user's window, None where that is not told before steps are
+    joined.
+    """
     label = f"step {part.number}" if several else ""
     _check_roles(source, request, part, label)
     refuse_doubtful_roles(source, request, part)
     choices = _choices(part)  # before any column is turned into SI where it stands
     raw_time = _role(source, request, part, "time")
-    time, rows, notes = usable_rows(source, StepClock(label, raw_time))
+    wanted = slice(None) if begin is None else _wanted(raw_time, begin, unused_spans(request))
+    time, rows, notes = usable_rows(source, StepClock(label, _kept(raw_time, wanted)))
+    if not isinstance(wanted, slice):
+        rows = wanted[rows]
     notes += choices
     timeless = np.zeros(0, bool) if isinstance(rows, slice) else ~np.isfinite(raw_time[rows])
     roles = {}
@@ -52,6 +60,16 @@ def convert(
         notes.append(_constant_load(request.normal_force, part))
     channels = {name: (_kept(values, rows), unit) for name, values, unit in _raw_channels(request, part, settled)}
     return SiStep(label, time, roles, channels), notes
+
+
+def _wanted(time: FloatArray, begin: float, spans: Sequence[Span]) -> Rows:
+    """Return the rows of a clock without those at which it stops, fails or falls in stretches that nobody uses."""
+    if not spans or not np.isfinite(time).any() or rising(time):
+        return slice(None)
+    highest = np.concatenate(([-np.inf], np.fmax.accumulate(time)[:-1]))
+    bad = ~(time > highest)
+    first = time[np.argmax(np.isfinite(time))] - begin
+    return np.flatnonzero(without_needless(time - first, bad, spans, ends=False))
 
 
 def _kept(values: FloatArray, rows: Rows) -> FloatArray:
@@ -100,15 +118,14 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
     for role in needed:
         if role in part.header.roles and (unit := _unit(request, part, role)):
             _check_unit(source, part, role, unit)
-    for role in needed:
-        if role not in part.header.roles:
-            raise source.error(_missing(role, part, label))
-    bare = [role for role in needed if not _unit(request, part, role)]
+    missing = [role for role in needed if role not in part.header.roles]
+    bare = [role for role in needed if role not in missing and not _unit(request, part, role)]
+    if missing:
+        raise source.error(_missing(missing, bare, part, label))
     if bare:
         which = ", ".join(f"{shown([part.header.names[part.header.roles[role]].raw])} ({words(role)})" for role in bare)
-        example = ",".join(f"{role}={SI_UNIT[KIND[role]]}" for role in bare)
         raise source.error(
-            f"no unit was found for column {which}; a unit in the header was expected; give it, as in --units {example}"
+            f"no unit was found for column {which}; a unit in the header was expected; give it, as in {_in_si(bare)}"
         )
 
 
@@ -123,15 +140,27 @@ def _check_unit(source: Source, part: Part, role: str, unit: str) -> None:
         raise source.error(f"{where}: {error}; or give it with {way}") from error
 
 
-def _missing(role: str, part: Part, label: str) -> str:
+def _missing(missing: Sequence[str], bare: Sequence[str], part: Part, label: str) -> str:
+    """Ask for all that is missing at once: columns, and the units that these and others will lack."""
+    taken = set(part.header.roles.values())
+    free = [name for i, name in enumerate(part.header.names) if i not in taken]
+    unitless = [*bare, *(missing if all(name.unit is None for name in free) else ())]
     there = shown(name.name for name in part.header.names)
+    examples = ", ".join(EXAMPLES.get(role, role) for role in missing)
+    columns = ",".join(f"{role}=<name>" for role in missing)
     text = (
-        f"no {words(role)} column was found among {there}{' in ' if label else ''}{label}; a name such as "
-        f"{EXAMPLES.get(role, role)} was expected; say which one it is with --columns {role}=<name>"
+        f"no {' column and no '.join(words(role) for role in missing)} column was found among {there}"
+        f"{' in ' if label else ''}{label}; a name such as {examples} was expected; say which one it is "
+        f"with --columns {columns}"
     )
-    text += ', or give a constant load with --normal-force "3 N"' if role == "normal_force" else ""
-    text += ', or the sampling rate with --rate "100 Hz"' if role == "time" else ""
+    text += f" and the units that the header lacks, as in {_in_si(unitless)}" if unitless else ""
+    text += ', or give a constant load with --normal-force "3 N"' if "normal_force" in missing else ""
+    text += ', or the sampling rate with --rate "100 Hz"' if "time" in missing else ""
     return text + (", or choose another step with --step" if label else "")
+
+
+def _in_si(roles: Sequence[str]) -> str:
+    return "--units " + ",".join(f"{role}={SI_UNIT[KIND[role]]}" for role in roles)
 
 
 def _unit(request: Request, part: Part, role: str) -> str | None:

@@ -23,7 +23,7 @@ from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, FloatArray, Scalar
 from data_io.hdf5_open import check_own, children, member, opened, signature_at
 from data_io.hdf5_values import bytes_of, read_values
-from data_io.memory import check_memory
+from data_io.memory import check_memory, check_promise
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
 from data_io.units import SI_UNIT, factor, to_si
@@ -215,10 +215,19 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
         or name.name in request.columns.values()
     ]  # fmt: skip
     for index in wanted:
-        _check_column(source, datasets[index])
+        data = datasets[index]
+        _check_column(source, data)
+        stored, packed = data.id.get_storage_size(), data.compression is not None
+        check_promise(source, str(data.name), data.size * data.dtype.itemsize, stored, packed)
     _check_lengths(source, [header.names[index] for index in wanted], [datasets[index].size for index in wanted])
     rows = _rows(source, request, header, datasets)
-    check_memory(source, (rows.stop - rows.start) * len(wanted))
+    time, scale = _clock(request, header, datasets) if header.names else (None, None)
+    check_memory(
+        source,
+        rows.stop - rows.start,
+        len(wanted),
+        lambda row: (_number_at(time, row) - _number_at(time, 0)) * (scale or 1.0),
+    )
     columns = {}
     roles = {i: r for r, i in header.roles.items() if (request.units.get(r) or header.names[i].unit) == _SI[r]}
     with bytes_of(datasets[wanted[0]].file) if wanted else nullcontext() as handle:

@@ -61,12 +61,12 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
             continue
         units, start = _units_below(text, after, below, delimiter, len(fields))
         if below.row is None:
-            return Head(with_units(source, header, units), start, delimiter, 0)
+            return Head(with_units(source, request, header, units), start, delimiter, 0)
         layout = row_layout(below.row, delimiter, len(_trimmed(fields)))
         if (layout or clear) and any(head_at(source, text, here, request) for here, _ in below.between):
             return None  # words above the header row proper
         if layout is not None:
-            return Head(with_units(source, header, units), below.start, *layout)
+            return Head(with_units(source, request, header, units), below.start, *layout)
         if clear and complaint is None:
             complaint = _misfit(text, below.start, below.row, delimiter, len(_trimmed(fields)))
     if complaint:
@@ -132,12 +132,15 @@ def row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
     return None
 
 
-def with_units(source: Source, header: Header, units: Sequence[str]) -> Header:
-    """Return the header with the entries of a units row where the names say no unit; both, differing, is an error."""
+def with_units(source: Source, request: Request, header: Header, units: Sequence[str]) -> Header:
+    """Return the header with the entries of a units row where the names say no unit; both, differing, is an error
+    unless the user says which."""
     names: list[Name] = []
+    roles = {index: role for role, index in header.roles.items()}
     for index, name in enumerate(header.names):
         given = units[index] if index < len(units) else ""
-        if given and name.unit and given != name.unit:
+        asked = {roles.get(index, ""), name.name, name.raw} & set(request.units)
+        if given and name.unit and given != name.unit and not asked:
             raise source.error(
                 f"column {shown([name.raw])} names one unit and the units row below it {given!r}; "
                 f"one unit was expected; correct the header or give the unit with --units"

@@ -53,6 +53,7 @@ def read_log(
     window: tuple[float, float] | None = None,
     strokes: bool = False,
     stroke: int | None = None,
+    exclude: Sequence[tuple[float, float]] = (),
     rate: float | str | None = None,
 ) -> Record:
     """Read a log as one record in SI.
@@ -65,6 +66,7 @@ def read_log(
     whatever the file has for one. window: the (start, stop) [s] to keep, counted from the first row of what is read
     (the step, or the run) as in a
     scene, whatever the clock of the file shows there; of an HDF5 file nothing else is read.
+    exclude: stretches [s] that nobody uses, counted likewise: what holds no force there is left out, the rest stays.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
     A folder or a pattern (`stroke_*.txt`) is read as one test whose strokes or steps were exported to files of their
@@ -75,6 +77,7 @@ def read_log(
     request = replace(
         _request(path, step, run, units, columns, normal_force, channels, progress),
         window=_checked_window(path, window),
+        exclude=tuple((float(start), float(stop)) for start, stop in exclude),
         rate=_rate(path, rate),
     )
     record = _read_series(path, request) if is_series(path) else _read_one(path, request)
@@ -182,7 +185,12 @@ def _request(
 def _part_of(request: Request, number: int, count: int) -> Request:
     """Return the request for one of several files: all its steps, its share of the progress."""
     return replace(
-        request, step=None, run=None, window=None, progress=lambda share: request.progress((number + share) / count)
+        request,
+        step=None,
+        run=None,
+        window=None,
+        exclude=(),
+        progress=lambda share: request.progress((number + share) / count),
     )
 
 

@@ -49,7 +49,10 @@ class Record:
         normal = column(self._error, "normal force", self.normal_force, n)
         friction = column(self._error, "friction force", self.friction_force, n)
         check_clock(self._error, time)
-        normal, friction, gaps = forces(self._error, time, normal, friction)
+        begin = self.metadata.get(WINDOW_START, 0.0)
+        normal, friction, gaps = forces(
+            self._gap_error, time, normal, friction, float(begin) if isinstance(begin, (int, float)) else 0.0
+        )
         values: dict[str, Any] = {
             "time": time,
             "normal_force": normal,
@@ -74,6 +77,11 @@ class Record:
     def _error(self, sentence: str) -> LogError:
         path = self.metadata.get("path")
         return LogError(f"{path}: {sentence}" if path else sentence)
+
+    def _gap_error(self, sentence: str) -> LogError:
+        """What a reader found in place of numbers is the cause of a gap."""
+        causes = [finding.message for finding in self.findings if finding.code == "text_in_rows"]
+        return self._error("; ".join([sentence, *causes[:1]]))
 
     def to_frame(self) -> pd.DataFrame:
         """Return the columns as a data frame; what is no column stands in `frame.attrs["stickslip"]`."""

@@ -25,7 +25,6 @@ from data_io.layout import Head
 from data_io.segments import Run
 from data_io.source import Source
 from data_io.text import BLANKS, MISSING, split, to_number
-from data_io.true_runs import longest_run
 from data_io.units import SI_UNIT, factor, kind_of, split_cell, unit_word
 
 if TYPE_CHECKING:  # 0.3 s: imported only where a log is text
@@ -359,7 +358,7 @@ def _slow_column(
         remarks.append(Finding("column_of_words", "info", text))
         return None
     row = int(np.argmax(bad))
-    if needed and longest_run(bad) > LONGEST_GAP:
+    if needed and bad.sum() * 2 > bad.size:
         unit = unit_word(str(tokens[row]))
         if unit and all(unit_word(str(token)) for token in tokens[row : row + LONGEST_GAP]):
             raise source.error(
@@ -370,7 +369,7 @@ def _slow_column(
         mark = " with a decimal comma" if decimal == "," else ""
         raise source.error(
             f"column {name!r} holds {tokens[row]!r:.40} near line {first_line + row} and more like it; numbers{mark} "
-            "were expected; repair or cut the log, or name another column"
+            "were expected; repair the log, or name another column with --columns"
         )
     if bad.any():
         text = f"column {name!r} holds {tokens[row]!r:.40} near line {first_line + row} instead of a number "

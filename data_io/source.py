@@ -112,9 +112,9 @@ class Request:
     """What the user said about a log: run and step, column names, units, a constant normal force [N], which channels.
 
     rate: sampling rate [Hz] that makes the clock, whatever the file has for one. channels: names of the columns to
-    keep beside those with a role; None keeps all. window: (start, stop) [s] from the
-    first row on; None reads all of it. progress: called with the share
-    of the file read so far, 0 to 1.
+    keep beside those with a role; None keeps all. window: (start, stop) [s] from the first row on; None reads all of
+    it. exclude: stretches that nobody uses, counted likewise. progress: called with the share of the file read so far,
+    0 to 1.
     """
 
     step: int | None = None
@@ -125,6 +125,7 @@ class Request:
     channels: tuple[str, ...] | None = None
     progress: Callable[[float], None] = no_progress
     window: tuple[float, float] | None = None
+    exclude: tuple[tuple[float, float], ...] = ()
     rate: float | None = None
 
 

@@ -202,6 +202,19 @@ def layout(version: int = 1, run: str = "run_1", speed: str | None = None, **siz
     return fill
 
 
+def promising(rows: int) -> Callable[[Any], None]:
+    """Columns of which nothing was ever written but a rising clock's first block."""
+
+    def fill(made: Any) -> None:
+        made.attrs.update({"format": "stickslip-log", "format_version": 1})
+        for name, unit in UNITS.items():
+            data = made.create_dataset(f"run_1/step_1/{name}", (rows,), "f8", chunks=(1000,))
+            data[:1000] = 1.0 + np.arange(1000)
+            data.attrs["units"] = unit
+
+    return fill
+
+
 def accounted(text: str) -> Callable[[Any], None]:
     def fill(made: Any) -> None:
         layout()(made)
@@ -510,7 +523,8 @@ CASES: dict[str, Pair] = {
         file("T [ms]\tFx [mN]\tFz [mN]\n0\t999\t2,000\n1\t1,001\t2,000\n"),
         file("T [ms]\tFx [mN]\tFz [mN]\n0\t0,999\t2,000\n1\t1,001\t2,000\n"),
     ),
-    "words for numbers": (file(worded(6)), file(worded(5))),
+    "words for numbers": (file(worded(30)), file(worded(5))),
+    "words in a row": (file(worded(6)), file(worded(5))),
     # columns, units, choices
     "no time": (file(GOOD.replace("T,", "Q,")), file(GOOD)),
     "no friction force": (file(GOOD.replace("Fx", "Q")), file(GOOD)),
@@ -628,6 +642,7 @@ CASES: dict[str, Pair] = {
     ),
     "HDF5 that hangs": (ended(None), ended(0)),
     "HDF5 that crashes": (ended(-11), ended(1)),
+    "bytes that were never written": (h5(promising(10_000_000)), h5(promising(1000))),
     "more than memory": (with_memory(2 * 8 * 27 - 1), with_memory(2 * 8 * 27)),
     # our own files
     "our CSV of a later version": (ours(1, "# stickslip-log 2"), ours(1, "")),

@@ -58,7 +58,7 @@ def test_the_window_gives_the_fit_of_the_whole(scene, monkeypatch):
 def test_without_a_window_the_sentence_names_it(scene, monkeypatch):
     scene = replace(scene, logs=(replace(scene.logs[0], window=None, exclude=()),))
     tight(monkeypatch, 24 * len(read_log(scene.logs[0].path)))
-    with pytest.raises(LogError, match=r'window = \["0 s", "100 s"\] in its \[\[logs\]\]'):
+    with pytest.raises(LogError, match=r'window = \["0 s", "4.799 s"\] in its \[\[logs\]\]'):
         fit(scene)
 
 

@@ -222,6 +222,7 @@ def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, fl
     if entry is None:
         raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
     from data_io import read_log
+    from identify.logs.scene_records import unused
 
-    record = read_log(entry.path, entry.step, entry.units, entry.columns, run=entry.run)
+    record = read_log(entry.path, entry.step, entry.units, entry.columns, run=entry.run, exclude=unused(entry))
     return float(np.nanmedian(record.normal_force))

@@ -41,7 +41,7 @@ def _contradiction(entry: LogEntry, stated: DriveSpeed, record: Record, stiffnes
     """What a column says against the stated drive, in a sentence; None where they agree or no column tells."""
     if record.time.size < 2:
         return None
-    told = told_drive(record, stiffness)
+    told = told_drive(record, stiffness, entry.window)
     if not told.named or told.programme is None:
         head = velocity_in_head(record)
         if head is None or isinstance(stated, tuple):

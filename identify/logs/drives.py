@@ -34,7 +34,7 @@ def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[
                 f"{entry.path.name} has no drive speed and is larger than memory, so that its columns are not searched "
                 'for it; give drive_speed = "… mm/s" in its [[logs]] or under [rig]'
             )
-        told = told_drive(record, scene.rig_for(entry).stiffness)
+        told = told_drive(record, scene.rig_for(entry).stiffness, entry.window)
         programme = _sure(told, entry)
         speed = programme if len(programme) > 1 else programme[0][1]
         logs[i] = replace(entry, drive_speed=speed)

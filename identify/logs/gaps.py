@@ -41,10 +41,11 @@ def _parts(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     rig = scene.rig_for(entry)
     if rig.drive_speed is None or record.time.size < LEAST:
         return [entry]
-    holes = sorted({*entry.exclude, *_unrecorded(record, rig.mass, rig.stiffness)})
+    start, stop = entry.window or (0.0, float(record.time[-1]))
+    unrecorded = [hole for hole in _unrecorded(record, rig.mass, rig.stiffness) if start < hole[0] and hole[1] < stop]
+    holes = sorted({*entry.exclude, *(unrecorded if len(unrecorded) <= MOST else ())})
     if not holes:
         return [entry]
-    start, stop = entry.window or (0.0, float(record.time[-1]))
     drive = Drive.of(rig.drive_speed)
     edges = [start]
     for first, last in holes:
@@ -74,7 +75,7 @@ def _unrecorded(record: Record, mass: float, stiffness: float) -> list[tuple[flo
         return []
     time = time[np.isfinite(record.friction_force)]
     long = np.flatnonzero(np.diff(time) > shortest)
-    return [] if long.size > MOST else [(float(time[i]), float(time[i + 1])) for i in long]
+    return [(float(time[i]), float(time[i + 1])) for i in long]
 
 
 def _bridged(entry: LogEntry, record: Record, drive: Drive, stiffness: float, first: float, last: float) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -37,6 +38,16 @@ def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene,
     return scene, [held_against_column(scene, *pair) for pair in zip(scene.logs, records, strict=True)]
 
 
+def unused(entry: LogEntry) -> tuple[tuple[float, float], ...]:
+    """What an entry does not use of its log [s]: what it excludes, and what lies around its window and zeros."""
+    if entry.window is None:
+        return entry.exclude
+    used = [entry.window, *(tare for tare in (entry.tare, entry.normal_tare) if isinstance(tare, tuple))]
+    first, last = min(start for start, _ in used), max(stop for _, stop in used)
+    before, behind = math.nextafter(first, -math.inf), math.nextafter(last, math.inf)
+    return (*entry.exclude, (-math.inf, before), (behind, math.inf))
+
+
 def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
     """Read one log; the normal force of [rig] only where the log has none of its own."""
     entry = scene.logs[index]
@@ -52,6 +63,7 @@ def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
             run=entry.run,
             window=window,
             channels=None if window is None else (),
+            exclude=unused(entry),
         )
 
     def read_what_fits(load: float | None) -> tuple[LogEntry, Record]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.motion import Motion, motion_of
+from data_io.record import WINDOW_START, within
 from data_io.speed_steps import MOST, Programme, SpeedSteps, evened, steps_of
 from identify.logs.along_friction import column_speed, moves_along
 
@@ -53,7 +54,7 @@ class ToldDrive:
         return self.programme[0][1] if self.programme is not None and len(self.programme) == 1 else None
 
 
-def told_drive(record: Record, stiffness: float = 0.0) -> ToldDrive:
+def told_drive(record: Record, stiffness: float = 0.0, window: tuple[float, float] | None = None) -> ToldDrive:
     """What a record tells of its drive.
 
     A drive speed of the record counts first, then a column with a unit of speed or of length whose name says that it
@@ -61,7 +62,10 @@ def told_drive(record: Record, stiffness: float = 0.0) -> ToldDrive:
 
     Args:
         stiffness: of the rig [N/m], 0 where it is not known.
+        window: the part [s] that is used, None for all of it.
     """
+    if window is not None:
+        return _told_within(record, stiffness, window)
     if isinstance(record.drive_speed, np.ndarray):
         return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as the log says")
     if record.drive_speed is not None:
@@ -124,6 +128,18 @@ def _along_friction(record: Record, stiffness: float) -> tuple[ToldDrive | None,
             remedy = f'; if it is: --columns "drive_speed={_shown(name)}"' if unit == "m/s" else ""
             doubts.append(f"column {_shown(name)} is not taken for the drive: {motion.because}{remedy}")
     return None, doubts
+
+
+def _told_within(record: Record, stiffness: float, window: tuple[float, float]) -> ToldDrive:
+    """What the part of a record tells that is used, in the times of the whole."""
+    first, last = np.searchsorted(record.time, window[0]), np.searchsorted(record.time, window[1], side="right")
+    if last - first < 2:
+        return told_drive(record, stiffness)  # such a window is refused elsewhere
+    begin = float(record.metadata.get(WINDOW_START, 0.0))
+    told = told_drive(within(record, (window[0] + begin, window[1] + begin)), stiffness)
+    start = float(record.time[first])
+    later = None if told.programme is None else [(at + start if at else 0.0, speed) for at, speed in told.programme]
+    return replace(told, programme=None if later is None else tuple(later))
 
 
 def _key(name: str) -> str:

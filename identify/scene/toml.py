@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -217,7 +218,7 @@ def _thresholds(value: Any) -> Thresholds:
     table = Table.of(value, "[quality]", None, "[quality] jitter = 0.1")
     numbers = {}
     for name, number in table.data.items():
-        percent = share(number, table.place(name))
+        percent = math.inf if number in (math.inf, "inf") else share(number, table.place(name))
         numbers[name] = quantity(number, "", table.place(name)) if percent is None else percent
     try:
         return Thresholds(numbers)

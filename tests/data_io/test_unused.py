@@ -1,0 +1,178 @@
+"""The user's window and exclude come before every check: what is left unused may hold whatever it likes."""
+
+import re
+from pathlib import Path
+
+import h5py
+import numpy as np
+import openpyxl
+import pytest
+
+from data_io import LogError, Record, read_log
+from identify.cli import main as cli
+from identify.logs.gaps import gaps_apart
+from identify.logs.prepare import prepare
+from identify.logs.scene_records import read_entry, unused
+from identify.logs.told_drive import told_drive
+from identify.logs.unknowns import from_scene
+from identify.scene import Scene
+
+CASES = Path(__file__).parents[1] / "cases"
+NAN_BLOCK, DELETED = CASES / "nan_block.csv", CASES / "gap_block.csv"
+
+
+def rows(text, n=400, start=0.0):
+    """So many rows at 100 Hz, each as `text(row, time)` has it."""
+    return [text(i, start + i / 100.0) for i in range(n)]
+
+
+def umt(folder):
+    """A tribometer's export that loses its sensor from 1 s to 2 s."""
+    top = "Created by CETR UMT ver.1.136.257 12 May 2022 12:21:50\nRun # 1\nStep No. 1\n\nT,Fx,Fz\nsec,N,N\n\n"
+    lines = rows(lambda i, t: f"{t:.2f},{'---' if 100 <= i < 200 else f'{0.5 + 1e-3 * i:.4f}'},3.0")
+    (folder / "log.txt").write_text(top + "\n".join(lines) + "\n")
+    return folder / "log.txt"
+
+
+def words(folder):
+    """A logger that writes a word in place of the force from 1 s to 2 s."""
+    lines = rows(lambda i, t: f"{t:.2f};{'OVERLOAD' if 100 <= i < 200 else f'{0.5 + 1e-3 * i:.4f}'};3.0")
+    (folder / "log.csv").write_text("Time [s];Fx [N];Fz [N]\n" + "\n".join(lines) + "\n")
+    return folder / "log.csv"
+
+
+def hdf5(folder):
+    t = np.arange(400) / 100.0
+    force = np.where((t >= 1.0) & (t < 2.0), np.nan, 0.5 + 0.1 * t)
+    with h5py.File(folder / "log.h5", "w") as file:
+        for name, values, unit in (("t", 7.0 + t, "s"), ("Fz", 0 * t + 3, "N"), ("Fx", force, "N")):
+            file.create_dataset(name, data=values).attrs["units"] = unit
+    return folder / "log.h5"
+
+
+def clock_falls(folder):
+    """A logger that was started again after 2 s, into the same file."""
+    lines = rows(lambda i, t: f"{t if i < 200 else t - 2.0:.2f},{0.5 + 1e-3 * i:.4f},3.0")
+    (folder / "log.csv").write_text("Time [s],Fx [N],Fz [N]\n" + "\n".join(lines) + "\n")
+    return folder / "log.csv"
+
+
+def clock_fails(folder):
+    """A sheet whose time cells are empty from 1 s to 2 s."""
+    book = openpyxl.Workbook()
+    for cells in (
+        ["T [s]", "Fx [N]", "Fz [N]"],
+        *rows(lambda i, t: [t if not 100 <= i < 200 else None, 0.5 + 1e-3 * i, 3.0]),
+    ):
+        book.active.append(cells)
+    book.save(folder / "log.xlsx")
+    return folder / "log.xlsx"
+
+
+@pytest.mark.parametrize("make", [umt, words, hdf5, clock_fails])
+def test_window_that_avoids_the_trouble_is_read_and_one_that_does_not_is_refused(tmp_path, make):
+    path = make(tmp_path)
+    for window, n, first in (((0.0, 0.955), 96, 0.0), ((2.495, 3.505), 101, 2.5)):
+        record = read_log(path, window=window)
+        assert (len(record), record.time[0]) == (n, 0.0)
+        slope = 0.1
+        np.testing.assert_allclose(record.friction_force, 0.5 + slope * (first + record.time), atol=1e-9)
+    for window in (None, (0.5, 1.5), (0.0, 3.5)):
+        with pytest.raises(LogError, match="at most 5"):
+            read_log(path, window=window)
+
+
+def test_clock_that_falls_is_cut_on_either_side(tmp_path):
+    path = clock_falls(tmp_path)
+    with pytest.raises(LogError, match=r"falls from 1\.99 s to 0 s"):
+        read_log(path)
+    with pytest.raises(LogError, match="falls"):
+        read_log(path, window=(0.5, 2.5))
+    before = read_log(path, window=(0.5, 1.5))
+    np.testing.assert_allclose(before.friction_force, 0.55 + 0.1 * before.time, atol=1e-9)
+
+
+@pytest.mark.parametrize("make", [umt, words, hdf5])
+def test_excluded_stretch_without_numbers_leaves_the_rest_where_it_was(tmp_path, make):
+    record = read_log(make(tmp_path), exclude=[(0.9, 2.1)])
+    inside = (record.time >= 0.9) & (record.time <= 2.1)
+    t = record.time[~inside]
+    assert t.size == 400 - 121 and record.time[-1] == pytest.approx(3.99)
+    np.testing.assert_allclose(record.friction_force[~inside], 0.5 + 0.1 * t, atol=1e-9)
+    assert inside.any(), "it is still seen that there was something"
+
+
+def test_exclude_that_misses_a_part_of_the_block_is_refused(tmp_path):
+    with pytest.raises(LogError, match="holds no number"):
+        read_log(umt(tmp_path), exclude=[(0.9, 1.5)])
+
+
+def test_excluding_just_the_block_is_enough(tmp_path):
+    path = umt(tmp_path)
+    with pytest.raises(LogError) as refused:
+        read_log(path)
+    first, last = map(float, re.search(r'exclude = \[\["(\S+) s", "(\S+) s"\]\]', str(refused.value)).groups())
+    assert (first, last) == (1.0, 1.99)
+    record = read_log(path, exclude=[(first, last)])
+    assert np.count_nonzero(np.isfinite(record.friction_force)) == 300
+
+
+def test_block_without_numbers_is_as_good_as_rows_that_were_deleted():
+    told, deleted = read_log(NAN_BLOCK, window=(5.0, 8.0)), read_log(DELETED, window=(5.0, 8.0))
+    for name in ("time", "friction_force", "normal_force"):
+        np.testing.assert_array_equal(getattr(told, name), getattr(deleted, name))
+
+
+def test_inspect_reads_the_part_that_is_asked_for(capsys):
+    assert cli.main(["inspect", str(NAN_BLOCK), "--window", "5 s,8 s"]) == 0
+    assert "300 rows" in capsys.readouterr().out
+    assert cli.main(["inspect", str(NAN_BLOCK)]) == 2
+
+
+@pytest.mark.parametrize("name", ["nan_window.toml", "nan_exclude.toml"])
+def test_scene_that_cuts_the_block_out_is_prepared(name):
+    scene = Scene.from_toml(CASES / name)
+    _, record = read_entry(scene, 0)
+    scene, records = gaps_apart(scene, [record])
+    prepared = [prepare(scene, e, r, from_scene(scene)) for e, r in zip(scene.logs, records, strict=True)]
+    assert all(log.left_out is None for log in prepared)
+    assert not any(f.code == "dropouts" for log in prepared for f in log.judgement.findings)
+    assert sum(len(log.segmentation.cycles.onset) for log in prepared) >= 3
+    untouched = Scene.from_document({**dict(scene.as_document()), "logs": [{"path": str(NAN_BLOCK)}]}, CASES)
+    with pytest.raises(LogError, match="holds no number"):
+        read_entry(untouched, 0)
+
+
+def test_unused_is_what_lies_around_the_window_and_the_zeros():
+    scene = Scene.from_toml(CASES / "nan_window.toml")
+    (before, behind) = unused(scene.logs[0])
+    assert before[1] < 5.0 and behind[0] > 8.0
+    assert before[0] == -np.inf and behind[1] == np.inf
+
+
+def test_threshold_may_be_infinite_as_it_says():
+    scene = Scene.from_toml(CASES / "quality_inf.toml")
+    assert scene.thresholds["missing_rows_reject"] == np.inf
+    quoted = Scene.from_toml(CASES / "quality_inf.toml", ['quality.jitter="inf"'])
+    assert quoted.thresholds["jitter"] == np.inf
+
+
+def test_pieces_of_a_drive_are_counted_within_the_window():
+    t = np.arange(4000) / 100.0
+    position = np.where(t < 20.0, 1e-4 * np.abs((t % 0.5) - 0.25), 1e-4 * t)  # 80 strokes, then one way
+    record = Record(t, np.ones_like(t), 0.5 + 0 * t, channels={"position": position}, channel_units={"position": "m"})
+    assert told_drive(record).programme is None or len(told_drive(record).programme) > 1
+    assert told_drive(record, window=(21.0, 39.0)).speed == pytest.approx(1e-4, rel=1e-6)
+
+
+def test_all_that_is_missing_is_asked_for_at_once(tmp_path):
+    (tmp_path / "log.csv").write_text("Q,R,Fz\n" + "".join(f"{i},{i},3\n" for i in range(9)))
+    with pytest.raises(LogError) as refused:
+        read_log(tmp_path / "log.csv")
+    sentence = str(refused.value)
+    assert "no time column and no friction force column" in sentence
+    asked = dict(item.split("=") for item in re.search(r"--columns (\S+)", sentence)[1].split(","))
+    units = dict(item.split("=") for item in re.search(r"--units ([\w=,]+)", sentence)[1].split(","))
+    assert asked.keys() == {"time", "friction_force"} and units.keys() == {"time", "friction_force", "normal_force"}
+    named = dict(zip(asked, ("Q", "R"), strict=True))
+    assert len(read_log(tmp_path / "log.csv", columns=named, units=units)) == 9
