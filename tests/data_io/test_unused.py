@@ -172,7 +172,7 @@ def test_all_that_is_missing_is_asked_for_at_once(tmp_path):
     sentence = str(refused.value)
     assert "no time column and no friction force column" in sentence
     asked = dict(item.split("=") for item in re.search(r"--columns (\S+)", sentence)[1].split(","))
-    units = dict(item.split("=") for item in re.search(r"--units ([\w=,]+)", sentence)[1].split(","))
+    units = dict(item.split("=") for item in re.search(r"--units ([\w=,]+)", sentence)[1].strip(",").split(","))
     assert asked.keys() == {"time", "friction_force"} and units.keys() == {"time", "friction_force", "normal_force"}
     named = dict(zip(asked, ("Q", "R"), strict=True))
     assert len(read_log(tmp_path / "log.csv", columns=named, units=units)) == 9
