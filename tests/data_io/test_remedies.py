@@ -18,8 +18,6 @@ MENTIONED = r"(?<!unless )(?<!where no column is the time give )"
 OPTION = re.compile(
     MENTIONED + r'--(columns|units|normal-force|window|step|run|rate|channels)((?: (?:"[^"]*"|[^\s;"()]+))?)'
 )
-    r'(?<!unless )(?<!where no column is the time give )--(columns|units|normal-force|window|step|run|rate|channels)((?: (?:"[^"]*"|[^\s;"()]+))?)'
-)
 SCENE_KEY = re.compile(r"\b(window|exclude) = (\[+[^;)]*?\]+)(?=[);, ]|$)")
 FEWEST = 20  # sentences with a remedy
 
