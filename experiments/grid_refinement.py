@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from experiments.answers import answer
 from experiments.study_problem import DEMO, RIG, scene_of, simulated_case
-from identify.estimation.uncertainty import information
+from identify.estimation.covariance import information
 from identify.logs.log_data import Grid
 from identify.scene import Scene
 from identify.shooting.passes import COARSE

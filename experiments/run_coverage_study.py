@@ -28,11 +28,9 @@ from experiments.study_problem import DEMO, NORMAL_FORCE, RIG
 from identify.base.linear import Factors, optimality_matrix
 from identify.effects import MAIN
 from identify.estimation.bootstrap import bootstrap
-from identify.estimation.coloured import colour, coloured_covariance
 from identify.estimation.influence import Influence, influence, sample_moves
-from identify.estimation.objection import Remembering
-from identify.estimation.profile import profile
-from identify.estimation.profile_side import CRITICAL
+from identify.estimation.profile import CRITICAL, profile
+from identify.estimation.residual_autocorrelation import Remembering, colour, coloured_covariance
 from identify.logs.log_data import Guess, LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns

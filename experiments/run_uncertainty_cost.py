@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
 from experiments.study_problem import DEMO, scene_of, simulated_case
-from identify.estimation.allowed import noise_of
+from identify.estimation.agreement import noise_of
 from identify.estimation.attempt import Clock
 from identify.estimation.bootstrap import bootstrap
 from identify.estimation.examined import CURVE_STEPS

@@ -13,13 +13,14 @@ if TYPE_CHECKING:
     from identify.prediction.continuation import continue_over, stability_map
     from identify.report.finished import Fit
     from identify.scene import Scene
-    from identify.shooting.accuracy import Asked
+    from identify.shooting.accuracy import Asked, FitOptions
     from identify.simulation.simulate import simulate
 
     __version__: str
 
 __all__ = [
     "Asked",
+    "FitOptions",
     "Estimated",
     "EstimationTask",
     "Estimator",
@@ -41,6 +42,7 @@ __all__ = [
 
 _HOMES = {
     "Asked": "identify.shooting.accuracy",
+    "FitOptions": "identify.shooting.accuracy",
     "Estimated": "identify.estimation.estimator",
     "EstimationTask": "identify.estimation.estimator",
     "Estimator": "identify.estimation.estimator",

@@ -12,17 +12,16 @@ from data_io import Record
 from identify.base.budget import seconds_left, time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.diagnosis.findings import Findings
+from identify.diagnosis.findings import Findings, Held, against_data
 from identify.diagnosis.fitted import as_it_ended, described
-from identify.diagnosis.held import Held, against_data
 from identify.diagnosis.second_look import looked_into
-from identify.estimation.allowed import slowness
+from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Attempt, Clock, solve_from
 from identify.estimation.certainty import Certainty, certainty
 from identify.estimation.grouped import search_grouped
 from identify.estimation.hints import what_is_held
+from identify.estimation.other_optima import shaken
 from identify.estimation.search import disowned, plenty
-from identify.estimation.shaken import shaken
 from identify.estimation.starts import Sources
 from identify.estimation.status_words import at_bounds, ended, underivable, untried
 from identify.estimation.strategies import Strategy, attempted
@@ -30,7 +29,7 @@ from identify.logs.loads import calmed
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.scene import Scene
-from identify.shooting.accuracy import Asked
+from identify.shooting.accuracy import FitOptions
 
 _Searched = tuple[list[Prepared], Attempt | None, dict[int, str]]  # logs, the answer, why logs were left out
 Answer = tuple[list[Prepared], Findings]  # the logs as they are followed, and what was found
@@ -48,7 +47,7 @@ class Task:
     read: Sequence[Record]
     prepared: list[Prepared]
     unknowns: Unknowns
-    asked: Asked
+    asked: FitOptions
     seed: int
 
 

@@ -18,9 +18,8 @@ from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Progress, to_nobody
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.next_log import next_logs
-from identify.diagnosis.next_log_words import advised
-from identify.diagnosis.next_log_words import document as next_log_document
+from identify.diagnosis.next_log import advised, next_logs
+from identify.diagnosis.next_log import document as next_log_document
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
@@ -38,7 +37,7 @@ from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import document
 from identify.scene import Scene
-from identify.shooting.accuracy import NOTHING_MORE, Asked
+from identify.shooting.accuracy import DEFAULT_OPTIONS, FitOptions
 from identify.shooting.vibration import tuned
 from identify.uneven.answer import UnevenEstimator
 
@@ -54,7 +53,7 @@ def fit(
     progress: Progress | None = None,
     starts: Sources | None = None,
     seed: int = 0,
-    asked: Asked = NOTHING_MORE,
+    asked: FitOptions = DEFAULT_OPTIONS,
     estimator: Estimator | None = None,
 ) -> Fit:
     """Identify the parameters of a scene from all its logs together.
@@ -125,7 +124,7 @@ def find(
     progress: Progress,
     starts: Sources | None = None,
     seed: int = 0,
-    asked: Asked = NOTHING_MORE,
+    asked: FitOptions = DEFAULT_OPTIONS,
 ) -> tuple[list[Prepared], Findings]:
     """The identification without report and outlook; arguments and errors as `fit`."""
     task = _set_up(scene, records, clock, progress, asked, seed)
@@ -140,7 +139,7 @@ def _set_up(
     records: Sequence[Record] | None,
     clock: Clock,
     progress: Progress,
-    asked: Asked,
+    asked: FitOptions,
     seed: int,
 ) -> Task:
     """What is to be answered: the logs read, cut into parts and prepared."""

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
-from identify.diagnosis import held
+from identify.diagnosis import findings as held
 from identify.estimation import agreement
 from identify.estimation.agreement import Pull, contradiction, pulls
 from identify.estimation.attempt import Clock

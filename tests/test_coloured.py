@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.estimation import coloured
-from identify.estimation.coloured import Colour, _asked, _correlation, colour, coloured_covariance
+from identify.estimation import residual_autocorrelation as coloured
+from identify.estimation.residual_autocorrelation import Colour, _asked, _correlation, colour, coloured_covariance
 
 
 def _process(random, n, regression):

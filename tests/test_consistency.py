@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-from identify.estimation.consistency import inconsistency
+from identify.estimation.goodness_of_fit import inconsistency
 from identify.logs.log_data import Guess
 from identify.model.model import SPEED
 

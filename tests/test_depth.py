@@ -16,7 +16,7 @@ from identify.base.errors import FitError
 from identify.base.outcome import Status
 from identify.cli import main as cli
 from identify.effects import MAIN
-from identify.estimation import fine_enough
+from identify.estimation import examined as fine_enough
 from identify.estimation.combinations import combinations, directions
 from identify.estimation.preview import preview
 from identify.estimation.search import search
@@ -24,7 +24,7 @@ from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, Asked, accuracy_of
+from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, FitOptions, accuracy_of
 from identify.simulation.simulate import run
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
@@ -50,7 +50,9 @@ def test_all_that_was_asked_for_is_said(document, deep):
     assert asked == {"accuracy": "default"} | everything
     page = (deep / "report.html").read_text(encoding="utf-8")
     assert "accuracy default, profile, bootstrap 40, accuracy table, effects table" in page
-    assert Asked.again(asked) == Asked(profile=True), "what is run again to verify is what decides the numbers"
+    assert FitOptions.again(asked) == FitOptions(profile=True), (
+        "what is run again to verify is what decides the numbers"
+    )
 
 
 def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(document):
@@ -201,7 +203,7 @@ def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypa
     case = simulated_case(DEMO, 3)
     logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in (2, 3)]
     scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs})
-    records, finest = [case.records[i] for i in (2, 3)], Asked(accuracy=replace(DEFAULT, share=1e-9))
+    records, finest = [case.records[i] for i in (2, 3)], FitOptions(accuracy=replace(DEFAULT, share=1e-9))
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
     answer, _ = search(prepared, unknowns)

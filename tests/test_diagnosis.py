@@ -16,8 +16,8 @@ from identify.base.outcome import Status
 from identify.diagnosis import diagnosis
 from identify.diagnosis.diagnosis import REMAINS, _explanations, _is_nearer, diagnose
 from identify.diagnosis.fitted import Fitted, as_it_ended
+from identify.diagnosis.hypotheses import GROSS, SLIGHT, found_and_stated
 from identify.diagnosis.nested import fit_beside, fit_model
-from identify.diagnosis.suspects import GROSS, SLIGHT, found_and_stated
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock, judged, solve_from
 from identify.estimation.search import HOPELESS, search

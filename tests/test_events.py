@@ -12,8 +12,7 @@ from identify import Scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock
-from identify.estimation.events import TOO_BAD, misfit_of_start, with_events_mended
-from identify.estimation.joining import from_some
+from identify.estimation.events import TOO_BAD, from_some, misfit_of_start, with_events_mended
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble

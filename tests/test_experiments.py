@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from identify.estimation import valleys
+from identify.estimation import other_optima as valleys
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 IN_VIVO, WRONG_RIG = FOLDER / "run_in_vivo_study.py", FOLDER / "run_wrong_rig.py"

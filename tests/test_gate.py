@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import shooting_case as case
 
-import identify.estimation.gate as room
+import identify.estimation.goodness_of_fit as room
 from identify.base.outcome import Status
-from identify.estimation.gate import pass_gate
-from identify.estimation.remembered import Remembered
+from identify.estimation.goodness_of_fit import pass_gate
+from identify.estimation.residual_autocorrelation import Remembered
 from identify.shooting.passes import COARSE, solve_in_passes
 
 NAMES = ("calm.csv", "brisk.csv")

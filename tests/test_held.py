@@ -12,12 +12,12 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
-from identify.diagnosis import held, second_look
+from identify.diagnosis import findings as held
+from identify.diagnosis import second_look
 from identify.diagnosis.diagnosis import Doubt, diagnose
-from identify.diagnosis.findings import Findings
-from identify.diagnosis.held import against_data
+from identify.diagnosis.findings import Findings, against_data
 from identify.estimation.attempt import Clock
-from identify.estimation.remembered import MORE
+from identify.estimation.residual_autocorrelation import MORE
 from identify.estimation.search import search
 from identify.identification import find
 from identify.logs.prepare import prepare

@@ -12,7 +12,7 @@ from data_io import Record
 from identify import Scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation import gate
+from identify.estimation import goodness_of_fit as gate
 from identify.estimation.attempt import Clock, solve_from
 from identify.estimation.search import search
 from identify.logs import manner

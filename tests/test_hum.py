@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identify.diagnosis.hum import hum
+from identify.diagnosis.second_look import hum
 
 
 def left(frequency: float, height: float, rate: float = 1000.0) -> Any:

@@ -10,8 +10,8 @@ import shooting_case as case
 from scipy.stats import chi2
 
 from identify.estimation.bootstrap import bootstrap
+from identify.estimation.covariance import information
 from identify.estimation.influence import influence, sample_moves
-from identify.estimation.uncertainty import information
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.shooting import Problem
 from identify.shooting.solve import solve
@@ -148,6 +148,6 @@ def test_replicates_solved_again_are_near_the_linear_ones(fitted):
 
 
 def test_the_limit_of_a_profile_is_that_of_one_parameter():
-    from identify.estimation.profile_side import CRITICAL
+    from identify.estimation.profile import CRITICAL
 
     assert pytest.approx(chi2.ppf(0.95, 1)) == CRITICAL

@@ -7,9 +7,9 @@ import pytest
 
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind, Log
 from identify.base.outcome import Status
-from identify.estimation.allowed import noise_of
+from identify.estimation.agreement import noise_of
 from identify.estimation.attempt import Attempt, resolve
-from identify.estimation.inward import at_own_bounds, taken_inside
+from identify.estimation.ridge_ends import at_own_bounds, taken_inside
 from identify.estimation.search import search
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.estimation.leaning import most_leaning
+from identify.estimation.goodness_of_fit import most_leaning
 from identify.logs.log_data import LogData
 from identify.simulation.drive import NormalForce
 
@@ -56,7 +56,7 @@ def test_noise_with_a_memory_does_not_lean_but_would_if_it_passed_for_white(monk
     for i in range(1, SAMPLES):
         residual[i] = 0.9 * residual[i - 1] + np.sqrt(1 - 0.81) * random[i]
     assert _share(NOISE * residual) < 1.0
-    monkeypatch.setattr("identify.estimation.leaning.QUARTILE", np.inf)
+    monkeypatch.setattr("identify.estimation.goodness_of_fit.QUARTILE", np.inf)
     assert _share(NOISE * residual) > 1.5
 
 
@@ -72,8 +72,8 @@ def test_what_is_not_fitted_does_not_count():
 def test_the_window_is_that_of_running_totals_over_every_start(monkeypatch):
     """Widths up to OVERLAP are looked at from every sample: the lean that stands out most is found exactly."""
     residual = NOISE * np.random.default_rng(5).standard_normal(3001)
-    monkeypatch.setattr("identify.estimation.leaning.LONGEST", 8)
-    monkeypatch.setattr("identify.estimation.leaning.QUARTILE", np.inf)  # the noise is white, and known
+    monkeypatch.setattr("identify.estimation.goodness_of_fit.LONGEST", 8)
+    monkeypatch.setattr("identify.estimation.goodness_of_fit.QUARTILE", np.inf)  # the noise is white, and known
     lean = most_leaning([_log(residual)], [np.full(residual.size, 2.0)])
     total = np.concatenate([[0.0], np.cumsum(residual / NOISE)])
     widths = {w: int(np.argmax(np.abs(total[w:] - total[:-w]))) for w in (2, 4, 8)}

@@ -12,7 +12,7 @@ from identify import Scene
 from identify.base.outcome import Status
 from identify.diagnosis import second_look
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.left_unsaid import left_unsaid
+from identify.diagnosis.second_look import left_unsaid
 from identify.effects import MAIN
 from identify.estimation.attempt import Attempt
 from identify.logs.unknowns import from_scene

@@ -10,13 +10,13 @@ from taken_logs import error, taken
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
 from identify.base.outcome import Status
-from identify.estimation import certainty, letting_go
+from identify.estimation import active_events as letting_go
+from identify.estimation import certainty
+from identify.estimation.active_events import hanging, let_go
 from identify.estimation.attempt import Attempt, Clock, resolve, solve_from
-from identify.estimation.hanging import hanging
-from identify.estimation.letting_go import let_go
 from identify.logs.unknowns import Unknowns
 from identify.shooting import placing as first_state
-from identify.shooting.accuracy import NOTHING_MORE
+from identify.shooting.accuracy import DEFAULT_OPTIONS
 
 NAMES = ["slowest", "slow", "fast", "fastest"]
 
@@ -70,11 +70,11 @@ def test_an_answer_that_only_finer_steps_show_to_be_held_is_let_go(
         return (found if attempt is coarse else attempt), None, {}
 
     monkeypatch.setattr(certainty, "fine_enough", finer)
-    beyond = certainty._with_fine_steps(coarse, unknowns, NOTHING_MORE)[0]
+    beyond = certainty._with_fine_steps(coarse, unknowns, DEFAULT_OPTIONS)[0]
     assert beyond.excess < found.excess - 20.0 and hanging(beyond.solved, NAMES) is None
     assert made == [coarse, beyond], "its steps are fine enough as well"
     monkeypatch.setattr(certainty, "let_go", lambda *_: None)
-    assert certainty._with_fine_steps(coarse, unknowns, NOTHING_MORE)[0] is found
+    assert certainty._with_fine_steps(coarse, unknowns, DEFAULT_OPTIONS)[0] is found
 
 
 def test_a_slide_that_is_cut_short_is_followed_anew(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,11 +11,9 @@ from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene
 from identify.base.outcome import Status
 from identify.diagnosis import diagnosis
-from identify.diagnosis.diagnosis import diagnose
+from identify.diagnosis.diagnosis import FARTHEST, STEP, diagnose, refined
 from identify.diagnosis.fitted import Fitted
-from identify.diagnosis.log_speeds import log_speeds
-from identify.diagnosis.refined import FARTHEST, STEP, refined
-from identify.diagnosis.suspects import GROSS
+from identify.diagnosis.hypotheses import GROSS, log_speeds
 from identify.effects import MAIN
 from identify.estimation.search import search
 from identify.logs.parting import PART, name_of_recording, recordings

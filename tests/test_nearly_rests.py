@@ -13,12 +13,11 @@ from experiments.study_problem import FIFTH, SPEEDS
 from identify.base.outcome import Status
 from identify.estimation import examined
 from identify.estimation.attempt import Attempt, Clock, solve_from
-from identify.estimation.examined import Examined, Question, examine
-from identify.estimation.fine_enough import information_at
+from identify.estimation.examined import Examined, Question, examine, information_at
 from identify.estimation.nearly_rests import neighbours
 from identify.estimation.sequence import modes_of
 from identify.logs.unknowns import Unknowns
-from identify.shooting.accuracy import NOTHING_MORE
+from identify.shooting.accuracy import DEFAULT_OPTIONS
 
 FAST = 2  # the first of the logs that are fitted: at 1, 5 and 20 mm/s
 CLOSE, FAR = 22.5, 40.0
@@ -38,7 +37,9 @@ def answer() -> tuple[Attempt, Unknowns, np.ndarray]:
 def seen() -> Examined:
     """What an examination sees of the answer."""
     found, unknowns, _ = answer()
-    question = Question(unknowns, found.prepared[0].data.base, NOTHING_MORE, lambda _t: {}, 0.0, 0, lambda _s, _h: None)
+    question = Question(
+        unknowns, found.prepared[0].data.base, DEFAULT_OPTIONS, lambda _t: {}, 0.0, 0, lambda _s, _h: None
+    )
     return examine(found, information_at(found, unknowns), question)
 
 

@@ -10,7 +10,7 @@ from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, scene_of, simulated_case
 from identify import Scene, fit
 from identify.diagnosis import next_log as choosing
-from identify.diagnosis import next_log_words as words
+from identify.diagnosis import next_log as words
 from identify.diagnosis.next_log import Advice, NextLog, next_logs
 from identify.diagnosis.rehearsal import rehearse
 from identify.effects import MAIN

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.estimation.coloured import Colour
-from identify.estimation.objection import Change, Remembering
+from identify.estimation.residual_autocorrelation import Change, Colour, Remembering
 
 SD, CORRELATION, SAMPLES = 0.02, 0.8, 4000
 WHITE = Colour(np.empty(0), 1.0)

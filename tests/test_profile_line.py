@@ -8,9 +8,9 @@ import pytest
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene
 from identify.effects import MAIN
-from identify.estimation import profile_ground
-from identify.estimation.allowed import noise_of
-from identify.estimation.fine_enough import information_at
+from identify.estimation import profile_line as profile_ground
+from identify.estimation.agreement import noise_of
+from identify.estimation.examined import information_at
 from identify.estimation.profile_line import ProfileLine
 from identify.estimation.search import search
 from identify.logs.prepare import prepare

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identify.estimation import profile_side
-from identify.estimation.profile import _walks
-from identify.estimation.profile_ground import FREE
-from identify.estimation.profile_side import CRITICAL
+from identify.estimation import profile as profile_side
+from identify.estimation.profile import CRITICAL, _walks
+from identify.estimation.profile_line import FREE
 
 NEAR, FAR = 0.19, 0.75  # of a logarithm: the data begin to object, and no longer do
 SIDE = 0.1  # standard error near the answer

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identify.estimation import profile_side
-from identify.estimation.profile_side import CRITICAL, walk_one_way
+from identify.estimation import profile as profile_side
+from identify.estimation.profile import CRITICAL, walk_one_way
 
 STEP = 0.2  # mu_s - mu_k0 of the answer
 

@@ -29,10 +29,9 @@ from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import search, starts
 from identify.estimation.certainty import certainty
-from identify.estimation.examined import _another_start
-from identify.estimation.fine_enough import information_at
-from identify.estimation.gate import Gate
-from identify.estimation.uncertainty import information
+from identify.estimation.covariance import information
+from identify.estimation.examined import _another_start, information_at
+from identify.estimation.goodness_of_fit import Gate
 from identify.logs.gaps import _unrecorded, gaps_apart
 from identify.logs.one_way import strokes_apart
 from identify.logs.parting import name_of, parts_of
@@ -275,10 +274,10 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
     # Within the joint region of six parameters (12.6) it is another point of the same ridge; noise with a memory may
     # take chi^2 farther down.
     import identify.estimation.examined as room
-    from identify.estimation.objection import Change
     from identify.estimation.profile import Profiles
-    from identify.estimation.profile_ground import FREE, ProfilePoint
-    from identify.shooting.accuracy import Asked
+    from identify.estimation.profile_line import FREE, ProfilePoint
+    from identify.estimation.residual_autocorrelation import Change
+    from identify.shooting.accuracy import FitOptions
 
     kind = _kind(SLOW, FAST)
     prepared, unknowns = _prepared(kind)
@@ -296,7 +295,7 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
         attempt,
         unknowns,
         base,
-        Asked(profile=True),
+        FitOptions(profile=True),
         lambda _: {},
         speed_tolerance=0.0,
         seed=0,

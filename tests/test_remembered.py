@@ -13,10 +13,10 @@ from scipy.stats import chi2
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
-from identify.estimation import gate
+from identify.estimation import goodness_of_fit as gate
 from identify.estimation.attempt import Clock
-from identify.estimation.gate import pass_gate
-from identify.estimation.remembered import CHANCE, in_common, remembered
+from identify.estimation.goodness_of_fit import pass_gate
+from identify.estimation.residual_autocorrelation import CHANCE, in_common, remembered
 from identify.identification import find
 from identify.model.model import assemble
 from identify.scene import Scene

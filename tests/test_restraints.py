@@ -14,8 +14,7 @@ from identify.base.outcome import Status
 from identify.diagnosis import diagnosis, second_look
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.restraints import restraints, ties
-from identify.diagnosis.suspects import Suspect
+from identify.diagnosis.hypotheses import Suspect, restraints, ties
 from identify.effects import MAIN
 from identify.estimation.attempt import Attempt
 from identify.estimation.search import search

@@ -14,7 +14,7 @@ from experiments import run_design_study
 from experiments.run_recovery_study import Study
 from experiments.study_problem import NAMES, RIG, scene_of
 from identify.base.outcome import Status
-from identify.estimation.allowed import noise_of
+from identify.estimation.agreement import noise_of
 from identify.estimation.attempt import Clock, solve_from, usable
 from identify.estimation.ridge_ends import _stronger, better_course, other_sign, strengthened
 from identify.logs.parting import parted

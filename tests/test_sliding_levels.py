@@ -9,9 +9,8 @@ import shooting_case as case
 
 from experiments.record_kinds import MILD, STIFF, Kind, Log
 from identify import fit
-from identify.estimation.coloured import colour
-from identify.estimation.hints import hints, what_is_held
-from identify.estimation.sliding_levels import WHITE, levels, steady
+from identify.estimation.hints import WHITE, hints, levels, steady, what_is_held
+from identify.estimation.residual_autocorrelation import colour
 from identify.logs.log_data import Guess, LogData, Stretch
 from identify.simulation.drive import Drive, NormalForce
 

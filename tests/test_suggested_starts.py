@@ -12,8 +12,7 @@ from experiments.in_vivo import twin
 from identify.base.outcome import Status
 from identify.estimation import search as room
 from identify.estimation.attempt import Attempt, Clock, solve_from
-from identify.estimation.ranking import ranked
-from identify.estimation.starts import own_starts, suggested_starts
+from identify.estimation.starts import own_starts, ranked, suggested_starts
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.shooting.vibration import tuned

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shooting_case as case
 
+from identify.estimation.covariance import Interval, estimates, information, inverse
 from identify.estimation.hints import _shape
-from identify.estimation.uncertainty import Interval, estimates, information, inverse
 from identify.logs.log_data import Grid
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.shooting import transcribe

@@ -9,7 +9,7 @@ from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
 from identify.base.outcome import Status
 from identify.estimation.attempt import Clock, place_on, solve_from
-from identify.estimation.joining import join
+from identify.estimation.events import join
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting import following

@@ -10,21 +10,20 @@ from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.base.outcome import Status
 from identify.estimation import certainty as sureness
+from identify.estimation import other_optima as room
 from identify.estimation import search
-from identify.estimation import valleys as room
-from identify.estimation.allowed import noise_of
+from identify.estimation.agreement import noise_of
 from identify.estimation.attempt import Clock, resolve, solve_from
-from identify.estimation.coloured import Colour
-from identify.estimation.objection import Remembering
+from identify.estimation.covariance import information
+from identify.estimation.other_optima import other_valleys, within
 from identify.estimation.profile import profile
-from identify.estimation.ranking import ranked
-from identify.estimation.uncertainty import information
-from identify.estimation.valleys import other_valleys, within
+from identify.estimation.residual_autocorrelation import Colour, Remembering
+from identify.estimation.starts import ranked
 from identify.logs.parting import parted
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
 from identify.logs.unknowns import from_scene
-from identify.shooting.accuracy import NOTHING_MORE
+from identify.shooting.accuracy import DEFAULT_OPTIONS
 from identify.shooting.vibration import tuned
 
 
@@ -42,7 +41,7 @@ def _covariance(attempt, unknowns):
 def _sure(attempt, unknowns):
     base = attempt.prepared[0].data.base
     quiet = {"speed_tolerance": 0.0, "seed": 0, "progress": lambda *_: None}
-    return sureness.certainty(attempt, unknowns, base, NOTHING_MORE, lambda _: {}, **quiet)
+    return sureness.certainty(attempt, unknowns, base, DEFAULT_OPTIONS, lambda _: {}, **quiet)
 
 
 @pytest.fixture(scope="module")

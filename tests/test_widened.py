@@ -7,8 +7,8 @@ from experiments.run_recovery_study import CLOSE, FAR, Study, fit_case
 from experiments.study_problem import scene_of
 from identify import fit
 from identify.base.quantiles import NORMAL
-from identify.estimation import worth_a_walk
-from identify.estimation.widened import ENOUGH, widened, widened_on_both_scales
+from identify.estimation import examined as worth_a_walk
+from identify.estimation.covariance import ENOUGH, widened, widened_on_both_scales
 
 LIMIT = 3.84
 

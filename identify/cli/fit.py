@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from identify.estimation.starts import Sources
     from identify.report.finished import Fit
     from identify.scene import Scene
-    from identify.shooting.accuracy import Asked
+    from identify.shooting.accuracy import FitOptions
 
 NAME = "fit"
 HELP = "identify the friction parameters from all the logs together, and write a report"
@@ -83,14 +83,14 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
 
 
-def asked_of(arguments: Namespace) -> Asked:
+def asked_of(arguments: Namespace) -> FitOptions:
     """What the command line asks of a fit beyond its values.
 
     Raises:
         CommandLineError, FitError: an accuracy or a number of replicates that cannot be.
     """
     from identify.estimation.bootstrap import FEWEST
-    from identify.shooting.accuracy import DEFAULT, Asked, accuracy_of
+    from identify.shooting.accuracy import DEFAULT, FitOptions, accuracy_of
 
     replicates = arguments.bootstrap or 0
     if arguments.bootstrap is not None and replicates < FEWEST:
@@ -98,7 +98,7 @@ def asked_of(arguments: Namespace) -> Asked:
             f"--bootstrap {arguments.bootstrap} is too few for an interval; expected {FEWEST} replicates or more: "
             "200 is usual"
         )
-    return Asked(
+    return FitOptions(
         accuracy=DEFAULT if arguments.accuracy is None else accuracy_of(arguments.accuracy),
         profile=arguments.profile,
         bootstrap=replicates,
@@ -180,7 +180,7 @@ def check_there(path: Path) -> None:
 
 
 def fit_and_report(
-    scene: Scene, out: Path, terminal: Terminal, asked: Asked | None = None, starts: Sources | None = None
+    scene: Scene, out: Path, terminal: Terminal, asked: FitOptions | None = None, starts: Sources | None = None
 ) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.base.compiled import keep
@@ -191,10 +191,10 @@ def fit_and_report(
     from identify.report import write_report
     from identify.report.stored_result import scene_of
     from identify.report.summary import summary
-    from identify.shooting.accuracy import NOTHING_MORE
+    from identify.shooting.accuracy import DEFAULT_OPTIONS
 
     with Progress(terminal.notes, terminal.verbose) as progress:
-        outcome = fit(scene, progress=progress, starts=starts, asked=asked or NOTHING_MORE)
+        outcome = fit(scene, progress=progress, starts=starts, asked=asked or DEFAULT_OPTIONS)
         progress("what to change, and how sure that is")
         outcome = with_counsel(scene_of(outcome.result, out), outcome)  # with the drives that columns told
         with result_folder(out) as folder:

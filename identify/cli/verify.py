@@ -37,7 +37,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.estimation.starts import Sources
     from identify.identification import fit
     from identify.report.stored_result import read_result, scene_of
-    from identify.shooting.accuracy import Asked
+    from identify.shooting.accuracy import FitOptions
 
     path = Path(arguments.result)
     stored = read_result(path)
@@ -57,7 +57,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
             progress=progress,
             starts=starts if starts in get_args(Sources) else None,
             seed=seed if isinstance(seed, int) else 0,
-            asked=Asked.again(made.get("asked")),
+            asked=FitOptions.again(made.get("asked")),
         )
     again = found.result
     for words in other_versions(made, again["provenance"]):

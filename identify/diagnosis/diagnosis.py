@@ -16,24 +16,77 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.base.errors import FitError, SceneError
-from identify.diagnosis.by_log import misfits_of_logs
-from identify.diagnosis.cause import ANOTHER_ANSWER, Cause
-from identify.diagnosis.disagreement import disagreement
+from identify.base.outcome import Status
+from identify.diagnosis.disagreement import ANOTHER_ANSWER, Cause, disagreement, misfits_of_logs
+from identify.diagnosis.findings import Held
 from identify.diagnosis.fitted import Fitted, as_it_ended, described, fits
-from identify.diagnosis.held import Held
-from identify.diagnosis.log_speeds import log_speeds
+from identify.diagnosis.hypotheses import (
+    GROSS,
+    SLIGHT,
+    Suspect,
+    found_and_stated,
+    log_speeds,
+    restraints,
+    sitting,
+    ties,
+)
 from identify.diagnosis.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
-from identify.diagnosis.nothing_amiss import nothing_amiss
-from identify.diagnosis.refined import refined
-from identify.diagnosis.restraints import restraints, sitting, ties
-from identify.diagnosis.suspects import GROSS, SLIGHT, Suspect, found_and_stated
+from identify.estimation.agreement import contradiction, influence_at, pulls_of_logs
 from identify.estimation.attempt import Attempt, judged
+from identify.estimation.covariance import sizes
 from identify.estimation.strategies import Strategy, as_one_trial, is_due
-from identify.estimation.uncertainty import sizes
 from identify.logs.prepare import Prepared
-from identify.logs.unknowns import Unknowns
+from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.scene import Scene
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Whether a fit leaves nothing to complain of: every cycle is described, and no log contradicts the others.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def nothing_amiss(fitted: Fitted, scene: Scene, memory: float) -> bool:
+    """Whether a fit passes the gate by itself, and its logs agree.
+
+    Args:
+        scene: whose rig the values are given for; memory: by how much that of the noise widens a variance.
+    """
+    if fitted.attempt is None or judged(fitted.attempt).gate.status is not Status.CONVERGED:
+        return False
+    solved, names = fitted.attempt.solved, [log.name for log in fitted.attempt.prepared]
+    try:
+        found = pulls_of_logs(solved.problem, solved.solution.z, influence_at(solved), memory)
+    except np.linalg.LinAlgError:  # directions that no log tells
+        return False
+    return not contradiction(found, fitted.unknowns, solved.theta, fitted.unknowns.base(stated_rig(scene)), names)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A value that no fit can search, a drive speed say, taken where the misfit is least: a parabola through three fits.
+# ----------------------------------------------------------------------------------------------------------------------
+
+STEP = 0.01  # of the value: about how well sticks tell it
+FARTHEST = 3.0  # of these steps that it is moved
+
+
+def refined(suspect: Suspect, fitted: Fitted, fit: Callable[[Fitted, Scene], Fitted]) -> Fitted:
+    """The fit with the value of a suspect where the misfit is least, near the one it was given; the fit as it is where
+    that is nowhere better.
+
+    Args:
+        fit: a scene from the values of a fit of one like it.
+    """
+    nearby = suspect.nearby
+    if nearby is None or not np.isfinite(fitted.excess):
+        return fitted
+    low, high = (fit(fitted, nearby(fitted.scene, 1.0 + step)) for step in (-STEP, STEP))
+    bend = low.excess - 2.0 * fitted.excess + high.excess
+    found = [fitted, low, high]
+    if np.isfinite(bend) and bend > 0.0:
+        steps = float(np.clip(0.5 * (low.excess - high.excess) / bend, -FARTHEST, FARTHEST))
+        found.append(fit(fitted, nearby(fitted.scene, 1.0 + steps * STEP)))
+    return min((each for each in found if each.logs == fitted.logs), key=lambda each: each.excess)
+
 
 Array = NDArray[np.float64]
 

@@ -7,22 +7,53 @@ there is none. A log in which something else is wrong, a slip that was missed sa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from data_io import Record
 from identify.base.errors import FitError, SceneError
-from identify.diagnosis.by_log import misfits_of_logs
-from identify.diagnosis.cause import ANOTHER_ANSWER, Cause
 from identify.diagnosis.fitted import Fitted, described
 from identify.diagnosis.nested import fit_from_values, fit_model
-from identify.estimation.attempt import usable
+from identify.estimation.attempt import Attempt, usable
 from identify.estimation.events import misfit_of_start
-from identify.estimation.gate import PER_CYCLE
+from identify.estimation.goodness_of_fit import PER_CYCLE
 from identify.estimation.strategies import Strategy, as_one_trial, is_due
 from identify.logs.parting import name_of_recording, recordings
 from identify.scene import Scene
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What explains a misfit.
+# ----------------------------------------------------------------------------------------------------------------------
+
+ANOTHER_ANSWER = "another answer of the same model"
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What alone explains a misfit: a sentence; better: an answer of the model as it is stated that lies nearer to the
+    data, met on the way: the misfit was at least in part the search's own."""
+
+    sentence: str
+    better: Attempt | None = None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which of its logs a fit describes worst.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def misfits_of_logs(fitted: Fitted) -> list[float]:
+    """By how many standard deviations the cycles of each log misfit in the middle of them; infinite where it took no
+    part. One cycle with a slip that was missed does not count in it."""
+    out = [np.inf] * len(fitted.prepared)
+    if fitted.attempt is not None:
+        gate = fitted.attempt.gate
+        for place, number in enumerate(fitted.attempt.logs, 1):
+            told = gate.z[gate.log == place]
+            out[number] = float(np.median(told)) if told.size else np.inf
+    return out
+
 
 OTHERS = 2  # logs that have to be left: one is described by many answers
 TELLING = 5  # cycles of a log that mean something if they fit alone

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.diagnosis.fitted import Fitted, fits
-from identify.diagnosis.taken_over import taken_over, values_of
+from identify.diagnosis.fitted import Fitted, fits, taken_over, values_of
 from identify.estimation.attempt import Attempt, Clock, judged, solve_from, solve_slowly, usable
-from identify.estimation.joining import join
+from identify.estimation.events import join
+from identify.estimation.other_optima import shaken
 from identify.estimation.search import alike, search
-from identify.estimation.shaken import shaken
 from identify.estimation.starts import Sources
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare

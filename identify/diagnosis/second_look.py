@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from data_io import Record
 from identify.base.budget import time_is_up
@@ -11,16 +13,127 @@ from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.hum import hum
-from identify.diagnosis.left_unsaid import left_unsaid
-from identify.diagnosis.restraints import restraints, sitting
-from identify.diagnosis.seen_before import look_swapped, seen_before
-from identify.estimation.allowed import slowness
+from identify.diagnosis.hypotheses import restraints, sitting
+from identify.effects import MAIN
+from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import unexamined
 from identify.estimation.status_words import EXCHANGE
 from identify.logs.prepare import Prepared
+from identify.logs.spectrum import Spectrum
+from identify.model.model import RIG_PARAMETERS
+from identify.prediction.wording import listed
 from identify.scene import Scene
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a misfit that nothing explains may come of, of what the scene leaves unsaid: groups that share what differs
+# between them, and effects that are left out.
+# ----------------------------------------------------------------------------------------------------------------------
+
+NAMED = 3  # values of a label that are listed
+
+
+def left_unsaid(scene: Scene) -> str:
+    """What to try, to go behind a sentence on a misfit; "" where the scene leaves nothing unsaid."""
+    return "".join(f"; or {each}" for each in (*_shared(scene), *_left_out(scene)))
+
+
+def _shared(scene: Scene) -> Iterator[str]:
+    """A sentence for each label by which logs differ, and parameters could."""
+    shared = [
+        name
+        for name, spec in scene.parameters.items()
+        if name not in RIG_PARAMETERS and (spec.per, spec.fixed, spec.tie) == (None, None, None)
+    ]
+    labels = dict.fromkeys(label for log in scene.logs for label in log.labels)
+    for label in labels if shared else ():
+        values = list(dict.fromkeys(log.labels.get(label, "") for log in scene.logs))
+        if len(values) < 2 or "" in values:
+            continue
+        of = listed(values) if len(values) <= NAMED else f"{len(values)} values"
+        yield (
+            f"{listed(shared, 'or')} differs by {label} ({of}) and is shared: give it "
+            f'one value each, [parameters] {shared[0]} = {{ per = "{label}" }}'
+        )
+
+
+def _left_out(scene: Scene) -> Iterator[str]:
+    """A sentence where the scene leaves out effects that most contacts have."""
+    missing = [name for name in MAIN if scene.effects != "auto" and name not in scene.effects]
+    if missing:
+        yield (
+            f"the scene leaves out an effect that matters ({', '.join(missing)}): add it to effects, or see which the "
+            'data ask for with effects = "auto"'
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the look at the logs, before a fit, found wrong with them that may be why it misfits.
+# ----------------------------------------------------------------------------------------------------------------------
+
+# What spoils samples, or is no part of the model, by what it explains best first; codes of the quality gate.
+SPOILS = (
+    "friction_clipped",
+    "sensor_lag",
+    "spikes",
+    "dropouts",
+    "jitter",
+    "repeated_time",
+    "normal_clipped",
+    "unloaded_rows",
+    "load_ripple",
+    "friction_drift",
+)
+TOLD = 2  # of them
+
+
+def seen_before(prepared: Sequence[Prepared]) -> str:
+    """What the quality gate warns of in logs that take part, to go behind a sentence on a misfit; "" where nothing
+    that could explain it."""
+    found: dict[str, str] = {}
+    for log in prepared:
+        for finding in log.judgement.findings if log.left_out is None else ():
+            if finding.code in SPOILS and finding.severity != "info":
+                found.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
+    told = [found[code] for code in SPOILS if code in found][:TOLD]
+    return f"; before the fit this was seen: {'; '.join(told)}" if told else ""
+
+
+def look_swapped(prepared: Sequence[Prepared]) -> str:
+    """The names of the logs in which the forces look exchanged, where no other takes part; "" where one does."""
+    others = [log for log in prepared if log.left_out is None and not log.judgement.swapped]
+    names = dict.fromkeys(log.entry.path.name for log in prepared if log.judgement.swapped)
+    return "" if others else ", ".join(names)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Whether what a misfit leaves of a log hums with the mains.
+# ----------------------------------------------------------------------------------------------------------------------
+
+MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Hz, with what a rectifier makes of it
+NEAR = 0.01  # relative distance from them, or one step of the spectrum
+BY_CHANCE = 1e-9
+SHARE = 0.1  # of the power of what is left
+
+
+def hum(attempt: Attempt | None) -> str:
+    """What of the logs hums, to go behind a sentence on a misfit; "" where nothing does."""
+    if attempt is None:
+        return ""
+    solved = attempt.solved
+    for log, prepared, curve in zip(solved.problem.logs, attempt.prepared, solved.fitted, strict=True):
+        swing = Spectrum.of(log.time, np.where(log.weight > 0.0, log.force - curve, np.nan))
+        if swing is None or swing.chance > BY_CHANCE or swing.share(swing.peak) < SHARE:
+            continue
+        step = float(swing.frequency[1])
+        if any(abs(swing.peak - mains) <= max(NEAR * mains, step) for mains in MAINS):
+            height = 1e3 * swing.amplitude(swing.peak)
+            return (
+                f"; what is left of {prepared.name} swings {swing.peak:.3g} times a second by {height:.2g} mN, as hum "
+                "of the mains does: shield or ground the sensor, or state a noise that holds it"
+            )
+    return ""
+
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)  # of which the cause is looked for
 

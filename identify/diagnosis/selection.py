@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.base.progress import Progress, to_nobody
-from identify.diagnosis.choice import Choice
+from identify.diagnosis.choice import Choice, screen
 from identify.diagnosis.compared_models import ALWAYS, ComparedModels
-from identify.diagnosis.screening import screen
 from identify.diagnosis.selection_words import reasons
 from identify.diagnosis.subsets import Selection
 from identify.effects import ALL

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.diagnosis.choice import Reason
-from identify.diagnosis.price import price
-from identify.diagnosis.screening import Screen
+from identify.diagnosis.choice import Reason, Screen, price
 from identify.effects import ALL
 
 UNASKED = {

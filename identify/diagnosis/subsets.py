@@ -10,14 +10,62 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identify.base.progress import Progress
 from identify.diagnosis.compared_models import ComparedModels
 from identify.diagnosis.fitted import Fitted, fits
-from identify.diagnosis.held_out import held_out_error
 from identify.diagnosis.nested import fit_joined, fit_larger, fit_model, fit_shaken, fit_smaller, promise
+from identify.diagnosis.selection_numbers import CONFUSED, ENOUGH, better, penalty, searched, statistic
 from identify.diagnosis.selection_words import Gain
-from identify.diagnosis.weighing import CONFUSED, ENOUGH, better, penalty, searched, statistic
+from identify.logs.log_data import Guess
+from identify.logs.prepare import Prepared
+from identify.shooting.passes import Solved, solve_in_passes
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Cycles kept back from a fit, and how well it predicts them.
+# ----------------------------------------------------------------------------------------------------------------------
+
+KEPT_BACK = 3  # every such cycle is kept back to be predicted
+FEWEST = 4  # cycles of a log of which one can be kept back
+
+
+def held_out_error(fitted: Fitted) -> float:
+    """Mean square of the force residuals, in noise variances, of cycles kept back from a second solve; NaN without any.
+
+    The dynamics and the cycles around carry the motion through a kept-back cycle; its samples do not count.
+    """
+    attempt = fitted.attempt
+    if attempt is None or not np.isfinite(fitted.excess):
+        return float("nan")
+    masks = [_kept_back(log, g) for log, g in zip(attempt.prepared, attempt.solved.guesses, strict=True)]
+    if not any(np.any(mask) for mask in masks):
+        return float("nan")
+    data = [
+        replace(log.data, weight=np.where(mask, 0.0, log.data.weight))
+        for log, mask in zip(attempt.prepared, masks, strict=True)
+    ]
+    start = replace(fitted.unknowns, start=attempt.solved.theta).softened()
+    solved: Solved = solve_in_passes(data, attempt.solved.guesses, start)
+    if not solved.solution.success:
+        return float("inf")
+    total, count = 0.0, 0
+    for log, mask, force in zip(attempt.prepared, masks, solved.fitted, strict=True):
+        inside = mask & np.isfinite(force) & (log.data.weight > 0)
+        total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
+        count += int(np.count_nonzero(inside))
+    return total / count if count else float("nan")
+
+
+def _kept_back(log: Prepared, guess: Guess) -> NDArray[np.bool_]:
+    """The samples of the cycles of a log that are kept back."""
+    mask = np.zeros(log.data.time.size, bool)
+    if guess.cycles < FEWEST:
+        return mask
+    for cycle in range(KEPT_BACK - 1, guess.cycles, KEPT_BACK):
+        mask |= (log.data.time > guess.arrest[cycle - 1]) & (log.data.time <= guess.arrest[cycle])
+    return mask
+
 
 # What slips and sticks look alike under: each may stand where the other is true.
 MIMICS = (

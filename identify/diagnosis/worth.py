@@ -17,8 +17,8 @@ from data_io import Record
 from identify.base.errors import IdentifyError
 from identify.base.progress import Progress
 from identify.diagnosis.fitted import Fitted, as_it_ended
-from identify.diagnosis.held_out import held_out_error
 from identify.diagnosis.nested import fit_smaller
+from identify.diagnosis.subsets import held_out_error
 from identify.estimation.attempt import Attempt
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
-from identify.estimation.gate import Gate, pass_gate
+from identify.estimation.goodness_of_fit import Gate, pass_gate
 from identify.estimation.sequence import TRIES, by_a_hair, followed, grazes, is_clear, refollowed, resequenced
 from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared, cut_in_last_stick

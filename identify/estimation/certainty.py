@@ -11,26 +11,29 @@ from numpy.typing import NDArray
 from identify.base.budget import no_time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.estimation.agreeing import agreeing
-from identify.estimation.allowed import noise_of
+from identify.estimation.active_events import hanging, let_go
+from identify.estimation.agreement import agreeing, noise_of
 from identify.estimation.attempt import Attempt
 from identify.estimation.bootstrap import Bootstrap, bootstrap
-from identify.estimation.coloured import Colour
-from identify.estimation.combinations import Combination, Direction, combinations, directions
-from identify.estimation.examined import AtBound, Question, examine
-from identify.estimation.fine_enough import fine_enough
-from identify.estimation.hanging import hanging
+from identify.estimation.combinations import (
+    Combination,
+    Direction,
+    Share,
+    combinations,
+    directions,
+    share_estimates,
+    shares,
+)
+from identify.estimation.covariance import Estimate, Information
+from identify.estimation.examined import AtBound, Question, examine, fine_enough
 from identify.estimation.influence import influence
-from identify.estimation.inward import at_own_bounds, taken_inside
-from identify.estimation.letting_go import let_go
+from identify.estimation.other_optima import weakens
 from identify.estimation.profile import Profiles
-from identify.estimation.ridge_ends import strengthened
-from identify.estimation.shares import Share, share_estimates, shares
+from identify.estimation.residual_autocorrelation import Colour
+from identify.estimation.ridge_ends import at_own_bounds, strengthened, taken_inside
 from identify.estimation.strategies import Strategy, attempted
-from identify.estimation.uncertainty import Estimate, Information
-from identify.estimation.valleys import weakens
 from identify.logs.unknowns import Unknowns
-from identify.shooting.accuracy import AccuracyRow, Asked, accuracy_table
+from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
 
 Array = NDArray[np.float64]
 
@@ -69,7 +72,7 @@ def certainty(
     attempt: Attempt,
     unknowns: Unknowns,
     base: Array,
-    asked: Asked,
+    asked: FitOptions,
     at_bound: AtBound,
     *,
     speed_tolerance: float,
@@ -142,7 +145,7 @@ def unexamined(attempt: Attempt) -> Attempt:
 
 
 def _with_fine_steps(
-    attempt: Attempt, unknowns: Unknowns, asked: Asked
+    attempt: Attempt, unknowns: Unknowns, asked: FitOptions
 ) -> tuple[Attempt, Information, dict[str, float]]:
     """As `fine_enough`; let go once more where only finer steps show that an event holds the answer."""
     finer = fine_enough(attempt, unknowns, asked)
@@ -164,7 +167,7 @@ def _combined(out: Certainty, unknowns: Unknowns, base: Array) -> Certainty:
     )
 
 
-def _resampled(out: Certainty, asked: Asked, seed: int, progress: Progress) -> Certainty:
+def _resampled(out: Certainty, asked: FitOptions, seed: int, progress: Progress) -> Certainty:
     """With a bootstrap of cycle blocks."""
     progress("bootstrap", None)
     solved = out.attempt.solved

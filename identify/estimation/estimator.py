@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.estimation.uncertainty import Estimate
+from identify.estimation.covariance import Estimate
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene

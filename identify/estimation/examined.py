@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,27 +13,106 @@ from numpy.typing import NDArray
 from identify.base.budget import no_time_limit, time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.base.quantiles import LEVEL, chi_square
-from identify.estimation.allowed import Allowed, allowed
-from identify.estimation.attempt import Attempt, resolve_firmly
-from identify.estimation.fine_enough import information_at
-from identify.estimation.gate import Gate
+from identify.base.quantiles import LEVEL, NORMAL, chi_square
+from identify.estimation.agreement import Allowed, allowed
+from identify.estimation.attempt import Attempt, resolve, resolve_firmly
+from identify.estimation.covariance import (
+    IDENTIFIED,
+    Estimate,
+    Information,
+    Interval,
+    estimates,
+    information,
+    sizes,
+    widened_on_both_scales,
+)
+from identify.estimation.goodness_of_fit import Gate
 from identify.estimation.hints import hints, onsets, untold
-from identify.estimation.inward import at_own_bounds
 from identify.estimation.nearly_rests import neighbours
-from identify.estimation.profile import Profiles, profile
-from identify.estimation.profile_ground import ProfilePoint
-from identify.estimation.profile_side import CRITICAL
-from identify.estimation.ridge_ends import better_course, other_sign
+from identify.estimation.other_optima import lowest_valley, objection, preferred, weakens, within
+from identify.estimation.profile import CRITICAL, Profiles, profile
+from identify.estimation.profile_line import ProfilePoint
+from identify.estimation.ridge_ends import at_own_bounds, better_course, other_sign
 from identify.estimation.strategies import Strategy, attempted
-from identify.estimation.uncertainty import Estimate, Information, Interval, estimates
-from identify.estimation.valleys import lowest_valley, objection, preferred, weakens, within
-from identify.estimation.widened import widened_on_both_scales
-from identify.estimation.worth_a_walk import doubtful, ridge
 from identify.logs.unknowns import Unknowns
-from identify.shooting.accuracy import Asked
+from identify.shooting.accuracy import FitOptions, discretisation_error
+from identify.shooting.vibration import rhythmic
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which parameters a profile has to walk along: what the curvature at one point says too little about.
+# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
+
+DOUBTFUL = 0.13  # standard error of a logarithm: an interval of a quarter each way
+CURVED = 0.012  # standard error of a logarithm beyond which the ridge along it may bend
+NEAR = 0.4  # of the longest side of a coefficient that is identified: a bent ridge may add what is missing
+
+
+def doubtful(unknowns: Unknowns, covariance: Array, found: list[Estimate]) -> bool:
+    """Whether some parameter is so uncertain that the curvature at one point says little about its interval."""
+    beside = rhythmic(unknowns)
+    wide = np.sqrt(np.diag(covariance)) > DOUBTFUL
+    asked = {name for name, aside in zip(unknowns.names, beside, strict=True) if not aside}
+    return bool(np.any(wide & (unknowns.logarithmic & ~beside)[unknowns.free])) or any(
+        e.verdict == "not identifiable" and e.name in asked for e in found
+    )
+
+
+def ridge(unknowns: Unknowns, covariance: Array, theta: Array, base: Array) -> list[int]:
+    """The parameters that are so uncertain that the others may follow each of them on a bent path; and with these the
+    coefficients whose verdict may hang on what that path adds to their intervals."""
+    free, sd = np.flatnonzero(unknowns.free), np.sqrt(np.diag(covariance))
+    asked, logarithmic = ~rhythmic(unknowns)[free], unknowns.logarithmic[free]
+    bent = asked & logarithmic & (sd > CURVED)
+    side = NORMAL * sd / sizes(unknowns, unknowns.values(theta, base))[free]
+    near = asked & ~logarithmic & (side > NEAR * IDENTIFIED)
+    return free[bent | near].tolist() if np.any(bent) else []
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Steps of the integration so fine that their error is a small part of each standard error.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def fine_enough(
+    attempt: Attempt, unknowns: Unknowns, asked: FitOptions
+) -> tuple[Attempt, Information, dict[str, float]]:
+    """The answer with steps so fine that their error is a small part of each standard error, and that part by name."""
+    level = asked.accuracy
+    if attempt.gate.status is Status.CONVERGED and attempt.solved.grid.steps > level.most:
+        attempt = resolve(attempt, replace(unknowns, start=attempt.solved.theta), most=level.most)
+    known = information_at(attempt, unknowns)
+    shares: dict[str, float] = {}
+    for _ in range(1 + level.refinements):
+        if attempt.gate.status is not Status.CONVERGED or not np.all(np.isfinite(known.total)):
+            break
+        error = discretisation_error(attempt.solved) / np.sqrt(np.diag(known.covariance()))
+        free = np.flatnonzero(unknowns.free).tolist()
+        shares = {unknowns.names[i]: float(np.nan_to_num(e)) for i, e in zip(free, error, strict=True)}
+        if not shares or max(abs(e) for e in shares.values()) <= level.share:
+            break
+        finer = 2 * attempt.solved.grid.steps
+        if finer > level.most:
+            break
+        again = attempted(Strategy.FINER_STEPS, partial(_finer, attempt, unknowns, finer), attempt)
+        if again is None or again.gate.status is Status.SOLVER_FAILED:
+            break  # no reason to give up the answer: what its steps cost is told
+        attempt, known = again, information_at(again, unknowns)
+    return attempt, known, shares
+
+
+def _finer(attempt: Attempt, unknowns: Unknowns, steps: int) -> Attempt:
+    return resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=steps)
+
+
+def information_at(attempt: Attempt, unknowns: Unknowns) -> Information:
+    """The information of the data on all parameters, those held fixed too, at the answer."""
+    solved = attempt.solved
+    at_answer = replace(unknowns, start=solved.theta)
+    return information(*solved.problem.with_all_parameters(at_answer, solved.solution.z))
+
+
 AtBound = Callable[[Array], Mapping[str, str]]
 
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
@@ -47,7 +127,7 @@ class Question:
 
     unknowns: Unknowns
     base: Array
-    asked: Asked
+    asked: FitOptions
     at_bound: AtBound
     speed_tolerance: float
     seed: int

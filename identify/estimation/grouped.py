@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.estimation.attempt import Attempt, Clock
-from identify.estimation.gate import pass_gate
+from identify.estimation.covariance import information
+from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.search import search
 from identify.estimation.starts import Sources
 from identify.estimation.strategies import Strategy, attempted
-from identify.estimation.uncertainty import information
 from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns

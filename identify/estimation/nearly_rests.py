@@ -12,10 +12,10 @@ from functools import partial
 
 from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, solve_moved
-from identify.estimation.objection import Remembering
+from identify.estimation.other_optima import within
+from identify.estimation.residual_autocorrelation import Remembering
 from identify.estimation.sequence import by_a_hair
 from identify.estimation.strategies import Strategy, attempted
-from identify.estimation.valleys import within
 from identify.logs.unknowns import Unknowns
 
 

@@ -21,11 +21,9 @@ from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
 from identify.estimation.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held, solve_or_hold
-from identify.estimation.events import with_events_mended
-from identify.estimation.gate import PER_CYCLE
-from identify.estimation.joining import from_some, join
-from identify.estimation.ranking import ranked
-from identify.estimation.starts import Sources, drawn_starts, starts_of, suggested_starts
+from identify.estimation.events import from_some, join, with_events_mended
+from identify.estimation.goodness_of_fit import PER_CYCLE
+from identify.estimation.starts import Sources, drawn_starts, ranked, starts_of, suggested_starts
 from identify.estimation.strategies import Strategy, attempted, is_due
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.estimation.uncertainty import Information, inverse
+from identify.estimation.covariance import Information, inverse
 from identify.model.model import RIG_PARAMETERS
 
 Array = NDArray[np.float64]

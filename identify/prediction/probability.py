@@ -61,7 +61,7 @@ class Certainty:
 
 
 @dataclass(frozen=True)
-class Asked:
+class FitOptions:
     """What n draws do: quantities (n, 8), NaN without stick-slip; sticks (n,); growth rate of sliding (n,) [1/s]."""
 
     quantities: Array
@@ -100,7 +100,7 @@ def certainty(
     return Certainty(chances[0], chances[1], ends, drawn.p.shape[0], drawn.refused)
 
 
-def ask(model: Model, drawn: Drawn, near: Orbit | None) -> Asked:
+def ask(model: Model, drawn: Drawn, near: Orbit | None) -> FitOptions:
     """What every draw does; `near` is the orbit of the estimate, from which those of the draws are sought."""
     count = drawn.p.shape[0]
     growth = growth_rates(model, drawn.p, drawn.drive_speed, drawn.normal_force) if count else np.zeros(0)
@@ -116,7 +116,7 @@ def ask(model: Model, drawn: Drawn, near: Orbit | None) -> Asked:
                 break
         if orbit is not None:
             sticks[i], rows[i] = True, quantities(map_, orbit.cycle, speed)
-    return Asked(rows, sticks, growth)
+    return FitOptions(rows, sticks, growth)
 
 
 def linear_chances(

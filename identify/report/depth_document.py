@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from identify.base.quantiles import LEVEL
 from identify.estimation.certainty import Certainty
-from identify.estimation.profile_side import CRITICAL
-from identify.estimation.uncertainty import parameter_value
+from identify.estimation.covariance import parameter_value
+from identify.estimation.profile import CRITICAL
 from identify.logs.unknowns import Unknowns
 
 Array = NDArray[np.float64]

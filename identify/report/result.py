@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL
 from identify.diagnosis.choice import Choice, as_listed, document_of
-from identify.diagnosis.findings import Findings
-from identify.diagnosis.held import held_document
-from identify.estimation.allowed import slowness
+from identify.diagnosis.findings import Findings, held_document
+from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Clock
+from identify.estimation.covariance import Estimate
 from identify.estimation.tolerances import added_by_tolerances
-from identify.estimation.uncertainty import Estimate
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig

@@ -160,7 +160,7 @@ def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tupl
 
 
 @dataclass(frozen=True)
-class Asked:
+class FitOptions:
     """accuracy: of the integration; profile: every parameter by its profile likelihood; bootstrap: replicates, 0 for
     none; accuracy_table: what each level costs and changes; effects_table: the fit with and without each effect."""
 
@@ -175,7 +175,7 @@ class Asked:
         return asdict(self) | {"accuracy": self.accuracy.name}
 
     @staticmethod
-    def again(document: Any) -> Asked:
+    def again(document: Any) -> FitOptions:
         """What a stored result asked for; the default where it says nothing that can be read.
 
         Args:
@@ -186,7 +186,9 @@ class Asked:
             accuracy = accuracy_of(str(told.get("accuracy", DEFAULT.name)))
         except FitError:
             accuracy = DEFAULT
-        return Asked(accuracy=accuracy, profile=told.get("profile") is True)
+        return FitOptions(accuracy=accuracy, profile=told.get("profile") is True)
 
 
-NOTHING_MORE = Asked()
+DEFAULT_OPTIONS = FitOptions()
+Asked = FitOptions
+"""The name of before, kept for one release."""

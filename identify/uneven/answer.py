@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.quantiles import NORMAL
+from identify.estimation.covariance import Estimate
 from identify.estimation.estimator import Estimated, EstimationTask
-from identify.estimation.uncertainty import Estimate
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS

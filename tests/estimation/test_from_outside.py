@@ -13,8 +13,8 @@ import pytest
 from data_io import Record
 from identify import Scene, fit
 from identify.base.outcome import Status
+from identify.estimation.covariance import Estimate
 from identify.estimation.estimator import Estimated, EstimationTask
-from identify.estimation.uncertainty import Estimate
 from identify.examples import FOLDER
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -1,15 +1,12 @@
-"""Valleys beside that of an answer: where data do not tell a parameter, the way of the search may have chosen.
+"""Other answers of the same model: starts redrawn around one, each placed on the data and solved.
 
-Few slips, hardly sampled, are described as well, or nearly, from several valleys: of a contact that has aged after a
-few seconds, and of one that ages on and on; of slips that begin early and slowly, and of others that begin late. The
-starts of the features are fits of one settled cycle, and all roll into the same valley. Starts thrown about the answer,
-and about the first start of the data's own, do not, nor does what the levels of the data suggest before any fit: the
-motions that follow from each of them say which to solve.
+Where the drive vibrates, or a finger moves, every slip begins in one of the periods. A motion holds on to those it was
+placed in, so that the misfit has a valley for every way of placing it, and several of them may pass as noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice, takewhile
 
@@ -19,15 +16,103 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, chi_square
-from identify.estimation.attempt import Attempt, Clock, crept, resolve_firmly, solve_or_hold, usable
-from identify.estimation.objection import Remembering
-from identify.estimation.ranking import ranked
-from identify.estimation.starts import own_starts, suggested_starts
+from identify.estimation.attempt import Attempt, Clock, crept, resolve_firmly, solve_from, solve_or_hold, usable
+from identify.estimation.residual_autocorrelation import Remembering
+from identify.estimation.starts import apart, features_of, own_starts, ranked, suggested_starts
 from identify.estimation.strategies import Strategy, attempted
+from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.shooting.vibration import rhythmic
+from identify.shooting.starts import fit_features
+from identify.shooting.vibration import quieted, rhythmic
 
 Array = NDArray[np.float64]
+
+FEATURES, WIDE = 32, 2.0  # starts whose cycles are fitted without the vibration, and how far they are drawn, in spreads
+APART = 0.15  # of that reach between two of them that are solved both
+NEAR = (0.5, 0.2, 0.1, 0.05) * 2  # how far starts are drawn around the best answer: valleys lie close by and far
+READ_OFF = ("mu_s",)  # the onsets show it
+HOPELESS = 200.0  # cost above that of the best with which a start is not followed further
+SAME, AGAIN = 1.0, 3  # answers so near in the sum of squares are one; found so often, it is the best there is
+
+
+def shaken(
+    attempt: Attempt,
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    seed: int = 0,
+    around: Array | None = None,
+) -> Attempt:
+    """Return the best answer that other starts lead to; the attempt itself where none is better, or nothing vibrates.
+
+    Args:
+        attempt: an answer, or where a search ended; prepared: all logs of the fit; unknowns: its search space.
+        around: theta (n_p,) to draw starts around as long as there is no answer; default where the attempt ended.
+    """
+    free = unknowns.free
+    if not unknowns.model.vibrates or not np.all(np.isfinite(attempt.solved.theta[free])):
+        return attempt
+    random, best, found = np.random.default_rng(seed), attempt, [attempt.excess]
+    drawn = free & ~rhythmic(unknowns) & ~np.isin(unknowns.names, READ_OFF)
+    spread = np.where(drawn, unknowns.spread, 0.0)
+
+    def centre() -> Array:
+        return best.solved.theta if around is None or np.isfinite(best.excess) else around
+
+    def starts() -> Iterator[Array]:
+        yield from _by_features(attempt, prepared, unknowns, centre(), WIDE * spread, random)
+        for near in NEAR:
+            yield centre() + near * spread * random.standard_normal(spread.size)
+
+    for theta in starts():
+        if time_is_up():
+            break
+        start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
+        hopeless = best.solved.solution.cost + HOPELESS
+        tried = solve_from(list(prepared), list(attempt.logs), start, Clock(), hopeless=hopeless)
+        if tried is None or tried.logs != attempt.logs:
+            continue
+        found.append(tried.excess)
+        best = min(best, tried, key=_rank)
+        if sum(abs(excess - best.excess) < SAME for excess in found) == AGAIN:
+            break
+    return best
+
+
+def _rank(attempt: Attempt) -> tuple[bool, float]:
+    return attempt.gate.status is not Status.CONVERGED, attempt.excess
+
+
+def _by_features(
+    attempt: Attempt,
+    prepared: Sequence[Prepared],
+    unknowns: Unknowns,
+    theta: Array,
+    reach: Array,
+    random: np.random.Generator,
+) -> Iterator[Array]:
+    """Starts (n_p,) whose settled cycles are those of the logs, the best first; vibrations as they were found.
+
+    Args:
+        theta, reach: where draws lie (n_p,), and how far around (n_p,).
+    """
+    features, bases = features_of([prepared[i] for i in attempt.logs])
+    if not features:
+        return
+    draws = theta + reach * random.standard_normal((FEATURES, theta.size))
+    calm = quieted(unknowns)
+    found = (np.where(calm.free, start.theta, theta) for start in fit_features(calm, features, bases, draws))
+    yield from apart(found, np.where(reach > 0.0, APART * reach, np.inf))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Valleys beside that of an answer: where data do not tell a parameter, the way of the search may have chosen.
+#
+# Few slips, hardly sampled, are described as well, or nearly, from several valleys: of a contact that has aged after a
+# few seconds, and of one that ages on and on; of slips that begin early and slowly, and of others that begin late. The
+# starts of the features are fits of one settled cycle, and all roll into the same valley. Starts thrown about the
+# answer, and about the first start of the data's own, do not, nor does what the levels of the data suggest before any
+# fit: the motions that follow from each of them say which to solve.
+# ----------------------------------------------------------------------------------------------------------------------
 
 THROWN = 16  # starts about each place
 SOLVED = 3  # of these, those that fit best before they are solved

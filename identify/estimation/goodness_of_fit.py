@@ -1,6 +1,7 @@
-"""The gate: an answer counts only if the solver succeeded, the misfit is noise, in every cycle, and events rest.
+"""Where the residuals of neighbouring samples lean to one side.
 
-Every test is needed; each alone lets some wrong answer through.
+A wrong answer can keep the sum of squares of a long cycle within its noise and still miss a slip altogether, by a few
+standard deviations of many neighbouring samples. Sums over windows of all lengths show that: noise cancels in them.
 """
 
 from __future__ import annotations
@@ -11,15 +12,206 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.thinned import thinned
 from identify.base.outcome import Status
-from identify.estimation.consistency import inconsistency
-from identify.estimation.leaning import most_leaning
-from identify.estimation.remembered import CLOSE, MORE, remembered
-from identify.estimation.swinging import swing_left
+from identify.base.quantiles import normal
+from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered
+from identify.logs.hidden_rhythm import Swing, hidden_rhythm
 from identify.logs.log_data import Guess, LogData
+from identify.logs.unknowns import Unknowns
+from identify.logs.zigzag import running_means
+from identify.model.model import SPEED
+from identify.shooting.onsets import turned_back
 from identify.shooting.passes import SETTLED, Solved
 
 Array = NDArray[np.float64]
+
+LONGEST = 512  # samples of a window
+CHANCE = 1e-7  # that noise leans so far somewhere in a log
+QUARTILE = normal(0.75)
+ENOUGH = 1 << 12  # sums that tell their spread: to 3 %
+OVERLAP = 8  # windows of one length that share a sample; about the one that leans most all are asked
+
+
+@dataclass(frozen=True)
+class Lean:
+    """The window of a log that leans most: its mean time [s] and length [s], the mean residual [N], by how many
+    standard deviations, and the number of them that noise reaches by chance."""
+
+    log: int
+    time: float
+    length: float
+    residual: float
+    deviations: float
+    limit: float
+
+    @property
+    def share(self) -> float:
+        """Deviations over the limit."""
+        return self.deviations / self.limit
+
+
+def most_leaning(logs: Sequence[LogData], fitted: Sequence[Array]) -> Lean | None:
+    """The window of all logs that stands out most; None where nothing is fitted.
+
+    The spread of the sums themselves counts as noise where it is larger than white noise allows: noise with a memory
+    does not lean.
+
+    Args:
+        fitted: (n,) force at the samples of each log [N], NaN where none is fitted.
+    """
+    found = [lean for i, (log, curve) in enumerate(zip(logs, fitted, strict=True)) for lean in _of_log(i, log, curve)]
+    return max(found, key=lambda lean: lean.share, default=None)
+
+
+def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
+    """The most leaning window of each length."""
+    good = (log.weight > 0) & np.isfinite(fitted)
+    first, stop = int(np.argmax(good)), good.size - int(np.argmax(good[::-1]))
+    told = slice(first, stop) if good[first:stop].all() else good  # a slice copies nothing
+    time, residual = log.time[told], log.force[told] - fitted[told]
+    weight = log.weight[told]
+    even = residual.size and weight.min() == weight.max()  # as a rule: a million roots take their time
+    scaled = residual * np.sqrt(weight[0] if even else weight)
+    lengths = [2**i for i in range(1, int(np.log2(LONGEST)) + 1) if 8 * 2**i <= residual.size]
+    out, sums, step = [], scaled, 1
+    for width in lengths:
+        half = width // 2 // step
+        sums = sums[:-half] + sums[half:]
+        if width > OVERLAP * step:
+            sums, step = sums[::2], 2 * step
+        few = thinned(sums, ENOUGH)
+        quarter = few.size // 4
+        ordered = np.partition(few, (quarter, few.size - 1 - quarter))
+        span = float(ordered[few.size - 1 - quarter] - ordered[quarter])  # np.quantile takes four times as long
+        spread = max(1.0, 0.5 * span / np.sqrt(width) / QUARTILE)
+        ends = (int(np.argmin(sums)), int(np.argmax(sums)))
+        about = step * max(ends, key=lambda end: abs(float(sums[end])))
+        begin = max(about - step + 1, 0)
+        around = np.abs(running_means(scaled[begin : about + step - 1 + width], width)) * np.sqrt(width)
+        first = begin + int(np.argmax(around))
+        limit = -normal(0.5 * CHANCE / (residual.size * len(lengths)))
+        window = slice(first, first + width)
+        length = float(time[first + width - 1] - time[first])
+        mean = float(np.mean(residual[window]))
+        out.append(Lean(number, float(np.mean(time[window])), length, mean, float(np.max(around)) / spread, limit))
+    return out
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Whether what an answer leaves of a log, in which it slides to the end, still swings as stick-slip does.
+#
+# Slips of a few samples, or smaller than the noise of one, count as noise while the noise is measured: an answer that
+# slides there fits, and takes the mean force of stick-slip for that of sliding.
+# ----------------------------------------------------------------------------------------------------------------------
+
+HELD = 0.05  # share of the power of what is left: a line that is so clear by chance is no matter of its height
+
+
+def swing_left(
+    logs: Sequence[LogData], guesses: Sequence[Guess], unknowns: Unknowns, theta: Array, fitted: Sequence[Array]
+) -> tuple[int, Swing] | None:
+    """The first log whose last slide leaves a swing, with that; None where there is none.
+
+    Args:
+        theta: (n_p,) the solution; fitted: (n,) force at the samples of each log [N], NaN where none is fitted.
+    """
+    if unknowns.model.vibrates:
+        return None
+    for number, (log, guess, curve) in enumerate(zip(logs, guesses, fitted, strict=True)):
+        if not guess.tail or guess.tail[-1].kind == "rest":
+            continue
+        values = dict(zip(unknowns.names, unknowns.values(guess.theta(theta), log.base).tolist(), strict=True))
+        if not values.get("mass", 0.0) > 0.0:
+            continue
+        since = max((s.until for s in guess.tail if s.kind == "rest" or s.ended_by == "arrest"), default=log.begin)
+        rows = slice(*np.searchsorted(log.time, [since, log.end]))
+        left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
+        found = hidden_rhythm(
+            log.time[rows],
+            left,
+            None,  # what the load does the answer follows
+            stiffness=values["stiffness"],
+            drive_speed=log.speed_at(log.end),
+            half_period=float(np.pi * np.sqrt(values["mass"] / values["stiffness"])),
+            least=HELD,
+        )
+        if found is not None:
+            return number, found
+    return None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Does the motion of a solution obey the inequalities that its mode sequence takes for granted?
+#
+# The rows of the shooting problem hold what is equal: continuity, guards. What must be greater or smaller is checked
+# here: a mass that arrests stays at rest (nothing pulls it on or back), and slips go forward.
+# ----------------------------------------------------------------------------------------------------------------------
+
+MARGIN = 0.5  # standard deviations of the force noise: closer to being pulled back, the answer may hide that it is
+
+
+def inconsistency(
+    logs: Sequence[LogData], guesses: Sequence[Guess], unknowns: Unknowns, theta: Array, names: Sequence[str]
+) -> str | None:
+    """The first cycle whose motion breaks an inequality, in words with what to do; None where there is none.
+
+    Args:
+        theta: (n_p,) the solution; names: of the logs.
+    """
+    for log, guess, name in zip(logs, guesses, names, strict=True):
+        p = unknowns.values(guess.theta(theta), log.base)
+        pulled, back = _at_arrests(log, guess, unknowns, p)
+        noise = log.noise
+        for excess, what, allowed in ((back, "back", -MARGIN * noise), (pulled, "on", MARGIN * noise)):
+            worst = int(np.argmax(excess)) if excess.size else 0
+            if excess.size and excess[worst] > allowed:
+                return (
+                    f"{name}, cycle {worst + 1}: at this answer the mass is pulled {what} as soon as it stops, or all "
+                    f"but ({excess[worst]:+.2g} N against what the contact holds, noise {noise:.2g} N), a motion that "
+                    "the fit does not follow; leave this log out, or measure with more damping or less normal force"
+                )
+        cycle = _goes_back(guess)
+        if cycle is not None:
+            return (
+                f"{name}, cycle {cycle + 1}: at this answer the slip runs backwards on its way, which the fit does not "
+                "follow; exclude that stretch, or give start values"
+            )
+    return None
+
+
+def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tuple[Array, Array]:
+    """By how much the pull exceeds what the contact holds at every arrest (c,) [N], forward and back; cycles first."""
+    model = unknowns.model
+    ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1])
+    rested = [(unit, s) for unit, s in zip(guess.units, guess.tail, strict=True) if s.ended_by == "arrest"]
+    ends = np.concatenate([ends, *(stretch.nodes[-1:] for _, stretch in rested)])
+    times = np.concatenate([guess.arrest, [stretch.until for _, stretch in rested]])
+    parts = np.concatenate([np.arange(guess.cycles), [unit for unit, _ in rested]]).astype(int)
+    ends[:, SPEED] = 0.0
+    count = times.size
+    if count == 0:
+        return np.empty(0), np.empty(0)
+    load = np.asarray(log.normal_force.at(times)) + guess.sliding_deviation[parts]
+    drive = np.array([log.speed_at(t) for t in times.tolist()])
+    u = np.column_stack([drive, load, np.ones(count), times])
+    lanes = [ends.T, np.repeat(p[:, None], count, axis=1), u.T]
+    pull = np.array(model.driving_force(*lanes)).ravel()
+    grip = np.array(model.grip(*lanes)).ravel()
+    return pull - grip, -pull - grip
+
+
+def _goes_back(guess: Guess) -> int | None:
+    """The first cycle with a node at which the mass moves backwards."""
+    found = np.any(np.concatenate(turned_back(guess), axis=1), axis=1)
+    return int(np.argmax(found)) if found.any() else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The gate: an answer counts only if the solver succeeded, the misfit is noise, in every cycle, and events rest.
+#
+# Every test is needed; each alone lets some wrong answer through.
+# ----------------------------------------------------------------------------------------------------------------------
 
 OVERALL = 5.0  # standard deviations of chi^2 over all samples
 PER_CYCLE = 6.0  # standard deviations of chi^2 of one cycle
