@@ -18,9 +18,10 @@ import numpy as np
 
 from data_io.account import Account, read_account
 from data_io.archive import ABOUT, FORMAT, FORMAT_VERSION
-from data_io.columns import KIND, Header, Name, match_header, role_indices
+from data_io.columns import KIND, Header, Name, coefficient_column, match_header, role_indices
 from data_io.errors import UnitError
 from data_io.frozen import COLUMN_ROLES, FloatArray, Scalar
+from data_io.hdf5_columns import columns_within, named_within
 from data_io.hdf5_open import check_own, children, member, opened, signature_at
 from data_io.hdf5_values import bytes_of, read_values
 from data_io.memory import check_memory, check_promise
@@ -88,7 +89,9 @@ def _read_groups(source: Source, request: Request, file: Any) -> Contents:
     found: list[tuple[int, int, _Table]] = []
     for group in _all_groups(file):
         table = _table(group, request, by_alias=True)
-        needed = {"time", "friction_force"} | ({"normal_force"} if request.normal_force is None else set())
+        needed = {"time"} if request.rate is None else set()
+        needed |= {"friction_force"} if coefficient_column(table.header) is None else set()
+        needed |= {"normal_force"} if request.normal_force is None else set()
         if needed <= set(table.header.roles):
             found.append((len(found) + 1, 1, table))
     if not found:
@@ -108,8 +111,8 @@ def _read_named(source: Source, request: Request, file: Any) -> Contents:
     names: list[Name] = []
     datasets = []
     for role, path in request.columns.items():
-        dataset = member(source, file, path)
-        if not _is_dataset(dataset):
+        dataset = _dataset_at(source, file, path)
+        if dataset is None:
             raise source.error(
                 f"no dataset {path!r} was found for {role.replace('_', ' ')}; {_datasets(file)}; name one"
             )
@@ -120,6 +123,20 @@ def _read_named(source: Source, request: Request, file: Any) -> Contents:
     request, span = _by_file_clock(request, [table])
     parts = [Part(1, 1, table.header, _columns(source, request, table.header, table.datasets))]
     return Contents(NAME, parts, skipped=_skipped(source, request, parts, span))
+
+
+def _dataset_at(source: Source, file: Any, path: str) -> Any:
+    """Return the dataset at a path, or a column within one (`/data:1`, `/table:Fx`, `/table/Fx`); None for neither."""
+    found = member(source, file, path)
+    if _is_dataset(found):
+        return found
+    for mark in (":", "/"):
+        outer, _, key = path.rpartition(mark)
+        dataset = member(source, file, outer) if outer else None
+        for column in columns_within(dataset) if _is_dataset(dataset) else ():
+            if key in (column.label, column.name.rpartition(":")[2]):
+                return column
+    return None
 
 
 def _by_file_clock(request: Request, tables: Sequence["_Table"]) -> tuple[Request, tuple[float, float]]:
@@ -170,7 +187,8 @@ class _Table:
 def _table(group: Any, request: Request, *, by_alias: bool) -> _Table:
     """Look at a group; roles by the usual names of columns (`by_alias`), or by the project's own names only."""
     found = [(link, item) for link, item in children(group) if _is_dataset(item)]
-    found = [(link, item) for link, item in found if not by_alias or _is_column(item)]
+    if by_alias:
+        found = [column for link, item in found for column in _columns_of(link, item, request)]
     names = [_text(item.attrs.get("name")) or link for link, item in found]
     units = [_unit(item) for _, item in found]
     if by_alias:
@@ -182,6 +200,14 @@ def _table(group: Any, request: Request, *, by_alias: bool) -> _Table:
         header = Header(own, role_indices(own, request.columns))
     parameters = {} if by_alias else {key: _text(value) for key, value in group.attrs.items()}
     return _Table(str(group.name), header, dict(enumerate(item for _, item in found)), parameters)
+
+
+def _columns_of(link: str, item: Any, request: Request) -> list[tuple[str, Any]]:
+    """Return name and dataset of what is a column, or the columns within: where they have names or were asked for."""
+    if _is_column(item):
+        return [(link, item)]
+    wanted = named_within(item) or any(name.startswith(f"{link}:") for name in request.columns.values())
+    return [(column.label, column) for column in columns_within(item)] if wanted else []
 
 
 def _the_run(source: Source, request: Request, steps: Sequence[tuple[int, int, _Table]]) -> int | None:
@@ -365,7 +391,9 @@ def _drive_speed(source: Source, place: Any) -> float | None:
 
 
 def _datasets(file: Any) -> str:
-    found = [item.name for group in _all_groups(file) for _, item in children(group) if _is_dataset(item)]
+    there = [item for group in _all_groups(file) for _, item in children(group) if _is_dataset(item)]
+    within = {item.name: [c.name for c in columns_within(item)] for item in there if not _is_column(item)}
+    found = [name for item in there for name in within.get(item.name, []) or [item.name]]
     more = ", ..." if len(found) > _SHOWN else ""
     return f"the datasets are {', '.join(found[:_SHOWN])}{more}" if found else "it holds no datasets"
 

@@ -118,6 +118,8 @@ def scene_of(arguments: Namespace) -> Scene:
     options = {key: value for key, value in log_options(arguments).items() if value is not None}
     if "normal_force" in options:
         options["normal_force"] = quantity(options["normal_force"], "N", "--normal-force")
+    if "rate" in options:
+        options["rate"] = quantity(options["rate"], "Hz", "--rate")
     check_named(arguments.logs, arguments.scene, arguments.set)
     limit = [f"fit.time_limit={arguments.time_limit!r}"] if arguments.time_limit else []
     scene = Scene.from_toml(arguments.scene, [*arguments.set, *limit])

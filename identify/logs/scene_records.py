@@ -61,6 +61,7 @@ def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
             columns=columns,
             normal_force=load,
             run=entry.run,
+            rate=entry.rate,
             window=window,
             channels=None if window is None else (),
             exclude=unused(entry),

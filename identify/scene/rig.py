@@ -244,6 +244,7 @@ def read_log_entry(value: Any, number: int, folder: Path, rig: Rig, damped: Stat
         columns=table.words("columns"),
         units=table.words("units"),
         normal_force=table.quantity("normal_force", "N"),
+        rate=table.quantity("rate", "Hz"),
         stiffness=stiffness,
         mass=mass,
         damping=damping,

@@ -215,7 +215,8 @@ class LogEntry:
     to subtract, or the (start, stop) [s] over which the unloaded force is averaged, normal_tare the same
     of the normal force; crosstalk the share of the normal force that the friction sensor shows, tilt [rad] the angle
     of the surface (both: or "strokes", from the two directions of the record); flip_sign
-    forces the sign of the friction force (None: from the data); labels are free words.
+    forces the sign of the friction force (None: from the data); labels are free words; rate [Hz] makes the clock of a
+    log that has none.
     """
 
     path: Path
@@ -238,6 +239,7 @@ class LogEntry:
     tilt: float | Literal["strokes"] | None = None
     flip_sign: bool | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
+    rate: float | None = None
 
     def __post_init__(self) -> None:
         where = f"of log {self.path.name}"
@@ -246,6 +248,7 @@ class LogEntry:
         _not_negative(f"damping {where}", "N/m", self.damping)
         _positive(f"normal_force {where}", "N", self.normal_force)
         _positive(f"noise {where}", "N", self.noise)
+        _positive(f"rate {where}", "Hz", self.rate)
         _check_speed(f"drive_speed {where}", self.drive_speed)
         for start, stop in ((self.window,) if self.window else ()) + self.exclude:
             if not start < stop:

@@ -9,6 +9,8 @@ import pytest
 
 from data_io import LogError, read_log
 from identify.cli import main as cli
+from identify.logs.scene_records import with_records
+from identify.scene import Scene
 
 CASES = Path(__file__).parents[1] / "cases"
 FORCE = [f"{0.5 + 0.01 * (i % 20):.4f}" for i in range(120)]
@@ -270,3 +272,15 @@ def test_the_cause_is_told():
         read_log(CASES / "formula_fx.xlsx")
     with pytest.raises(LogError, match=r"from byte 9000 on .below line 428. 100 zero bytes"):
         read_log(CASES / "nul_middle.csv")
+
+
+def test_a_scene_gives_the_rate_too(tmp_path):
+    table(tmp_path, "Fx [N],Fz [N]", lambda _, f: f"{f},3.0")
+    (tmp_path / "s.toml").write_text(
+        'effects = ["inertia", "hysteresis_damping"]\n[rig]\nmass = 0.2\nstiffness = 1470\ndamping = 147\n[[logs]]\n'
+        'path = "a.csv"\ndrive_speed = 1e-3\nrate = "10 Hz"\n'
+    )
+    scene = Scene.from_toml(tmp_path / "s.toml")
+    _, (record,) = with_records(scene, None)
+    right(record)
+    assert Scene.from_document(scene.as_document(), tmp_path).logs[0].rate == 10.0
