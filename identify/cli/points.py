@@ -224,6 +224,8 @@ def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, fl
     from data_io import read_log
     from identify.logs.scene_records import unused
 
-    options = {"run": entry.run, "rate": entry.rate, "exclude": unused(entry)}
-    record = read_log(entry.path, entry.step, entry.units, entry.columns, **options)
+    left_out = unused(entry)
+    record = read_log(
+        entry.path, entry.step, entry.units, entry.columns, run=entry.run, rate=entry.rate, exclude=left_out
+    )
     return float(np.nanmedian(record.normal_force))
