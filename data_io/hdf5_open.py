@@ -25,6 +25,8 @@ _LONGEST: Final = 60.0
 _BYTES_PER_SECOND: Final = 2e9
 _SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _LONGEST_CHAIN: Final = 16
+_HELD: Final = ("unable to lock file", "already open for write")
+"""What the library says of a file that is sound, but not free."""
 _sound: set[tuple[str, int, int, int]] = set()  # files that have been walked through, as they were then
 
 
@@ -52,6 +54,11 @@ def opened(source: Source) -> Iterator[Any]:
         raise
     except hdf5_walk.LIBRARY_ERRORS as error:
         reason = str(error).strip("'\"").split("\n")[0]
+        if any(words in reason for words in _HELD):
+            raise source.error(
+                "another program has the HDF5 file open for writing, or ended without closing it; a closed file was "
+                "expected; close it there, or after a crash run: h5clear -s FILE"
+            ) from error
         raise _damaged(source, reason) from error
 
 

@@ -21,6 +21,10 @@ _BIG_STEP: Final = 3.0
 """Steps of the quantisation by which a held signal moves on; a coarse one moves by one or two."""
 
 
+_HELD_EVENLY: Final = 0.9
+"""Share of the values that are held as long as the usual one, give or take a row, by a logger ahead of its sensor."""
+
+
 @dataclass(frozen=True)
 class Signal:
     """clipped: rows at an end of the sensor. resolution [N]: step of the grid on which the values lie, 0 where they
@@ -46,12 +50,16 @@ def look_at_friction(record: Record, used: npt.NDArray[np.bool_], limits: Thresh
             "smaller measuring range of the sensor, or export more digits"
         )
         notes.append(Finding("friction_coarse", severity, text))
-    repeated = _repeated(record, used, resolution)
+    repeated, evenly = _repeated(record, used, resolution)
     if severity := limits.severity("repeated_rows", repeated):
-        text = (
-            f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before: the logger ran faster "
-            "than the sensor; log at the sensor's own rate"
+        cause = (
+            "they are held for equally many rows each: the logger ran faster than the sensor; log at the sensor's own "
+            "rate"
+            if evenly
+            else "they stand still now and then, for unlike times: a display that was read too slowly, or a link that "
+            "was lost for a while; check how the values come to the logger, and leave such stretches out"
         )
+        text = f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before; {cause}"
         notes.append(Finding("repeated_rows", severity, text))
     return Signal(clipped, resolution, repeated), notes
 
@@ -87,15 +95,19 @@ def _clipped_rows(values: FloatArray, level: float) -> int:
     return count if count > _CLIPPED_EXCESS * usual else 0
 
 
-def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> float:
-    """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards."""
+def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> tuple[float, bool]:
+    """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards, and
+    whether values are held for equally many rows each."""
     pair = used[1:] & used[:-1]
     same = pair & (record.friction_force[1:] == record.friction_force[:-1])
     if not same.any():
-        return 0.0
+        return 0.0, False
     moved = np.abs(np.diff(record.friction_force))[pair & ~same]
     if moved.size == 0 or float(np.median(moved)) <= _BIG_STEP * step:
-        return 0.0
+        return 0.0, False
     if np.ptp(record.normal_force[used]) > 0:
         same &= np.diff(record.normal_force) == 0
-    return int(np.count_nonzero(same)) / max(int(np.count_nonzero(pair)), 1)
+    held = np.diff(np.flatnonzero(np.concatenate(([True], ~same, [True]))))
+    usual = float(np.median(held))
+    evenly = usual > 1 and bool(np.mean(np.abs(held - usual) <= 1.0) >= _HELD_EVENLY)
+    return int(np.count_nonzero(same)) / max(int(np.count_nonzero(pair)), 1), evenly

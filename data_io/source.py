@@ -139,6 +139,11 @@ def load(path: Path) -> Source:
         raise LogError(f"{path}: there is no such file; the path of a log was expected; check it") from error
     except IsADirectoryError as error:
         raise LogError(f"{path}: this is a folder; a log file was expected; name a file in it") from error
+    except PermissionError as error:
+        raise LogError(
+            f"{path}: the file may not be read; a readable log is needed; close it in the program that holds it, or "
+            "check its permissions"
+        ) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{path}: the file cannot be opened ({reason}); a readable log is needed; check it") from error

@@ -234,8 +234,8 @@ def _why_no_header(above: list[str], width: int, request: Request) -> str:
                     f"no time column and no force column were recognised among {there}; names such as "
                     f"{EXAMPLES['time']} and {EXAMPLES['friction_force']} were expected; say which is which with "
                     "--columns time=<name>,friction_force=<name>,normal_force=<name>, and give the units that no name "
-                    "says, as in --units time=s,friction_force=N,normal_force=N; in place of a column with the normal "
-                    'force a constant load can be given with --normal-force "3 N"'
+                    "says, as in --units time=s,friction_force=N,normal_force=N; a constant load is given with "
+                    '--normal-force "3 N"'
                 )
     load, load_unit = (",normal_force=3", ",normal_force=N") if width > 2 else ("", "")
     return (

@@ -1,0 +1,113 @@
+"""What fails elsewhere is called by its own name: files that are held open, loggers that are slow, dips in a track."""
+
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from data_io import LogError, Record, read_log
+from data_io.quality import assess
+from identify.cli.inspection import inspection
+from identify.logs.segment import segment
+
+CASES = Path(__file__).parents[1] / "cases"
+WRITER = textwrap.dedent("""
+    import os, sys, h5py, numpy as np
+    file = h5py.File(sys.argv[1], "w", libver="latest")
+    for name, unit in (("t", "s"), ("Fz", "N"), ("Fx", "N")):
+        file[name] = np.arange(9.0) + 1
+        file[name].attrs["units"] = unit
+    file.flush()
+    if sys.argv[2] == "swmr":
+        file.swmr_mode = True
+    print("ready", flush=True)
+    if sys.argv[2] == "dies":
+        os._exit(0)
+    sys.stdin.read()
+""")
+
+
+@pytest.mark.parametrize("way", ["writes", "swmr", "dies"])
+def test_file_that_is_open_for_writing_is_not_damaged(tmp_path, way):
+    path = tmp_path / "log.h5"
+    writer = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(path), way], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert writer.stdout.readline() == "ready\n"
+        if way == "dies":
+            writer.wait(timeout=20)
+        with pytest.raises(LogError, match=r"open for writing.*close it there") as refused:
+            read_log(path)
+        assert "damaged" not in str(refused.value) and "copy" not in str(refused.value)
+    finally:
+        writer.communicate(timeout=20)
+    if way == "writes":  # once it is closed, it is read
+        assert len(read_log(path)) == 9
+
+
+def test_file_that_is_damaged_still_is(tmp_path):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["t"] = np.arange(9.0)
+    (tmp_path / "log.h5").write_bytes((tmp_path / "log.h5").read_bytes()[:700])
+    with pytest.raises(LogError, match="damaged"):
+        read_log(tmp_path / "log.h5")
+
+
+def held(lengths, rate=100.0):
+    """A record whose values stand for so many rows each."""
+    draw = np.random.default_rng(2)
+    force = np.repeat(0.5 + draw.normal(0.0, 0.1, lengths.size), lengths)
+    t = np.arange(force.size) / rate
+    return Record(t, np.full(t.size, 3.0), force)
+
+
+def repeated(record):
+    (message,) = (f.message for f in assess(record).findings if f.code == "repeated_rows")
+    return message
+
+
+@pytest.mark.parametrize("times", [2, 5, 10])
+def test_logger_ahead_of_its_sensor_is_told_by_even_holds(times):
+    assert "faster than the sensor" in repeated(held(np.full(400, times)))
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 10.0, 100.0])
+def test_values_that_stand_now_and_then_do_not_make_the_logger_fast(rate):
+    draw = np.random.default_rng(3)
+    lengths = np.where(draw.random(400) < 0.1, draw.integers(5, 40, 400), 1)
+    message = repeated(held(lengths, rate))
+    assert "faster than the sensor" not in message and "now and then" in message
+
+
+def spiky(record):
+    return [f for f in inspection("log", record).judgement.findings if "spike" in f.code]
+
+
+def sliding(n=400, rate=50.0, dips=(), depth=-0.05, spikes=()):
+    """Smooth sliding at 2 N with dips of several rows, or single rows far off [N]."""
+    t = np.arange(n) / rate
+    force = 2.0 + np.random.default_rng(4).normal(0.0, 0.002, n)
+    for start, length in dips:
+        force[start : start + length] += depth
+    force[list(spikes)] += 0.5
+    return Record(t, np.full(n, 5.0), force)
+
+
+def test_bump_in_the_track_is_no_electric_disturbance():
+    assert spiky(read_log(CASES / "cetr_bump_in_the_track.csv")) == []
+
+
+@pytest.mark.parametrize("depth", [-0.2, 0.2])
+@pytest.mark.parametrize("length", [3, 4, 6])
+def test_dips_with_a_floor_of_their_own_are_no_spikes(length, depth):
+    assert spiky(sliding(dips=[(60, length), (180, length), (300, length)], depth=depth)) == []
+
+
+def test_single_rows_far_off_are_spikes_still():
+    t = sliding(spikes=(60, 150, 240, 330))
+    assert segment(t.time, t.friction_force).spike_count == 4
