@@ -33,6 +33,7 @@ from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.scene_records import with_records
 from identify.logs.unknowns import Unknowns, from_scene, user_start
+from identify.report.depth_document import accuracy_document
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import document
@@ -109,6 +110,8 @@ def fit(
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
+    if findings.status is Status.CONVERGED:
+        result["accuracy"] = accuracy_document(findings, asked.accuracy, result["timing_s"]["total"])
     result["next_logs"] = next_log_document(advice)
     if drives:
         result["notes"] = [*drives, *result["notes"]]

@@ -122,6 +122,7 @@ def build_parser() -> _Parser:
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     known = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     parser.commands = known.choices
+    parser.set_defaults(commands=known.choices)
     for command in commands():
         sub = known.add_parser(command.NAME, help=command.HELP, description=command.HELP)
         command.add_arguments(sub)

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.quantiles import LEVEL
+from identify.diagnosis.findings import Findings
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import parameter_value
 from identify.estimation.profile import CRITICAL
 from identify.logs.unknowns import Unknowns
+from identify.shooting.accuracy import Accuracy, accuracy_costs
 
 Array = NDArray[np.float64]
 
@@ -169,3 +171,29 @@ def _accuracy(sure: Certainty, unknowns: Unknowns) -> list[dict[str, Any]]:
 
 def _finite(x: float) -> float | None:
     return float(x) if math.isfinite(x) else None
+
+
+def accuracy_document(found: Findings, taken: Accuracy, seconds: float) -> dict[str, Any] | None:
+    """What the accuracy of a fit cost and gives, and what the other levels would; None without an answer.
+
+    Args:
+        taken: the level of the fit; seconds: that it took.
+    """
+    if found.attempt is None or found.information is None or not np.any(found.unknowns.free):
+        return None
+    size = np.sqrt(np.diag(found.information.covariance() if found.covariance is None else found.covariance))
+    tabled = found.sure.accuracy_table if found.sure is not None else None
+    own = seconds - sum(row.seconds for row in tabled or ())  # of the fit alone
+    return {
+        "taken": taken.name,
+        "levels": [
+            {
+                "accuracy": cost.level,
+                "steps": cost.steps,
+                "seconds": max(own + cost.seconds, 0.0),
+                "error_in_standard_errors": cost.error if np.isfinite(cost.error) else None,
+                "estimated": cost.level != taken.name,
+            }
+            for cost in accuracy_costs(found.attempt.solved, size, taken)
+        ],
+    }

@@ -12,7 +12,7 @@ from identify.report.document import plain
 from identify.report.quantity_text import finite
 from identify.report.report_tables import classical_tables
 from identify.report.report_views import banner, last_iterate_rows, parameter_views
-from identify.report.summary import tolerances_text
+from identify.report.summary import accuracy_text, tolerances_text
 
 SCOPED = "stickslip"  # class of the element that the styles of the fragment are bound to
 
@@ -36,6 +36,7 @@ def first_screen_views(result: Mapping[str, Any]) -> dict[str, Any]:
         "converged": result["status"] == "converged",
         "parameters": parameter_views(parameters),
         "level": _level(parameters),
+        "accuracy_line": accuracy_text(result.get("accuracy") or {}),
         "tolerances": tolerances_text(result.get("tolerances") or {}),
         "notes": result.get("notes") or [],
         "classical": classical_tables(result.get("logs", ())),

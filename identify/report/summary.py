@@ -42,6 +42,8 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str]:
         gone = [str(reason["effect"]) for reason in effects["reasons"] if not reason["kept"]]
         yield wrapped(f"left out: {', '.join(gone) or 'none'}; why: see the report", "  ")
         yield ""
+    if cost := accuracy_text(result.get("accuracy") or {}):
+        yield wrapped(cost, "  ")
     tables = {"accuracy_table": "what accuracy costs", "effects_table": "what each effect is worth"}
     if asked := [words for name, words in tables.items() if result.get(name)]:
         yield wrapped(f"{' and '.join(asked)}: see the report", "  ")
@@ -63,6 +65,22 @@ def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
         rows = [[*row[:3], *row[4:]] for row in rows]
         rows[0][2] = "95 % interval"
     return columns(rows)
+
+
+def accuracy_text(accuracy: Mapping[str, Any]) -> str:
+    """What the accuracy of the fit cost and gives, and what the other levels would; "" where that is not known."""
+    if not accuracy:
+        return ""
+    levels = {level["accuracy"]: level for level in accuracy["levels"]}
+
+    def said(level: Mapping[str, Any], about: str) -> str:
+        error = level["error_in_standard_errors"]
+        left = "an unknown error" if error is None else f"{error:.2g} standard errors"
+        return f"{about}{level['seconds']:.2g} s, steps leave {left}"
+
+    taken = levels.pop(accuracy["taken"])
+    others = "; ".join(f"{name}: {said(level, 'about ')}" for name, level in levels.items())
+    return f"accuracy {accuracy['taken']}: {said(taken, '')}. Estimated, {others}"
 
 
 def tolerances_text(tolerances: Mapping[str, Mapping[str, Any]]) -> str:

@@ -18,6 +18,7 @@ from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import COARSE as FIRST_GRID
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.placing import place
+from identify.shooting.shooting import Problem
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What the integration steps of a fit cost in accuracy: how far the answer would move with half the step.
@@ -33,22 +34,30 @@ ORDER = 4  # of the step formula of the shooting
 
 def discretisation_error(solved: Solved) -> Array:
     """Error of theta (f,) of the free parameters that the integration steps leave, signed, in search units."""
-    problem, z = solved.problem.with_finer_steps(), solved.solution.z
+    return -moved_by_steps(solved, solved.problem.with_finer_steps()) * 2**ORDER / (2**ORDER - 1)
+
+
+def moved_by_steps(solved: Solved, problem: Problem) -> Array:
+    """How far theta (f,) of the free parameters would go from an answer if its steps were those of another problem,
+    which is the same unknown by unknown: one Newton step on that, in search units."""
+    z = solved.solution.z
     point = problem.evaluate(z, derivatives=True)
     assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
     kkt = optimality_matrix(point.hessian, point.jacobian)
     # What the solver left of its own conditions is not the steps' doing: it is taken out.
-    own = solved.problem.evaluate(solved.solution.z, derivatives=True)
+    own = solved.problem.evaluate(z, derivatives=True)
     assert own.jacobian is not None and own.gradient is not None
     change = point.gradient - own.gradient + (point.jacobian - own.jacobian).T @ solved.solution.multipliers
     left = np.concatenate([change, point.rows - own.rows])
-    step = solve_equilibrated(kkt, -left[:, None])[:, 0] * 2**ORDER / (2**ORDER - 1)
+    step = solve_equilibrated(kkt, -left[:, None])[:, 0]
     count = problem.layout.free.size
-    return np.asarray(-step[:count] * problem.layout.scale[:count])
+    return np.asarray(step[:count] * problem.layout.scale[:count])
 
 
 OFFSETS = (0.3, 0.1, 0.03, 0.0)  # of the spread: how far from the answer the solves of the table start
 FINEST = 1e-4
+HALVING = 10  # iterations of a solve with half the step, from the answer with the whole one
+FEWEST_STEPS = 4  # of the fine passes
 
 
 @dataclass(frozen=True)
@@ -133,6 +142,68 @@ def accuracy_table(
         left = discretisation_error(solved) / size if good else None
         rows.append(AccuracyRow(level, seconds, iterations, solved.grid.steps, shift, left))
     return rows
+
+
+@dataclass(frozen=True)
+class AccuracyCost:
+    """What a level takes and leaves: steps per interval, seconds more (or less) than the fit that was made, error of
+    the steps in standard errors, the largest of all parameters."""
+
+    level: str
+    steps: int
+    seconds: float
+    error: float
+
+
+def accuracy_costs(solved: Solved, size: Array, taken: Accuracy) -> list[AccuracyCost]:
+    """What each level would take and leave, from the blocks of a fit that was made: no level is solved.
+
+    The error of coarse steps is that of a Newton step to them; finer ones follow the order of the step formula. What
+    steps cost is timed on the evaluation of the whole problem; every halving takes a solve of `HALVING` iterations.
+
+    Args:
+        size: standard errors (f,) of the free parameters; taken: the level of the fit.
+    """
+    steps, problem = solved.grid.steps, solved.problem
+    left = discretisation_error(solved)
+    own, finer = _seconds(problem, solved), _seconds(problem.with_finer_steps(), solved)
+    per_step = max(finer - own, 0.0) / steps
+    error = float(np.max(np.abs(left / size)))
+    costs = [AccuracyCost(taken.name, steps, 0.0, error)]
+    coarse = min(COARSE.most, steps)
+    if taken is not COARSE and steps % coarse == 0:
+        moved = moved_by_steps(solved, problem.with_coarser_steps(steps // coarse)) if coarse < steps else 0.0 * left
+        saved = solved.iterations * per_step * (steps - coarse)
+        costs.append(AccuracyCost(COARSE.name, coarse, -saved, float(np.max(np.abs((left + moved) / size)))))
+    for level in (DEFAULT, TIGHT):
+        if level == taken:
+            continue
+        halvings = 0
+        while steps * 2**halvings < FEWEST_STEPS:
+            halvings += 1
+        while error / 2.0 ** (ORDER * halvings) > level.share and halvings < level.refinements:
+            halvings += 1
+        while taken.share < level.share and error * 2.0 ** (ORDER * (1 - halvings)) <= level.share and steps % 4 == 0:
+            halvings -= 1  # a fit that was made more finely than that
+            if steps * 2**halvings <= FEWEST_STEPS:
+                break
+        seconds = sum(HALVING * (own + per_step * steps * (2**n - 1)) for n in range(1, halvings + 1))
+        if halvings < 0:
+            seconds = -HALVING * sum(own - per_step * steps * (1 - 2.0**n) for n in range(halvings + 1, 1))
+        made = max(int(steps * 2.0**halvings), 1)
+        costs.append(AccuracyCost(level.name, made, seconds, error / 2.0 ** (ORDER * halvings)))
+    order = [level.name for level in LEVELS]
+    return sorted(costs, key=lambda cost: order.index(cost.level) if cost.level in order else len(order))
+
+
+def _seconds(problem: Problem, solved: Solved) -> float:
+    """Seconds of one evaluation with derivatives, the shorter of two."""
+    taken = []
+    for nudge in (0.0, 1e-12):  # the problem remembers the last point
+        since = time.perf_counter()
+        problem.evaluate(solved.solution.z + nudge, derivatives=True)
+        taken.append(time.perf_counter() - since)
+    return min(taken)
 
 
 def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[Guess]]:

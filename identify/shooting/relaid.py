@@ -76,3 +76,16 @@ def with_finer_steps(layout: Layout) -> Layout:
         return replace(old, block=block(model, old.block.kind, steps), edges=halves.reshape(-1, steps, 2))
 
     return replace(layout, families=tuple(family(old) for old in layout.families))
+
+
+def with_coarser_steps(layout: Layout, factor: int) -> Layout:
+    """The same layout with so many cells of every slide joined to one integration step; their number divides."""
+    model = layout.unknowns.model
+
+    def family(old: Family) -> Family:
+        if old.block.kind not in SLIDES:
+            return old
+        joined = np.stack([old.edges[:, ::factor, 0], old.edges[:, factor - 1 :: factor, 1]], axis=2)
+        return replace(old, block=block(model, old.block.kind, joined.shape[1]), edges=joined)
+
+    return replace(layout, families=tuple(family(old) for old in layout.families))

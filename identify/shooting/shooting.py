@@ -17,7 +17,7 @@ from identify.logs.log_data import Grid, Guess, LogData
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import Family, Layout
 from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
-from identify.shooting.relaid import with_every_parameter, with_finer_steps
+from identify.shooting.relaid import with_coarser_steps, with_every_parameter, with_finer_steps
 from identify.shooting.transcription import lay_out
 
 Array = NDArray[np.float64]
@@ -89,9 +89,17 @@ class Problem:
 
     def with_finer_steps(self) -> Problem:
         """The same problem, unknown by unknown and row by row, with twice as many integration steps in every slide."""
+        return self._laid_out(with_finer_steps(self.layout))
+
+    def with_coarser_steps(self, factor: int) -> Problem:
+        """The same problem with so many integration steps of every slide joined to one; their number divides."""
+        return self._laid_out(with_coarser_steps(self.layout, factor))
+
+    def _laid_out(self, layout: Layout) -> Problem:
+        """The same problem with other steps."""
         out = copy.copy(self)
         out._last = None
-        out.layout = with_finer_steps(self.layout)
+        out.layout = layout
         pairs = zip(self.layout.families, out.layout.families, self.moments, strict=True)
         out.moments = [held if new is old else self._compress(new) for old, new, held in pairs]
         return out

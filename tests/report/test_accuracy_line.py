@@ -1,0 +1,37 @@
+"""What accuracy costs, in front of everyone: estimated from the blocks of a fit, checked against solves of levels."""
+
+import numpy as np
+import pytest
+
+from identify import Asked, Scene, examples, fit
+from identify.report.first_screen import first_screen
+from identify.report.summary import accuracy_text, summary
+
+
+@pytest.fixture(scope="module")
+def result():
+    """A fit, and the table of what the levels leave where each is solved."""
+    scene = Scene.from_toml(examples.SCENE).choose(["5_mm_per_s.txt.gz"])
+    return fit(scene, asked=Asked(accuracy_table=True)).result
+
+
+def test_the_error_that_other_levels_would_leave_is_what_they_leave(result):
+    """Within 30 %, of the largest error of all parameters; finer steps cost more and leave less."""
+    told = {level["accuracy"]: level for level in result["accuracy"]["levels"]}
+    assert list(told) == ["coarse", "default", "tight"] and result["accuracy"]["taken"] == "default"
+    assert [told[name]["estimated"] for name in told] == [True, False, True]
+    for entry in result["accuracy_table"]:
+        left = max(abs(error) for error in entry["left_in_standard_errors"].values())
+        assert told[entry["accuracy"]]["error_in_standard_errors"] == pytest.approx(left, rel=0.3)
+        assert told[entry["accuracy"]]["steps"] == entry["steps"]
+    assert np.all(np.diff([level["error_in_standard_errors"] for level in told.values()]) <= 0.0)
+    assert told["coarse"]["seconds"] < told["default"]["seconds"] <= told["tight"]["seconds"]
+    assert told["default"]["seconds"] < result["timing_s"]["total"], "the table is no part of the fit"
+
+
+def test_it_stands_in_the_summary_and_on_the_first_screen(result):
+    line = accuracy_text(result["accuracy"])
+    assert line.startswith("accuracy default: ") and "Estimated, coarse: about " in line and "tight: about " in line
+    assert " ".join(line.split()) in " ".join(summary(result).split())
+    assert line in first_screen(result)
+    assert accuracy_text({}) == ""
