@@ -35,7 +35,7 @@ def _log(parts, noise, load_sd=0.0):
     data = LogData(
         time, force, np.full(time.size, NOISE**-2), base, drive.speeds[0], load, load_sd, 0.0, end, programme=drive
     )
-    return SimpleNamespace(name="log_1.csv", data=data)
+    return SimpleNamespace(rests_on="", name="log_1.csv", data=data)
 
 
 def _white(count, seed=0):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,32 +93,46 @@ def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None,
         figures, why = _row(record, stroke, verdict, stiffness, tare)
         rows.append({key: _plain(value) for key, value in figures.items()})
         reasons.append({key: why.get(key, "not a finite number") for key, value in rows[-1].items() if value is None})
-    return {"rows": rows, "directions": _directions(rows), "reasons": reasons, "definitions": dict(DEFINITIONS)}
+    return {
+        "rows": rows,
+        "directions": _directions(record, seen, tare),
+        "reasons": reasons,
+        "definitions": dict(DEFINITIONS),
+    }
 
 
-def _directions(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Both directions apart, where there are strokes to and fro: their number, the mean coefficient of all of one
-    direction with its scatter from stroke to stroke, and that of the last tenth of the strokes against the first."""
-    if len({row["direction"] for row in rows}) < 2:
+def _directions(record: Record, seen: LogRegime, tare: float) -> list[dict[str, Any]]:
+    """Both directions apart, where there are strokes to and fro: their number, the mean coefficient of sliding of all
+    of one direction with its scatter from stroke to stroke, and its last tenth of the strokes against the first."""
+    if len({stroke.direction for stroke in seen.strokes}) < 2:
         return []
     made = []
     for direction in (1, -1):
-        levels = [
-            row["sliding_mean_coefficient"] or row["mean_coefficient"] for row in rows if row["direction"] == direction
-        ]
-        known = np.array([level for level in levels if level is not None])
+        own = [pair for pair in zip(seen.strokes, seen.verdicts, strict=True) if pair[0].direction == direction]
+        levels = np.array([_level(record, stroke, verdict, tare) for stroke, verdict in own])
+        known = levels[np.isfinite(levels)]
         tenth = max(known.size // 10, 1)
         trend = 100.0 * (known[-tenth:].mean() / known[:tenth].mean() - 1.0) if known.size > 1 and known[0] else None
         made.append(
             {
                 "direction": direction,
-                "strokes": len(levels),
+                "strokes": len(own),
                 "coefficient": float(known.mean()) if known.size else None,
                 "coefficient_sd": float(known.std(ddof=1)) if known.size > 1 else None,
                 "trend_percent": None if trend is None else float(trend),
             }
         )
     return made
+
+
+def _level(record: Record, stroke: Stroke, verdict: Verdict, tare: float) -> float:
+    """Mean coefficient of what slides in a stroke, its first loading left out; NaN where nothing presses."""
+    rows = slice(stroke.start, stroke.stop)
+    force, load = stroke.direction * (record.friction_force[rows] - tare), record.normal_force[rows]
+    good = np.isfinite(force) & (load > 0.0) & ~verdict.found.spikes
+    slides = good & (verdict.found.phase == SLIDING)
+    good = slides if slides.any() else good
+    return float(np.mean(force[good] / load[good])) if good.any() else np.nan
 
 
 def _plain(value: float | int | str | None) -> float | int | str | None:

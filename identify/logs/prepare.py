@@ -19,7 +19,7 @@ from identify.logs.log_data import LogData, Pull
 from identify.logs.manner import FEW, Manner, manner_of, moving_pieces
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
-from identify.logs.segment import Segmentation
+from identify.logs.segment import SLIDING, STICK, Segmentation
 from identify.logs.segmented import Segmented, followed, segmented
 from identify.logs.slip_quality import Part
 from identify.logs.still_loading import ENDS_LOADING, REMEDY
@@ -31,6 +31,10 @@ from identify.simulation.drive import Drive, NormalForce
 Array = NDArray[np.float64]
 
 NOISELESS, ASSUMED = 1e-6, 1e-4  # of the force: less is no noise of a measurement, and what is assumed there
+LEAST_SHARE = 0.2  # of a record, from which on the level of its steady end is one of it
+SETTLED_ENOUGH = 0.5  # of a record: an end that is longer stands for all of it
+FEWEST_SLIDING = 20  # samples that slide before a steady end
+NEARLY_ALL = 0.9  # of a record: an answer that rests on more of it needs no word
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 SWINGS = 0.3  # times that: error of the load in fast rhythms from which on a slip has one of its own
@@ -92,6 +96,27 @@ class Prepared:
     def name(self) -> str:
         """Short name of the log in sentences."""
         return name_of(self.entry)
+
+    @property
+    def segmented_from(self) -> float:
+        """Time of the first sample that its phases are of [s]."""
+        good = self.used if np.any(self.used) else np.ones(self.record.time.size, bool)
+        return float(self.record.time[int(np.argmax(good))])
+
+    def share_from(self, since: float) -> float:
+        """Which share of what counts of the record, by time, lies from `since` [s] on."""
+        end = float(self.record.time[int(self.used.size - 1 - np.argmax(self.used[::-1]))])
+        return max(end - since, 0.0) / max(end - self.segmented_from, 1e-300)
+
+    @property
+    def rests_on(self) -> str:
+        """Which part of the record an answer rests on, in words; "" where it is nearly all of it."""
+        first = self.segmented_from
+        whole = self.share_from(first) * (float(self.record.time[-1]) - first)
+        share = (self.data.end - self.data.begin) / whole if whole > 0.0 else 1.0
+        if share >= NEARLY_ALL:
+            return ""
+        return f"from {self.data.begin:.4g} to {self.data.end:.4g} s, {100.0 * share:.2g} % of the record"
 
     @property
     def never_slips(self) -> bool:
@@ -177,6 +202,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         verdict=log.verdict,
         manner=manner,
     )
+    if manner.name == "sliding":
+        return replace(made, data=_as_sure_as_its_level(made, made.data))
     if manner.name != "course":
         return made
     return replace(made, pieces=_pieces(made, log.noise, stiffness, log.half_period))
@@ -321,6 +348,14 @@ def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
         return f"{name} seems to slide, but {manner.rhythm}"
     if manner.name == "sliding" and manner.settled is None:
         return f"{name} slides without sticking, and its force never settles within its noise"
+    if manner.name == "sliding" and manner.settled is not None and log.drive.constant:
+        lasts, whole = float(log.time[-1]) - manner.settled, float(log.time[-1] - log.time[0])
+        if lasts < LEAST_SHARE * whole:
+            return (
+                f"{name} slides without sticking, and its force settles for the last {lasts:.3g} s only, "
+                f"{100 * lasts / whole:.2g} % of the record: no level of it; the classical table has that of the "
+                "whole, and a window chooses a part"
+            )
     return None
 
 
@@ -331,17 +366,36 @@ def _rejected(judgement: Judgement, name: str) -> str | None:
 
 
 def settled_part(prepared: Prepared) -> Prepared | None:
-    """The log from where it slides steadily on, as a log of sliding; None where it does not."""
+    """The log from where it slides steadily on, as a log of sliding; None where it does not, or for so short a part of
+    the record that its level is none of it."""
     since = prepared.manner.settled
     if since is None or prepared.manner.name == "cycles":
         return None
     if prepared.data.programme is not None:
         since = max(since, prepared.data.programme.starts[-1])
     speed = prepared.data.speed_at(since)
-    if speed == 0.0 or not since < prepared.data.end:
+    if speed == 0.0 or not since < prepared.data.end or prepared.share_from(since) < LEAST_SHARE:
         return None
-    data = replace(prepared.data, begin=since, drive_speed=speed, programme=None)
+    data = _as_sure_as_its_level(prepared, replace(prepared.data, begin=since, drive_speed=speed, programme=None))
     return replace(prepared, data=data, manner=replace(prepared.manner, name="sliding"), pieces=())
+
+
+def _as_sure_as_its_level(log: Prepared, data: LogData) -> LogData:
+    """The data of a steady end, whose load counts as no surer than the level that it stands for: where less than half
+    of what slides has settled, the rest of it slid at another."""
+    share = log.share_from(data.begin)
+    sliding = log.used & (log.record.time < data.begin)
+    inside = np.searchsorted(log.record.time, log.segmented_from)
+    phase = np.full(log.record.time.size, STICK, np.int8)
+    phase[inside : inside + log.segmentation.phase.size] = log.segmentation.phase[: phase.size - inside]
+    sliding &= phase == SLIDING
+    settled = log.used & (log.record.time >= data.begin)
+    if share > SETTLED_ENOUGH or np.count_nonzero(sliding) < FEWEST_SLIDING:
+        return data
+    load = data.normal_force.at(log.record.time)
+    before, after = (float(np.mean(log.force[rows] / load[rows])) for rows in (sliding, settled))
+    off = (1.0 - share) * abs(before / after - 1.0) * data.mean_normal_force if after else 0.0
+    return replace(data, normal_force_sd=float(np.hypot(data.normal_force_sd, off)), sd_course=None)
 
 
 def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:

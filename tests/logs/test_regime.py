@@ -1,0 +1,202 @@
+"""What sticks and slips and what only looks like it: the regime of a log, on files as people have them and on draws."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_io import Record, read_log
+from experiments.regime_records import KINDS, drawn
+from identify.cli import main as cli
+from identify.cli.inspection import Rig, inspection
+from identify.logs import regime as tested
+from identify.logs.log_regime import look
+from identify.logs.regime import Known, Regime, judged
+
+CASES = Path(__file__).resolve().parents[1] / "cases"
+MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
+
+
+def inspected(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict:
+    assert cli.main(["inspect", "--json", *arguments]) == 0
+    (log,) = json.loads(capsys.readouterr().out)["logs"]
+    return log
+
+
+def claims_nothing(log: dict) -> None:
+    """No cycle, stick slope, lag or advice is drawn from what does not stick."""
+    assert sum(step["cycles"] for step in log["steps"]) == 0
+    assert log["quality"]["figures"]["sensor_lag"]["value"] is None
+    codes = {finding["code"] for finding in log["quality"]["findings"]}
+    assert not codes & {"sensor_lag", "stick_slope", "friction_drift", "uneven_cycles", "samples_per_slip", "spikes"}
+    assert all(row["drop_N"] is None and row["frequency_Hz"] is None for row in log["classical"]["rows"])
+
+
+def test_strokes_with_a_position_are_strokes_and_no_slips(capsys: pytest.CaptureFixture[str]) -> None:
+    log = inspected(capsys, str(CASES / "strokes_with_position.txt"))
+    assert log["regime"] == "sliding" and "8 strokes to and fro" in log["evidence"][0]
+    claims_nothing(log)
+    forth, back = log["classical"]["directions"]
+    assert (forth["strokes"], back["strokes"]) == (4, 4)
+    assert forth["coefficient"] == pytest.approx(0.46, abs=0.02) and back["coefficient"] == pytest.approx(
+        0.46, abs=0.02
+    )
+
+
+def test_three_hundred_strokes_without_a_position_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(CASES / "strokes_300_without_position.csv.gz")
+    log = inspected(capsys, path, "--columns", "friction_force=Ft", "--normal-force", "5 N")
+    assert log["regime"] == "sliding" and "300 strokes" in log["evidence"][0]
+    claims_nothing(log)
+    assert [way["strokes"] for way in log["classical"]["directions"]] == [150, 150]
+    for way in log["classical"]["directions"]:
+        assert way["coefficient"] == pytest.approx(1.85 / 5.0, abs=0.02)
+
+
+def test_slow_noise_at_ten_hertz_is_no_stick_slip(capsys: pytest.CaptureFixture[str]) -> None:
+    log = inspected(capsys, str(CASES / "rtec_sliding_at_10_hz.csv"))
+    assert log["regime"] == "sliding" and log["quality"]["verdict"] == "accept"
+    claims_nothing(log)
+    (row,) = log["classical"]["rows"]
+    assert row["sliding_mean_coefficient"] == pytest.approx(0.172, abs=0.002) and row["stick_slope_N_per_s"] is None
+
+
+def test_a_swing_once_a_turn_is_a_rhythm_of_sliding(capsys: pytest.CaptureFixture[str]) -> None:
+    log = inspected(capsys, str(CASES / "disc_wobble.csv"))
+    assert log["regime"] == "sliding"
+    claims_nothing(log)
+    (row,) = log["classical"]["rows"]
+    assert row["rhythm_Hz"] == pytest.approx(1.31, abs=0.02) and row["rhythm_N"] == pytest.approx(0.04, abs=0.005)
+    known = inspection("a.csv", read_log(CASES / "disc_wobble.csv"), Rig(5000.0, 27e-3, 0.3)).regime
+    assert known.regime is Regime.SLIDING and known.confidence > log["confidence"] > 0.8, "the rig makes it surer"
+
+
+def test_inspect_without_and_with_the_rig_say_the_same_of_a_near_harmonic_swing() -> None:
+    record = read_log(CASES / "near_harmonic.csv.gz")
+    for rig in (Rig(), Rig(2254.0, 1.1e-3), Rig(2254.0, 1.1e-3, 30.7e-3)):
+        seen = inspection("a.csv", record, rig)
+        assert seen.regime.regime is Regime.NEAR_HARMONIC and seen.steps[0].phases.count == 31
+        assert seen.steps[0].phases.drop[0] == pytest.approx(0.0226, abs=0.001)
+
+
+def test_a_dip_with_a_floor_is_no_spike(capsys: pytest.CaptureFixture[str]) -> None:
+    log = inspected(capsys, str(CASES / "cetr_bump_in_the_track.csv"))
+    assert log["quality"]["verdict"] == "accept" and log["quality"]["figures"]["spikes"]["value"] == 0
+
+
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured records are not beside this checkout")
+@pytest.mark.parametrize(("name", "regime"), [
+    ("k168_v42", Regime.UNEVEN_STICK_SLIP), ("k1002_v42", Regime.UNEVEN_STICK_SLIP),
+    ("k168_v1100", Regime.UNEVEN_STICK_SLIP), ("k1002_v4300", Regime.NEAR_HARMONIC),
+])  # fmt: skip
+def test_measured_stick_slip_is_found_with_and_without_its_rig(name: str, regime: Regime) -> None:
+    record = read_log(MEASURED / f"{name}.csv")
+    stiffness, speed = (float(part[1:]) for part in name.split("_"))
+    for known in (Known(), Known(stiffness), Known(stiffness, half_period=float(np.pi * np.sqrt(0.0307 / stiffness)))):
+        assert look(record, 1e-6 * speed if known.stiffness else None, known).regime is regime
+
+
+# Further inputs of the same kinds, of other instruments.
+RNG = np.random.default_rng(20)
+
+
+def srv_strokes() -> Record:
+    """An oscillating rig at 50 Hz, 1 kHz for 10 s: a sine-like friction of both signs, with an offset of 15 %."""
+    time = np.arange(10_000) / 1000.0
+    force = 30.0 * np.tanh(4.0 * np.sin(2.0 * np.pi * 50.0 * time)) + 4.5 + 0.5 * RNG.standard_normal(time.size)
+    return Record(time, np.full(time.size, 200.0), force)
+
+
+def pin_on_disc_in_laps() -> Record:
+    """Two harmonics of 0.53 turns a second beside a trend, 100 Hz; a column in rpm."""
+    time = np.arange(6000) / 100.0
+    turn = 2.0 * np.pi * 0.53 * time
+    ratio = 0.62 * (1.0 - 0.1 * time / 60.0) + 0.012 * np.sin(turn) + 0.006 * np.sin(2.0 * turn + 1.0)
+    force = 10.0 * ratio + 0.02 * RNG.standard_normal(time.size)
+    rpm = {"Rotation": np.full(time.size, 31.8)}
+    return Record(time, np.full(time.size, 10.0), force, channels=rpm, channel_units={"Rotation": "rpm"})
+
+
+def school_rig() -> Record:
+    """4 Hz, 0.1 N steps, a wooden block pulled by hand: a force that wanders."""
+    time = np.arange(200) / 4.0
+    wander = np.cumsum(RNG.standard_normal(time.size))
+    force = np.round(8.8 + 0.3 * (wander - 0.97 * np.mean(wander)) / np.std(wander), 1)
+    return Record(time, np.full(time.size, 20.0), force)
+
+
+def run_in_of_a_brake() -> Record:
+    """A level that rises threefold within ten minutes, 2 Hz."""
+    time = np.arange(1200) / 2.0
+    force = 300.0 * (0.15 + 0.3 * (1.0 - np.exp(-time / 90.0))) * (1.0 + 0.02 * RNG.standard_normal(time.size))
+    return Record(time, np.full(time.size, 300.0), force)
+
+
+@pytest.mark.parametrize("made", [srv_strokes, pin_on_disc_in_laps, school_rig, run_in_of_a_brake])
+def test_further_records_that_slide_are_not_called_stick_slip(made) -> None:
+    record = made()
+    for known in (Known(), Known(20_000.0)):
+        seen = look(record, None if not known.stiffness else 5e-3, known)
+        assert seen.regime is Regime.SLIDING, seen.evidence
+        assert sum(verdict.found.count for verdict in seen.verdicts) == 0
+
+
+def test_a_rhythm_is_told_in_turns_where_a_column_tells_them() -> None:
+    (verdict,) = look(pin_on_disc_in_laps(), None).verdicts
+    assert verdict.rhythm is not None and verdict.rhythm.turns == 1.0
+
+
+def test_strokes_of_a_thousand_and_of_two_are_told_alike() -> None:
+    for count in (2, 7, 1000):
+        samples = 24
+        sign = np.repeat(np.where(np.arange(count) % 2 == 0, 1.0, -1.0), samples)
+        force = sign * 2.0 + 0.05 * np.random.default_rng(count).standard_normal(sign.size)
+        time = np.arange(sign.size) / 50.0
+        assert len(look(Record(time, np.full(time.size, 5.0), force), None).strokes) == count
+
+
+def saw(scatter: float = 0.0, rate: float = 200.0) -> tuple[np.ndarray, np.ndarray]:
+    """Twenty-four sticks of 0.5 N/s that end in falls within 20 ms, by 0.3 N give or take `scatter`."""
+    random = np.random.default_rng(3)
+    knots = [(0.0, 0.5)]
+    for drop in 0.3 * np.exp(scatter * random.standard_normal(24)):
+        t, low = knots[-1]
+        knots += [(t + (0.9 - low) / 0.5, 0.9), (t + (0.9 - low) / 0.5 + 0.02, 0.9 - drop)]
+    t, f = np.array(knots).T
+    time = np.arange(int(t[-1] * rate)) / rate
+    return time, np.interp(time, t, f) + 0.003 * random.standard_normal(time.size)
+
+
+def test_each_test_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A saw-tooth is stick-slip though the rig is stated wrongly by 50; a swing as fast as that rig loads is, and as
+    slow as a disc turns is none; without the tests all would be."""
+    time, force = saw()
+    assert judged(time, force).regime is Regime.STICK_SLIP
+    assert judged(time, force, Known(25_000.0, 1e-3)).regime is Regime.STICK_SLIP
+    swing = 0.6 + 0.02 * np.sin(2.0 * np.pi * 2.0 * time) + 0.001 * np.random.default_rng(1).standard_normal(time.size)
+    assert judged(time, swing).regime is Regime.SLIDING
+    assert judged(time, swing, Known(250.0, 1e-3)).regime is Regime.NEAR_HARMONIC
+    assert judged(time, swing, Known(25_000.0, 1e-3)).regime is Regime.SLIDING
+    monkeypatch.setattr(tested, "SLOW", 1e-3)
+    monkeypatch.setattr(tested, "MISSTATED", 0.0)
+    monkeypatch.setattr(tested, "SMALL", 1e-3)
+    assert judged(time, swing).regime is Regime.NEAR_HARMONIC
+    assert judged(time, swing, Known(25_000.0, 1e-3)).regime is Regime.NEAR_HARMONIC
+
+
+@pytest.mark.parametrize("rate", [50.0, 200.0, 2000.0])
+def test_drops_that_differ_are_uneven_whatever_the_sampling(rate: float) -> None:
+    assert judged(*saw(0.25, rate)).regime is Regime.UNEVEN_STICK_SLIP
+    assert judged(*saw(0.0, rate)).regime is Regime.STICK_SLIP
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_drawn_records_of_every_kind(kind: str) -> None:
+    for seed in (900, 901):
+        made = drawn(kind, seed)
+        rig = Rig(made.rig["stiffness"], None, made.rig["mass"])
+        seen = inspection("a.csv", made.record, rig).regime
+        assert seen.regime == made.regime, seen.evidence
