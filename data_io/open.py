@@ -35,7 +35,6 @@ _LEAST_TEXT: Final = 32
 
 REFUSED: Final = (
     (re.compile(rb"\xd0\xcf\x11\xe0"), "an old Excel workbook (.xls); .xlsx or text was expected; save it as one"),
-    (re.compile(rb"TDSm"), "a LabVIEW TDMS file; .lvm or text was expected; export it"),
     (re.compile(rb"#\d+# "), "a native CETR .tst; its text was expected; export it with CETR Data Viewer"),
 )
 """Binary files that laboratories have and no reader reads: how they begin, what to do."""

@@ -16,6 +16,7 @@ from data_io import (
     ni_channels,
     rtec_csv,
     stickslip_csv,
+    tdms,
 )
 from data_io.part import Contents
 from data_io.source import Request, Source
@@ -48,6 +49,7 @@ READERS: Final = (
     Reader(hdf5.NAME, hdf5.can_read, hdf5.read),
     Reader(matlab.NAME, matlab.can_read, matlab.read),
     Reader(excel.NAME, excel.can_read, excel.read),
+    Reader(tdms.NAME, tdms.can_read, tdms.read),
     Reader(stickslip_csv.NAME, stickslip_csv.can_read, stickslip_csv.read),
     Reader(lvm.NAME, lvm.can_read, lvm.read),
     Reader(bruker_csv.NAME, bruker_csv.can_read, bruker_csv.read),

@@ -400,6 +400,21 @@ def hdf5(rows: Sequence[Row]) -> Made:
     return Made(held.getvalue(), made.time, made.normal, made.friction)
 
 
+def tdms(rows: Sequence[Row]) -> Made:
+    """LabVIEW TDMS: a channel of times, forces with their units as properties, a group of words."""
+    import nptdms
+
+    made, t, fz, fx = _floats(rows)
+    held = io.BytesIO()
+    with nptdms.TdmsWriter(held) as writer:
+        channels = [
+            nptdms.ChannelObject("test", name, values, {"unit_string": unit})
+            for name, unit, values in (("Time", "s", t), ("Fz", "N", fz), ("Fx", "N", fx))
+        ]
+        writer.write_segment([nptdms.RootObject({"operator": "NN"}), *channels])
+    return Made(held.getvalue(), made.time, made.normal, made.friction)
+
+
 def matlab(rows: Sequence[Row]) -> Made:
     """MATLAB 5: a struct with column vectors, units as suffix."""
     import scipy.io
@@ -458,10 +473,11 @@ ALL: Mapping[str, LookAlike] = {
     "settings": LookAlike("delimited", "settings.txt", settings, NUMBERED),
     "chinese": LookAlike("delimited", "chinese.csv", chinese),
     "hdf5": LookAlike("hdf5", "daq.h5", hdf5, NAMED),
+    "tdms": LookAlike("tdms", "pair.tdms", tdms),
     "matlab": LookAlike("matlab", "pair.mat", matlab),
     "excel": LookAlike("excel", "pair.xlsx", excel),
 }
-TEXTS = tuple(name for name in ALL if name not in ("hdf5", "matlab", "excel"))
+TEXTS = tuple(name for name in ALL if name not in ("hdf5", "tdms", "matlab", "excel"))
 
 
 def main(folder: Path) -> None:

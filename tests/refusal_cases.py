@@ -6,12 +6,14 @@ have: a full disk, a workbook of gigabytes.
 
 import gzip
 import io
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import h5py
+import nptdms
 import numpy as np
 import openpyxl
 import pandas as pd
@@ -81,6 +83,32 @@ def channels(rows: str) -> Act:
     """NI channels in pairs above such rows."""
     head = "Interval,1,Interval,1\nChannel name,Fx,Channel name,Fz\nUnit,N,Unit,N\n"
     return file(head + rows)
+
+
+def tdms(rows: int = 20, scale: str = "") -> Act:
+    """A TDMS of two forces, one of them scaled."""
+
+    def act(folder: Path, _patch: pytest.MonkeyPatch) -> object:
+        scaling = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": scale, "NI_Scale[0]_Linear_Slope": 1e-3,
+                   "NI_Scale[0]_Linear_Y_Intercept": 0.0, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+                   "NI_Scaling_Status": "unscaled"} if scale else {}  # fmt: skip
+        about = {"wf_increment": 0.1, "wf_start_offset": 0.0, "unit_string": "N"}
+        with nptdms.TdmsWriter(folder / "a.tdms") as writer:
+            forces = [
+                nptdms.ChannelObject("test", name, np.arange(rows) % 7 + 1.0, {**about, **properties})
+                for name, properties in (("Fx", scaling), ("Fz", {}))
+            ]
+            writer.write_segment(forces)
+        return read_log(folder / "a.tdms")
+
+    return act
+
+
+def without_tdms(folder: Path, patch: pytest.MonkeyPatch) -> object:
+    """npTDMS is not installed."""
+    patch.setitem(sys.modules, "nptdms", None)
+    (folder / "a.tdms").write_bytes(b"TDSm" + bytes(99))
+    return read_log(folder / "a.tdms")
 
 
 def axes(other: float | None, level: float = 0.1) -> Act:
@@ -470,7 +498,10 @@ CASES: dict[str, Pair] = {
     # what no reader knows
     "binary": (file(bytes(range(1, 256)) * 40), file(GOOD)),
     "old Excel": (file(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600)), book(SHEET)),
-    "TDMS": (file(b"TDSm" + bytes(range(200))), file(GOOD)),
+    "damaged TDMS": (file(b"TDSm" + bytes(range(200))), tdms()),
+    "TDMS without its reader": (without_tdms, tdms()),
+    "TDMS without samples": (tdms(rows=0), tdms()),
+    "a scaling of another kind": (tdms(scale="Magic"), tdms(scale="Linear")),
     "native CETR": (file(b"#1# Name$pair$\x00\x01\x02" + bytes(50)), file(umt(step(1)))),
     # text without a table
     "no numbers": (file("T,Fx,Fz\ns,N,N\n"), file("T,Fx,Fz\ns,N,N\n0,1,3\n1,1,3\n")),
