@@ -4,34 +4,29 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
-STATUSES = {
-    "converged",
-    "solver_failed",
-    "wrong_event_count",
-    "model_misfit",
-    "better_start_found",
-    "no_cycles",
-    "at_bound",
-}
-VERDICTS = {"identified", "weak", "not identifiable", "at bound", "fixed", "bounded"}
+SCHEMA = json.loads(
+    (Path(__file__).parents[1] / "identify" / "report" / "result_schema.json").read_text(encoding="utf-8")
+)
 UNITS = {"mu_s": "", "mu_k0": "", "delta_mu_k": "", "a": "s/m", "D": "m", "t_cr": "s"}
 UNITS |= {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
 LOGARITHMIC = {"a", "D", "t_cr", "mass", "stiffness", "damping"}
-KEYS = {"schema", "status", "message", "parameters", "correlation", "gate", "fit", "derived", "timing_s", "logs"}
-LOG_KEYS = {"path", "sha256", "step", "rows", "labels", "noise_N", "friction_sign", "classical", "derived"}
+
+
+def validator() -> Draft202012Validator:
+    """The schema that ships with the package."""
+    return Draft202012Validator(SCHEMA)
 
 
 def check_document(result) -> dict:
     """Assert every rule; returns the document as strict JSON gives it back."""
     document = json.loads(json.dumps(result, allow_nan=False))
     assert document == json.loads(json.dumps(result)), "reading back changes it"
-    assert KEYS | {"provenance"} <= document.keys()
-    assert document["schema"] == 1
-    assert document["status"] in STATUSES
-    assert len(document["message"]) > 20
+    validator().validate(document)
     converged = document["status"] == "converged"
     step = None
     if converged:
@@ -45,23 +40,14 @@ def check_document(result) -> dict:
         for name, last in document["last_iterate"].items():
             assert last["unit"] == UNITS[name]
     timing = document["timing_s"]
-    assert {"read", "detect", "start", "build", "solve", "total"} <= timing.keys()
-    assert all(seconds >= 0 for seconds in timing.values())
     assert sum(v for k, v in timing.items() if k != "total") <= 1.01 * timing["total"] + 1e-3
-    assert {"version", "scene", "seed", "packages"} <= document["provenance"].keys()
     for log in document["logs"]:
-        assert log.keys() >= LOG_KEYS
-        assert log["friction_sign"] in (1, -1)
-        assert log["rows"] > 0
         assert log["classical"]["rows"], "nobody leaves with nothing"
     return document
 
 
 def _check_parameter(name, parameter, converged, step) -> None:
-    assert parameter.keys() >= {"value", "unit", "standard_error", "interval", "level", "verdict", "reason"}
     assert parameter["unit"] == UNITS[name]
-    assert parameter["level"] == 0.95
-    assert parameter["verdict"] in VERDICTS
     value, error, (low, high) = parameter["value"], parameter["standard_error"], parameter["interval"]
     verdict = parameter["verdict"]
     if verdict == "fixed":
@@ -89,12 +75,9 @@ def _check_parameter(name, parameter, converged, step) -> None:
 
 
 def _check_converged(document) -> None:
-    gate, fit = document["gate"], document["fit"]
-    assert {"chi2_per_sample", "worst_cycle", "solver", "event_shift_samples"} <= gate.keys()
-    assert {"log", "cycle", "z"} <= gate["worst_cycle"].keys()
+    gate = document["gate"]
     assert abs(gate["worst_cycle"]["z"]) < 6
     assert gate["event_shift_samples"] < 0.5
-    assert {"samples", "cycles", "iterations", "rms_N"} <= fit.keys()
     names, matrix = document["correlation"]["names"], document["correlation"]["matrix"]
     assert set(names) == {n for n, p in document["parameters"].items() if p["verdict"] != "fixed"}
     for i, row in enumerate(matrix):
@@ -102,5 +85,3 @@ def _check_converged(document) -> None:
         for j, entry in enumerate(row):
             assert entry == pytest.approx(matrix[j][i], abs=1e-9)
             assert entry is None or abs(entry) <= 1 + 1e-9
-    for quantity in document["derived"].values():
-        assert {"value", "unit", "interval", "validity"} <= quantity.keys()
