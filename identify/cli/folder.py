@@ -25,7 +25,10 @@ class Kind:
 RESULT = Kind(
     "result.json",
     frozenset(
-        {"result.json", "report.html", "result.h5", "figures", "classical.csv", "scene.toml", "at_50_Hz", ".DS_Store"}
+        {
+            *("result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex", "scene.toml"),
+            *("at_50_Hz", ".DS_Store"),
+        }
     ),
 )
 COMPARISON = Kind(

@@ -6,7 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from identify.report.quantity_text import DASH, ends_text, finite, number, places_for, quantity, scale_for, split_key
+from identify.report.quantity_text import (
+    DASH,
+    ends_text,
+    finite,
+    number,
+    places_for,
+    quantity,
+    scale_for,
+    speed,
+    split_key,
+)
 from identify.report.report_tables import Cell, Row, Table, plain_text
 from identify.report.report_wording import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 
@@ -14,6 +24,8 @@ Path = tuple[str, ...]
 Entry = Mapping[str, Any]
 Column = Mapping[Path, Entry]
 WORDS = {**OUTCOMES, **SLIPS}
+SHOWN = ("omega_n", "zeta", "tau_cr", "v_cr", "v_acr", "gamma_0", "w")
+NOTHING = 1e-9  # a pure number below this is shown as next to nothing
 SAID_ONCE = ":"  # of a long validity only what stands before this is said again
 
 
@@ -34,13 +46,13 @@ def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Any]]], corner: str)
 
 
 def said_once(entries: Mapping[str, Any], elsewhere: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The entries of a log without what stands in another table, or among its closed forms, as well."""
+    """The entries of a log without what stands in another table as well; of the dimensionless groups those that say
+    something of the pair and the rig, while result.json holds all that the closed forms are made of."""
     entries = {key: entry for key, entry in entries.items() if key != "advice"}  # has a table of its own
-    groups, forms = entries.get("groups"), entries.get("closed_forms")
+    groups = entries.get("groups")
     if not isinstance(groups, Mapping):
         return entries
-    twice = {*(forms if isinstance(forms, Mapping) else ()), *elsewhere}
-    return {**entries, "groups": {key: entry for key, entry in groups.items() if key not in twice}}
+    return {**entries, "groups": {key: entry for key, entry in groups.items() if key in SHOWN and key not in elsewhere}}
 
 
 def of_record(figures: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -51,11 +63,11 @@ def of_record(figures: Mapping[str, Any]) -> Mapping[str, Any]:
     }
 
 
-def sentences(entries: Mapping[str, Any]) -> tuple[str, ...]:
-    """What the entries say in whole sentences (key "text" of their parts, or their own)."""
-    parts = [
-        part for name, part in entries.items() if isinstance(part, Mapping) and name not in ("closed_forms", "advice")
-    ]
+def sentences(entries: Mapping[str, Any], several: bool = False) -> tuple[str, ...]:
+    """What the entries say in whole sentences (key "text" of their parts, or their own); of several logs not what is
+    nearly the same for all of them, and stands in the table: the stability."""
+    silent = ("closed_forms", "advice", *(("stability",) if several and "amplitude" in entries else ()))
+    parts = [part for name, part in entries.items() if isinstance(part, Mapping) and name not in silent]
     told = [str(part["text"]) for part in parts if part.get("text")]
     return tuple(told or [line for line in str(entries.get("text") or "").splitlines() if line])
 
@@ -83,6 +95,9 @@ def _leaves(entries: Mapping[str, Any], above: Path = ()) -> Iterator[tuple[Path
             yield from _leaves(entry, (*above, str(key)))
         elif isinstance(entry, Mapping):
             yield (*above, str(key)), entry
+        elif key == "sliding_unstable_between" and isinstance(entry, list):
+            spans = [" to ".join(speed(end) for end in span) for span in entry]
+            yield (*above, str(key)), {"value": ", ".join(spans) or "nowhere", "unit": ""}
         elif not isinstance(entry, list) and key != "text":
             yield (*above, str(key)), {"value": entry, "unit": split_key(str(key))[1]}
 
@@ -143,6 +158,8 @@ def _cell(entry: Entry | None, said: str, validity: str) -> Cell:
         return Cell(DASH)
     value, unit = entry.get("value"), str(entry.get("unit") or "")
     shown = finite(value)
+    if shown is not None and not unit and 0.0 < abs(shown) < NOTHING:
+        return Cell("below 10⁻⁹")
     text = quantity(shown, unit) if shown is not None else WORDS.get(str(value), plain_text(value))
     interval = interval_text(entry.get("interval"), shown, unit) if shown is not None else ""
     notes = [note for note in (interval, said, str(entry.get("reason") or "")) if note]

@@ -44,7 +44,8 @@ def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawi
         name="correlation",
         figure=figure,
         alt="Correlation matrix of the estimated parameters: " + _strongest(names, matrix),
-        caption="Correlation of the estimates. Near ±1 the logs tell only a combination of the two parameters.",
+        caption=f"Correlation of the estimates; {_strongest(names, matrix)} Near ±1 a combination of the two is known "
+        "better than either; how well each is known alone, its interval says.",
         wide=False,
         tables={"correlation": table},
     )

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from identify.report.document import plain
 from identify.report.quantity_text import finite
-from identify.report.report_tables import classical_tables
+from identify.report.report_tables import classical_tables, definitions
 from identify.report.report_views import banner, last_iterate_rows, parameter_views
 from identify.report.summary import accuracy_text, tolerances_text
 
@@ -40,6 +40,7 @@ def first_screen_views(result: Mapping[str, Any]) -> dict[str, Any]:
         "tolerances": tolerances_text(result.get("tolerances") or {}),
         "notes": result.get("notes") or [],
         "classical": classical_tables(result.get("logs", ())),
+        "definitions": definitions(result.get("logs", ())),
         "last_iterate": last_iterate_rows(result.get("last_iterate")),
     }
 

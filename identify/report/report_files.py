@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from data_io.atomic import atomic_path, atomic_write
 from identify.report.document import as_json
+from identify.report.latex_table import latex_table
 from identify.report.table_csv import classical_csv, figure_csv
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ FIGURE_ENDINGS = (".png", ".svg", ".csv")
 
 
 def write_report(fit: Fit, folder: Path) -> list[Path]:
-    """Write result.json, report.html, result.h5, classical.csv and figures/ of a fit into `folder`.
+    """Write result.json, report.html, result.h5, classical.csv, parameters.tex and figures/ of a fit into `folder`.
 
     The folder is made where it is missing; files of an earlier report in it are replaced and figures
     that this fit does not have are removed. Returns the written paths, result.json and report.html
@@ -34,6 +35,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     drawn = list(pictures(fit))
     page, document = render_page(fit, drawn), as_json(fit.result)
     table = classical_csv(fit.result.get("logs", ()))
+    latex = latex_table(fit.result.get("parameters", {}))
     figures: dict[str, str | bytes] = {}
     for picture in drawn:
         figures[f"{picture.name}.svg"] = picture.svg
@@ -46,6 +48,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
         write_result_h5(fit, temporary)
     written.append(folder / "result.h5")
     written.append(_write(folder / "classical.csv", table))
+    written.append(_write(folder / "parameters.tex", latex))
     written.append(_write(folder / "result.json", document))
     written.append(_write(folder / "report.html", page))
     return written

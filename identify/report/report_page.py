@@ -89,7 +89,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         told=[
             (view, lines)
             for view, (_, log) in zip(logs, heads, strict=True)
-            if (lines := sentences(log.get("derived") or {}))
+            if (lines := sentences(log.get("derived") or {}, several=len(logs) > 1))
         ],
         effects=effects_table(result.get("effects") or {}),
         chosen=EFFECTS_CHOSEN.get(str((result.get("effects") or {}).get("chosen")), ""),

@@ -73,6 +73,16 @@ def classical_tables(logs: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
     return tuple(tables)
 
 
+def definitions(logs: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """What each row of the classical table is, as the document says it: (name, sentence)."""
+    said: dict[str, str] = {}
+    for log in logs:
+        for name, sentence in ((log.get("classical") or {}).get("definitions") or {}).items():
+            words = split_key(str(name))[0]
+            said.setdefault(RECORD_WORDS.get(words, words), str(sentence))
+    return list(said.items())
+
+
 def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Any]]) -> Table:
     """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
     names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))

@@ -131,6 +131,7 @@ ANSWER_WORDS: Mapping[str, str] = {
     "stable": "stable",
     "growth_rate": "growth rate of a disturbance",
     "worn": "contact ageing worn off",
+    "sliding_unstable_between": "steady sliding is unstable at",
     "multiplier": "what is left of a disturbance after one cycle",
     "peak_to_valley": "fall of the force (peak to valley)",
     "drop": "drop of the force (onset to rest)",
