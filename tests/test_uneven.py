@@ -1,6 +1,7 @@
 """Uneven records: what the estimator says of simulated tracks whose truth is known, and of the measured ones."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from experiments.run_measured_records import scene_of as measured_scene
 from experiments.run_uneven_study import prepared, scene_of, truth_of
 from experiments.uneven_records import STIFF, simulated
 from identify import fit
+from identify.base.errors import FitError
 from identify.logs.scene_records import with_records
 from identify.report import write_report
+from identify.studies.fits import FitEntry
+from identify.studies.quantities import values
 from identify.uneven.answer import UnevenEstimator
 from identify.uneven.estimator import maximise
 from identify.uneven.events import sticks_of
@@ -164,6 +168,8 @@ def test_a_plain_fit_that_fails_on_cycles_that_differ_is_followed_by_the_uneven_
     assert result["logs"][0]["reason_left_out"] is None
     said = repr(outcome)
     assert "extrapolated" in said and "static peak" in said and "1/√mm" in said
+    with pytest.raises(FitError, match=r"drop .* of the load .*extrapolated"):
+        outcome.predict(drive_speed="1 mm/s")
     write_report(outcome, tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "described cycle by cycle" in page and "a stick holds" in page and "log_1_uneven" in page
@@ -181,3 +187,10 @@ def test_records_that_share_nothing_are_told_apart(maxima):
     assert agreement([maximum for _, maximum in maxima]) > 0.01
     moved = replace(maxima[0][1], theta=maxima[0][1].theta + np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert agreement([moved, maxima[1][1]]) < 0.01
+
+
+def test_compare_pools_what_uneven_pairs_have(tracks):
+    document = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).result
+    told = values([FitEntry(name, Path(), "converged", "", document=document) for name in ("first", "second")])
+    pooled = {q.name: q for q in told.quantities}
+    assert pooled["strength"].logarithmic and "weakening_length" in pooled and "mu_s" not in pooled

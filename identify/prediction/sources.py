@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from identify.base.errors import SimulationError
 from identify.base.outcome import numbers_of
 from identify.base.quantiles import LEVEL, NORMAL, student
+from identify.base.wording import three_figures
 from identify.model.model import Model
 from identify.prediction.wording import listed, said
 from identify.scene import Scene
@@ -71,6 +72,8 @@ class Pair:
 def pair_of(document: Mapping[str, Any], scene: Scene, log: int) -> Pair:
     """The pair of a log of a result (the document of result.json); `log` counts from 0."""
     groups = groups_of(document, log)
+    if document.get("estimator") == "uneven":
+        return Pair(groups, untold=_uneven(document))
     mine = dict(groups)
     entries = document["parameters"]
     keys = {_parameter(key, entry): key for key, entry in entries.items() if _holds(entry, mine)}
@@ -84,6 +87,21 @@ def pair_of(document: Mapping[str, Any], scene: Scene, log: int) -> Pair:
     if covariance is not None:
         names, covariance = with_tied(names, covariance, ties)
     return Pair(groups, values, names, covariance)
+
+
+def _uneven(document: Mapping[str, Any]) -> str:
+    """What is known of a pair whose cycles differ: how they are spread where they were seen, and nothing elsewhere."""
+    told = []
+    for name, entry in (document.get("distributions") or {}).items():
+        if isinstance(entry, Mapping):
+            low, middle, high = (three_figures(entry["quantiles"][q]["value"]) for q in ("5", "50", "95"))
+            unit = f" {entry['unit']}" if entry["unit"] else " of the load"
+            told.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten cycles)")
+    seen = f"at the drive speed, stiffness and load of the record: {', '.join(told)}; " if told else ""
+    return (
+        f"the cycles of this pair differ, and no one friction pair describes them; {seen}anywhere else: extrapolated, "
+        "not supported by these records"
+    )
 
 
 def groups_of(document: Mapping[str, Any], log: int) -> Groups:

@@ -13,6 +13,7 @@ from identify.base.quantiles import NORMAL
 from identify.effects import ALL
 from identify.report.quantity_text import finite
 from identify.studies.fits import FitEntry
+from identify.uneven.answer import SCALES
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,8 @@ def _quantity(name: str, entries: Sequence[FitEntry]) -> Quantity:
     positive = all((finite(p.get("value")) or 0.0) > 0.0 for p in told if _estimated(p))
     declared = DECLARED.get(name)
     unit = next((str(p["unit"]) for p in told if p.get("unit")), "")
-    return Quantity(name, unit, declared is not None and declared.scale == "log" and positive)
+    logarithmic = name in SCALES or (declared is not None and declared.scale == "log")
+    return Quantity(name, unit, logarithmic and positive)
 
 
 def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:

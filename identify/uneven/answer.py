@@ -27,6 +27,7 @@ from identify.uneven.transfer import left_out as left_out_in_turn
 
 Array = NDArray[np.float64]
 
+SCALES = ("strength", "strength_scatter", "weakening_length", "level_wander", "level_roughness")  # told as logarithms
 FEWEST = 12  # cycles of a log from which scatter and wander are told
 IDENTIFIED, WEAK = 1.2, 3.0  # factors within which both ends of an interval lie
 LARGEST_SCATTER = 0.6  # of the logarithm of the strength: beyond it the law of a stick is none
