@@ -102,7 +102,8 @@ class _Tracks:
         def regained(rest: Array) -> Array:
             return pair.strength - (pair.strength - self.left) * np.exp(-rest / pair.creep_time)
 
-        low, high = np.zeros(self.time.size), np.full(self.time.size, 1e3 * pair.strength / self.rate)
+        # A contact that cannot stick at all yet regains for a microsecond.
+        low, high = np.full(self.time.size, 1e-6), np.full(self.time.size, 1e3 * pair.strength / self.rate)
         for _ in range(80):
             middle = 0.5 * (low + high)
             short = self.force + self.rate * middle < self.slow + self.fine + factor * regained(middle)

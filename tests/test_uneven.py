@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from document_check import validator
 
 from experiments.run_measured_records import RECORDS
 from experiments.run_measured_records import scene_of as measured_scene
@@ -14,6 +15,7 @@ from identify import fit
 from identify.base.errors import FitError
 from identify.logs.scene_records import with_records
 from identify.report import write_report
+from identify.report.document import plain
 from identify.studies.fits import FitEntry
 from identify.studies.quantities import values
 from identify.uneven.answer import UnevenEstimator
@@ -120,6 +122,7 @@ def test_nodes_do_not_change_the_likelihood(maxima):
 def test_a_fit_tells_quantities_with_verdicts(tracks):
     result = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).result
     assert (result["status"], result["estimator"]) == ("converged", "uneven")
+    assert validator().is_valid(plain(result))
     told = result["parameters"]
     assert all(told[name]["value"] is None and told[name]["reason"] for name in ("mu_s", "mu_k0", "a", "D"))
     for name in ("strength", "weakening_length", "mass"):
