@@ -122,8 +122,8 @@ def _full_force(mass: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     top, bottom = loads(map_, cycle)
     pace = values["stiffness"] * values["drive_speed"]
     slow = _sawtooth(top / pace, top, bottom, cycle.stick)
-    times = np.append(cycle.glide.t, 1.25 * cycle.glide.t[-1])
-    force = [map_.load(x, cycle.setting) for x in cycle.glide.x]
+    times = np.append(cycle.slip_motion.t, 1.25 * cycle.slip_motion.t[-1])
+    force = [map_.load(x, cycle.setting) for x in cycle.slip_motion.x]
     return slow, (1e3 * times, np.array([*force, force[-1]]))
 
 

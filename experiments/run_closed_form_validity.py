@@ -73,7 +73,7 @@ def _orbit(values: dict[str, float], speed: float) -> tuple[CycleMap, Orbit] | N
 
 def _largest_elongation(orbit: Orbit) -> float:
     """By the cubic through the two nodes between which the mass gets as fast as the drive [m]."""
-    t, x, v = orbit.cycle.glide.t, orbit.cycle.glide.x[:, 0], orbit.cycle.glide.x[:, 1]
+    t, x, v = orbit.cycle.slip_motion.t, orbit.cycle.slip_motion.x[:, 0], orbit.cycle.slip_motion.x[:, 1]
     i = int(np.argmax(v > orbit.drive_speed))
     s, h = np.linspace(0.0, 1.0, 1001), t[i] - t[i - 1]
     rates = orbit.drive_speed - v[[i - 1, i]]

@@ -28,11 +28,11 @@ from identify.model.model import Model, assemble  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
 from identify.prediction.intervals import draw  # noqa: E402
 from identify.prediction.orbit import settle  # noqa: E402
-from identify.prediction.predict import OperatingPoint, outlooks  # noqa: E402
-from identify.prediction.probability import ask, certainty  # noqa: E402
+from identify.prediction.predict import OperatingPoint, predictions  # noqa: E402
+from identify.prediction.probability import answers_of_draws, stick_slip_probability  # noqa: E402
 from identify.prediction.quantities import QUANTITIES  # noqa: E402
-from identify.prediction.solutions import prospect  # noqa: E402
-from identify.prediction.stabilising import advise  # noqa: E402
+from identify.prediction.solutions import solution_set  # noqa: E402
+from identify.prediction.stabilising import stabilising_changes  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def asked(
     """Every number of the answers at the drive speeds of the study."""
     points = [OperatingPoint(values, speed, LOAD, covariance) for speed in SPEEDS]
     found: dict[str, Any] = {}
-    for speed, document in zip(SPEEDS, outlooks(model, points, names), strict=True):
+    for speed, document in zip(SPEEDS, predictions(model, points, names), strict=True):
         found |= numbers(document, f"{1e3 * speed:.3g} mm/s: ")
     return found
 
@@ -119,13 +119,13 @@ def sampled(model: Model, known: Known, factor: float, count: int) -> dict[str, 
     """The same of intervals from draws, at 1 mm/s."""
     speed = SPEEDS[1]
     point = dict(STAND_IN) | {"drive_speed": speed, "normal_force": LOAD}
-    truth = ask(model, draw(model, point, (), np.zeros((0, 0)), 1), None).quantities[0]
+    truth = answers_of_draws(model, draw(model, point, (), np.zeros((0, 0)), 1), None).quantities[0]
     hits: dict[str, list[bool]] = defaultdict(list)
     for i, (values, covariance) in enumerate(estimates(model, known, factor, count, seed=6)):
         map_ = CycleMap(model, LOAD, np.array([values[n] for n in model.parameter_names]))
         orbit = settle(map_, speed).orbit
         drawn = draw(model, values | {"drive_speed": speed, "normal_force": LOAD}, known.names, covariance, 120, i)
-        rows = ask(model, drawn, orbit).quantities
+        rows = answers_of_draws(model, drawn, orbit).quantities
         ends = np.nanquantile(rows, [0.025, 0.975], axis=0)
         for name, low, high, value in zip(QUANTITIES, *ends.tolist(), truth.tolist(), strict=True):
             hold(hits, f"1 mm/s: {name}", (low, high), value)
@@ -134,10 +134,10 @@ def sampled(model: Model, known: Known, factor: float, count: int) -> dict[str, 
 
 def advised(model: Model, known: Known, factor: float, count: int) -> dict[str, list[bool]]:
     """The same of the limits of every rig quantity, at 15 mm/s."""
-    truth = {row["quantity"]: row for row in advise(model, dict(STAND_IN), SPEEDS[2], LOAD)["changes"]}
+    truth = {row["quantity"]: row for row in stabilising_changes(model, dict(STAND_IN), SPEEDS[2], LOAD)["changes"]}
     hits: dict[str, list[bool]] = defaultdict(list)
     for values, covariance in estimates(model, known, factor, count, seed=7):
-        for row in advise(model, values, SPEEDS[2], LOAD, covariance, known.names)["changes"]:
+        for row in stabilising_changes(model, values, SPEEDS[2], LOAD, covariance, known.names)["changes"]:
             name, limit = row["quantity"], row["limit"]
             right = truth[name]["limit"]["value"]
             # The set value of mass and damping is off by as much as what they are now is.
@@ -154,7 +154,7 @@ def chances(model: Model, known: Known, count: int) -> None:
     print(f"\nprobability of stick-slip by lines and by {count} draws, errors of the fit times 5")
     map_ = CycleMap(model, LOAD, np.array([STAND_IN[n] for n in model.parameter_names]))
     for speed in (0.98 * NEAR_THE_END, NEAR_THE_END, 1.02 * NEAR_THE_END, 1.05 * NEAR_THE_END):
-        found = certainty(map_, prospect(map_, speed), known.names, covariance, count).possible
+        found = stick_slip_probability(map_, solution_set(map_, speed), known.names, covariance, count).possible
         assert found is not None
         low, high = found.interval
         line = "open" if found.linear is None else f"{found.linear:.3f}"

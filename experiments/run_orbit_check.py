@@ -21,7 +21,7 @@ import oracle  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
 from identify.prediction.cycle import CycleMap, loads  # noqa: E402
 from identify.prediction.orbit import settle  # noqa: E402
-from identify.prediction.solutions import prospect  # noqa: E402
+from identify.prediction.solutions import solution_set  # noqa: E402
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
@@ -115,7 +115,7 @@ def check(pair: Mapping[str, float], speeds: tuple[float, ...], fast: bool) -> l
         rows.append((f"period at {speed * 1e3:.3g} mm/s [s]", orbit.cycle.stick + orbit.cycle.slip, brute[1]))
         fastest, state = speed, brute[2]
     if fastest is not None:
-        end = prospect(map_, fastest).end
+        end = solution_set(map_, fastest).end
         brute_end = confirmed_end(pair, state, end or np.nan) if fast else brute_force_end(pair, state, fastest)
         rows.append(("end of stick-slip [mm/s]", 1e3 * (end or np.nan), 1e3 * brute_end))
     return rows

@@ -26,7 +26,7 @@ from run_orbit_check import DEMO, EFFECTS, SPEEDS, random_pairs  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
 from identify.prediction.closed_forms import AGREES  # noqa: E402
-from identify.prediction.predict import OperatingPoint, outlooks  # noqa: E402
+from identify.prediction.predict import OperatingPoint, predictions  # noqa: E402
 
 TARGET = 0.01
 COMPARED = {"drop": "drop", "period": "period", "peak_speed": "peak"}  # in answers, in `brute_force.Jump`
@@ -73,7 +73,7 @@ def simulated(
 
 def check(pair: Mapping[str, float], speeds: Sequence[float], tally: Tally, name: str) -> None:
     """Hold the answers for one pair against the simulation."""
-    documents = outlooks(assemble(EFFECTS), [OperatingPoint(pair, v, 1.0) for v in speeds], ())
+    documents = predictions(assemble(EFFECTS), [OperatingPoint(pair, v, 1.0) for v in speeds], ())
     rows, end = simulated(brute_force.Pair.of(pair), speeds)
     for v, document, (outcome, found) in zip(speeds, documents, rows, strict=True):
         where = f"{name} at {1e3 * v:.4g} mm/s"

@@ -14,11 +14,11 @@ from identify.model.model import assemble
 from identify.prediction import sources as tested
 from identify.prediction.cycle import CycleMap
 from identify.prediction.intervals import Interval, draw, unknown
-from identify.prediction.predict import outlook
-from identify.prediction.probability import alike, certainty, document
-from identify.prediction.solutions import prospect
+from identify.prediction.predict import predict
+from identify.prediction.probability import alike, document, stick_slip_probability
+from identify.prediction.solutions import solution_set
 from identify.prediction.sources import stated
-from identify.prediction.stabilising import Search, advise
+from identify.prediction.stabilising import Search, stabilising_changes
 from identify.report.advice_table import advice_table
 from identify.report.report_tables import Cell
 
@@ -57,7 +57,7 @@ def sticks(values: dict[str, float], speed: float, load: float) -> bool:
 
 @pytest.fixture(scope="module")
 def told() -> dict[str, dict[str, object]]:
-    found = advise(MODEL, ALL, SPEED, LOAD, covariance(0.01), NAMES, TESTED)
+    found = stabilising_changes(MODEL, ALL, SPEED, LOAD, covariance(0.01), NAMES, TESTED)
     return {"all": found, **{row["quantity"]: row for row in found["changes"]}}
 
 
@@ -107,27 +107,27 @@ def test_advice_keeps_the_margin_and_says_what_is_extrapolated(told):
 
 
 def test_what_is_steady_stays_as_it_is_and_what_cannot_be_is_said():
-    far = advise(MODEL, ALL, 4e-2, LOAD)
+    far = stabilising_changes(MODEL, ALL, 4e-2, LOAD)
     rows = {row["quantity"]: row for row in far["changes"]}
     assert far["steady"] and rows["drive_speed"]["advised"]["value"] == 4e-2 and "as it is" in far["text"]
     assert rows["drive_speed"]["limit"]["interval"] is None
-    slow = advise(MODEL, ALL, 1e-4, LOAD)
+    slow = stabilising_changes(MODEL, ALL, 1e-4, LOAD)
     mass = next(row for row in slow["changes"] if row["quantity"] == "mass")
     assert mass["limit"]["value"] is None and "cannot be reached" in slow["text"] and "2 g to 20 kg" in slow["text"]
     with pytest.raises(SimulationError, match="expected positive numbers"):
-        advise(MODEL, ALL, 0.0, LOAD)
+        stabilising_changes(MODEL, ALL, 0.0, LOAD)
 
 
 def test_probability_and_sampled_intervals():
     """Where lines hold, draws say the same; at the end of stick-slip the probability is a half."""
     map_ = map_of(ALL)
-    answer = prospect(map_, 5e-3)
-    sure = certainty(map_, answer, NAMES, covariance(0.01), count=150)
+    answer = solution_set(map_, 5e-3)
+    sure = stick_slip_probability(map_, answer, NAMES, covariance(0.01), count=150)
     assert sure.possible is not None and sure.possible.linear == 1.0 and sure.possible.sampled == 1.0
     assert sure.certain is not None and sure.certain.sampled == 1.0 and sure.draws == 150
     end = answer.end
     assert end is not None
-    edge = certainty(map_, prospect(map_, 0.9999 * end), NAMES, covariance(0.01), count=150)
+    edge = stick_slip_probability(map_, solution_set(map_, 0.9999 * end), NAMES, covariance(0.01), count=150)
     assert edge.possible is not None and edge.possible.linear == pytest.approx(0.5, abs=0.02)
     assert abs(edge.possible.sampled - 0.5) < 3 * np.sqrt(0.25 / 150)
     assert edge.possible.interval[0] < edge.possible.sampled < edge.possible.interval[1]
@@ -142,7 +142,7 @@ def test_what_is_open_is_not_drawn():
     wide[NAMES.index("t_cr"), NAMES.index("t_cr")] = np.inf
     values = ALL | {"drive_speed": 1e-3, "normal_force": 1.0}
     assert unknown(MODEL, values, NAMES, wide) == ("t_cr",)
-    found = certainty(map_of(ALL), prospect(map_of(ALL), 1e-3), NAMES, wide)
+    found = stick_slip_probability(map_of(ALL), solution_set(map_of(ALL), 1e-3), NAMES, wide)
     assert found.possible is None and found.open == ("t_cr",)
     with pytest.raises(ValueError, match="t_cr"):
         draw(MODEL, values, NAMES, wide, 3)
@@ -240,7 +240,7 @@ def test_the_command_line_says_it(tmp_path, capsys):
 
 def test_every_number_of_an_answer_has_an_interval():
     names = tuple(name for name in NAMES if name != "stiffness")
-    document = outlook(MODEL, ALL, 2e-5, LOAD, covariance(0.01, names), names)
+    document = predict(MODEL, ALL, 2e-5, LOAD, covariance(0.01, names), names)
     for part in ("amplitude", "groups", "closed_forms"):
         for name, entry in document[part].items():
             if isinstance(entry, dict) and entry["value"] is not None:
@@ -255,7 +255,7 @@ def test_intervals_are_those_of_differences():
     sd = {name: 0.003 * values[name] for name in names}
 
     def told(changes, covariance=None):
-        document = outlook(MODEL, values | changes, speed, LOAD, covariance, names)
+        document = predict(MODEL, values | changes, speed, LOAD, covariance, names)
         return document["amplitude"] | document["stability"]["sliding"] | document["closed_forms"]
 
     here = told({}, np.diag([step**2 for step in sd.values()]))
@@ -276,7 +276,7 @@ def test_advice_in_the_report(told):
 
 def test_an_open_interval_of_a_limit_says_why():
     names = ("mu_s", "t_cr")
-    told = advise(MODEL, ALL, SPEED, LOAD, np.diag([1e-6, np.inf]), names)
+    told = stabilising_changes(MODEL, ALL, SPEED, LOAD, np.diag([1e-6, np.inf]), names)
     limit = told["changes"][0]["limit"]
     assert limit["interval"] == [None, None] and "these data do not tell t_cr" in limit["reason"]
     (line,) = (line for line in told["text"].splitlines() if line.startswith("- drive speed"))

@@ -9,9 +9,9 @@ from identify.model.model import assemble
 from identify.prediction.closed_forms import beyond, contact
 from identify.prediction.cycle import CycleMap
 from identify.prediction.orbit import close
-from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.predict import OperatingPoint, predict, predictions
 from identify.prediction.quantities import orbit_slopes, quantities
-from identify.prediction.solutions import prospect
+from identify.prediction.solutions import solution_set
 from identify.simulation.simulate import run
 
 PAIR = {
@@ -58,7 +58,7 @@ def map_of(effects, more, rtol=1e-6):
 def test_orbits_are_what_a_long_simulation_settles_on(case):
     effects, more = CASES[case]
     map_ = map_of(effects, more)
-    orbit = prospect(map_, SPEED).orbit
+    orbit = solution_set(map_, SPEED).orbit
     assert orbit is not None
     drop, period = quantities(map_, orbit.cycle, SPEED)[:2]
     motion = run(map_.model, values_of(effects, more), SPEED, LOAD, 40 * period)
@@ -69,7 +69,7 @@ def test_orbits_are_what_a_long_simulation_settles_on(case):
     assert period == pytest.approx(motion.onsets[-2] - onset, rel=1e-5)
     # the effect is felt: the paper's pair has another drop, but where the damper only has another frequency
     plain = map_of(MAIN, {})
-    other = quantities(plain, prospect(plain, SPEED).orbit.cycle, SPEED)[0]
+    other = quantities(plain, solution_set(plain, SPEED).orbit.cycle, SPEED)[0]
     assert (abs(drop / other - 1) > 0.01) == (case != "driven damping")
 
 
@@ -82,7 +82,7 @@ def test_derivatives_of_an_orbit_against_differences(case):
     names += ["speed_exponent"] * (case == "power law")
     base = values_of(effects, more)
     fine = map_of(effects, more, 1e-11)
-    orbit = close(fine, prospect(map_of(effects, more), SPEED).orbit.y, SPEED)
+    orbit = close(fine, solution_set(map_of(effects, more), SPEED).orbit.y, SPEED)
     slopes = orbit_slopes(fine, orbit, names)
     for i, name in enumerate(names):
         ends = []
@@ -112,7 +112,7 @@ def test_a_stick_with_transients_ends_at_its_first_chance():
                 continue
             first = int(np.argmax(grip < pull))
             spacing = times[first] - times[first - 1]
-            assert map_._hold.onset(start, w)[1] == pytest.approx(times[first], abs=spacing)
+            assert map_._stick_solver.onset(start, w)[1] == pytest.approx(times[first], abs=spacing)
             crossings.add(int(np.sum(np.diff(np.sign(grip - pull)) != 0)))
     assert {1, 3} <= crossings, "sticks with one and with several chances were looked at"
 
@@ -131,10 +131,10 @@ def test_models_that_never_repeat_are_refused_by_name(names, words):
     effects = (*MAIN, *names)
     model, values = assemble(effects), values_of(effects, {})
     with pytest.raises(SimulationError) as caught:
-        outlook(model, values, SPEED, LOAD)
+        predict(model, values, SPEED, LOAD)
     text = str(caught.value)
     assert all(word in text for word in words) and "\n" not in text
-    several = outlooks(model, [OperatingPoint(values, SPEED, LOAD), OperatingPoint(values, 2 * SPEED, LOAD)], ())
+    several = predictions(model, [OperatingPoint(values, SPEED, LOAD), OperatingPoint(values, 2 * SPEED, LOAD)], ())
     assert [text in document["text"] for document in several] == [True, True]
 
 
@@ -144,28 +144,28 @@ def test_every_other_effect_has_an_answer():
         rivals = [e.name for e in ALL if e.role and e.role == effect.role]
         effects = (*(n for n in (*MAIN, *effect.needs) if n not in rivals), effect.name)
         if effect.name not in refused:
-            document = outlook(assemble(effects), values_of(effects, {}), 2e-3, LOAD)
+            document = predict(assemble(effects), values_of(effects, {}), 2e-3, LOAD)
             assert document["stability"]["outcome"] in ("always sticks", "never sticks", "bistable")
 
 
 def test_closed_forms_know_four_effects():
     assert beyond((*MAIN, "varying_normal_force", "driven_damping", "linear_weakening")) == ()
     effects = (*MAIN, "skin_compliance")
-    document = outlook(assemble(effects), values_of(effects, {}), SPEED, LOAD)
+    document = predict(assemble(effects), values_of(effects, {}), SPEED, LOAD)
     forms = document["closed_forms"]
     assert forms["ignores"] == ["skin_compliance"]
     for name in ("drop", "period", "critical_speed", "Pi", "Pi_fc", "Omega_c"):
         assert forms[name]["validity"] == "not valid here: knows nothing of skin_compliance"
     assert forms["text"] == "The paper's closed forms are not valid here: they know nothing of skin_compliance."
-    plain = outlook(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD)["closed_forms"]
+    plain = predict(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD)["closed_forms"]
     assert plain["ignores"] == [] and "know nothing" not in plain["text"]
 
 
 def test_closed_forms_of_a_damper_at_the_natural_frequency_are_those_of_hysteresis():
     natural = np.sqrt(1470.0 / 0.2) / (2 * np.pi)
     effects = CASES["driven damping"][0]
-    driven = outlook(assemble(effects), values_of(effects, {"damping_frequency": natural}), SPEED, LOAD)
-    plain = outlook(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD)
+    driven = predict(assemble(effects), values_of(effects, {"damping_frequency": natural}), SPEED, LOAD)
+    plain = predict(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD)
     for part in ("drop", "period", "critical_speed", "Pi"):
         own, other = driven["closed_forms"][part], plain["closed_forms"][part]
         assert own["validity"] == other["validity"]
@@ -177,7 +177,7 @@ def test_closed_forms_of_a_damper_at_the_natural_frequency_are_those_of_hysteres
 def test_closed_forms_of_linear_weakening_hold_where_the_contact_is_saturated():
     """Without ageing they are the exact slip (eq. 13): no a V_max limits them, and the nonlinear model agrees."""
     effects = ("inertia", "hysteresis_damping", "linear_weakening")
-    document = outlook(assemble(effects), values_of(effects, {"slope": -1.0}), 1e-4, LOAD)
+    document = predict(assemble(effects), values_of(effects, {"slope": -1.0}), 1e-4, LOAD)
     for part in ("drop", "period", "slip_duration", "peak_speed"):
         own, other = document["closed_forms"][part], document["amplitude"][part]
         assert own["value"] == pytest.approx(other["value"], rel=1e-3)

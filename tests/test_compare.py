@@ -173,13 +173,13 @@ def test_the_nonlinear_model_answers_at_common_points(study):
     answers = group_answers(found, ground)
     assert [a.group for a in answers] == ["M1", "M2", "M3"] and not any(a.reason for a in answers)
     from identify.model.model import assemble
-    from identify.prediction.predict import outlook
+    from identify.prediction.predict import predict
 
     values = dict(ground.values) | {
         q.name: q.shown(found.answered[q.name].means[0].value) for q in found.values.quantities
     }
     assert found.answered["mu_s"].means[0].group == "M1"
-    alone = outlook(assemble(ground.model.effects), values, 1e-3, 1.0)
+    alone = predict(assemble(ground.model.effects), values, 1e-3, 1.0)
     assert answers[0].at[0].fall.value == pytest.approx(alone["amplitude"]["peak_to_valley"]["value"], rel=1e-6)
     assert answers[0].critical_speed.value == pytest.approx(alone["stability"]["critical_speed"]["value"], rel=1e-3)
     low, high = answers[0].critical_speed.interval

@@ -10,7 +10,7 @@ import pytest
 
 from identify import Scene, examples
 from identify.cli.main import main
-from identify.prediction.predict import outlook
+from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
 
 OFFSET = -0.19  # of mu_k0 from mu_s
@@ -71,7 +71,7 @@ def drop_at(group, speed, changed=None):
     scene = Scene.from_toml(examples.SCENE)
     values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
     values["mu_k0"] = values["mu_s"] + OFFSET
-    return outlook(scene.model, values, speed, 1.0)["amplitude"]["drop"]["value"]
+    return predict(scene.model, values, speed, 1.0)["amplitude"]["drop"]["value"]
 
 
 def spread_of_drop(group, speed):

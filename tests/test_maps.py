@@ -15,11 +15,11 @@ from identify.prediction.chart import chart, growth_at, losses_of_stability
 from identify.prediction.chart_bands import Known, bands, closed_plane, region
 from identify.prediction.continuation import continuation
 from identify.prediction.cycle import CycleMap
-from identify.prediction.map_axes import Site, admissible, axis, check_axes, course, known_axes, moved, slopes
+from identify.prediction.map_axes import Site, admissible, axis, check_axes, known_axes, moved, setting_path, slopes
 from identify.prediction.map_grid import outline, plane
 from identify.prediction.orbit import settle
 from identify.prediction.quantities import quantities
-from identify.prediction.solutions import prospect
+from identify.prediction.solutions import solution_set
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 import brute_force
@@ -65,7 +65,7 @@ def test_slopes_of_settings_are_exact(name):
     by_difference = (moved(SITE, {name: value + step}) - moved(SITE, {name: value - step})) / (2 * step)
     np.testing.assert_allclose(slopes(SITE, {name: value}, name), by_difference, rtol=1e-6, atol=1e-9)
     q = axis(SITE, name)
-    way = course(SITE, q)
+    way = setting_path(SITE, q)
     place = q.place(value)
     by_place = (way.setting(place + 1e-6) - way.setting(place - 1e-6)) / 2e-6
     np.testing.assert_allclose(way.slope(place), by_place, rtol=1e-6, atol=1e-8)
@@ -118,7 +118,7 @@ def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):
     for j, i in ((0, 0), (3, 2), (6, 4), (3, 5), (1, 8)):
         w = made.plane.settings[j, i]
         map_ = CycleMap(SITE.model, w[-2], w[:-2])
-        answer = prospect(map_, w[-1])
+        answer = solution_set(map_, w[-1])
         assert made.outcomes[j, i] == answer.outcome.value
         if answer.orbit is None:
             assert np.isnan(made.figures["drop"][j, i])
@@ -205,7 +205,7 @@ def test_a_continuation_ends_where_simulation_does(name, below):
         assert (found is not None) is (share > 0.0)
         state = None if found is None else found.end
     if name == "drive_speed":
-        single = prospect(CycleMap(SITE.model, 1.0, SITE.setting[:-2]), 5e-3)
+        single = solution_set(CycleMap(SITE.model, 1.0, SITE.setting[:-2]), 5e-3)
         assert end.value == pytest.approx(single.end, rel=1e-3)
         i = int(np.argmin(np.abs(answer.values - 5e-3)))
         orbit = settle(CycleMap(SITE.model, 1.0, SITE.setting[:-2]), float(answer.values[i])).orbit

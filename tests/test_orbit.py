@@ -19,10 +19,10 @@ from identify.prediction.closed_forms import closed_forms, contact
 from identify.prediction.cycle import CycleMap
 from identify.prediction.intervals import Spread
 from identify.prediction.orbit import settle
-from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.predict import OperatingPoint, predict, predictions
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities
 from identify.prediction.sliding import sliding, unstable_speeds
-from identify.prediction.solutions import prospect
+from identify.prediction.solutions import solution_set
 from identify.prediction.windows import Outcome
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
@@ -53,7 +53,7 @@ def test_drop_period_and_end_agree_with_brute_force() -> None:
 def test_bistable_is_both() -> None:
     """At 15 mm/s the same pair goes on sticking and goes on sliding; at 5 mm/s sliding does not last."""
     map_ = map_of()
-    assert prospect(map_, 15e-3).outcome is Outcome.BISTABLE
+    assert solution_set(map_, 15e-3).outcome is Outcome.BISTABLE
     for speed, sticks in ((15e-3, False), (5e-3, True)):
         steady = sliding(map_.model, map_.p, speed, 1.0)
         x, v, gamma = steady.state
@@ -91,15 +91,15 @@ def test_without_weakening_and_ageing_the_closed_forms_are_exact() -> None:
     forms = closed_forms(contact(values), 1e-3, 1.0)
     assert [drop, period, slip] == pytest.approx([forms.drop, forms.period, forms.slip_duration], rel=1e-6)
     assert peak == pytest.approx(forms.peak_speed, rel=1e-3)
-    end = prospect(map_, 1e-3).end
+    end = solution_set(map_, 1e-3).end
     assert end == pytest.approx(forms.critical_speed, rel=5e-4)
 
 
 def test_ageing_and_weakening_matter() -> None:
     """Negative control: the same closed forms are far off, or have no answer, for the full model."""
-    document = outlook(assemble(ALL), {**DEMO, "delta_mu_k": -0.08}, 1e-3, 1.0)
+    document = predict(assemble(ALL), {**DEMO, "delta_mu_k": -0.08}, 1e-3, 1.0)
     assert document["closed_forms"]["drop"]["validity"].startswith("not valid here")
-    document = outlook(assemble(ALL), DEMO, 1e-3, 1.0)
+    document = predict(assemble(ALL), DEMO, 1e-3, 1.0)
     assert document["closed_forms"]["drop"]["value"] is None
     assert "runs away" in document["closed_forms"]["text"]
     plain = map_of(("inertia", "hysteresis_damping"))
@@ -110,7 +110,7 @@ def test_ageing_and_weakening_matter() -> None:
 
 def test_slopes_agree_with_orbits_solved_again() -> None:
     map_, speed = map_of(), 1e-3
-    answer = prospect(map_, speed)
+    answer = solution_set(map_, speed)
     assert answer.orbit is not None and answer.windows.end is not None
     names = ["mu_s", "delta_mu_k", "a", "t_cr", "mass"]
     slopes, ends = orbit_slopes(map_, answer.orbit, names), end_slopes(map_, answer.windows.end, names)
@@ -123,7 +123,7 @@ def test_slopes_agree_with_orbits_solved_again() -> None:
             moved.append(quantities(other, orbit.cycle, speed))
         assert np.allclose(slopes[:, j], (moved[0] - moved[1]) / (2e-3 * DEMO[name]), rtol=1e-2, atol=1e-6)
     for name in ("delta_mu_k", "mass"):
-        speeds = [prospect(map_of(**{name: DEMO[name] * f}), speed).end for f in (1.03, 0.97)]
+        speeds = [solution_set(map_of(**{name: DEMO[name] * f}), speed).end for f in (1.03, 0.97)]
         assert None not in speeds
         again = (speeds[0] - speeds[1]) / (0.06 * DEMO[name])  # type: ignore[operator]
         assert ends[names.index(name)] == pytest.approx(again, rel=0.05)
@@ -132,7 +132,7 @@ def test_slopes_agree_with_orbits_solved_again() -> None:
 def test_outlook_is_a_document_with_intervals() -> None:
     names = ["mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"]
     sd = np.array([0.002, 0.002, 0.002, 5.0, 1e-6, 0.02])
-    document = outlook(assemble(ALL), DEMO, -1e-4, 1.0, np.diag(sd**2), names)
+    document = predict(assemble(ALL), DEMO, -1e-4, 1.0, np.diag(sd**2), names)
     assert json.loads(json.dumps(document)) == document
     assert document["stability"]["outcome"] == "always sticks"
     for entry in (
@@ -149,7 +149,7 @@ def test_outlook_is_a_document_with_intervals() -> None:
         "it sticks and slips, however the motion starts" in document["text"]
         and "By drive speed: stick-slip up to 10.4 mm/s; " in document["text"]
     )
-    assert outlook(assemble(ALL), DEMO, 1e-4, 1.0)["amplitude"]["drop"]["interval"] is None
+    assert predict(assemble(ALL), DEMO, 1e-4, 1.0)["amplitude"]["drop"]["interval"] is None
 
 
 NAMES = ["mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"]
@@ -164,9 +164,9 @@ def intervals(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def test_logs_that_share_a_branch_get_the_answers_they_get_alone() -> None:
     model = assemble(ALL)
-    together = outlooks(model, [OperatingPoint(DEMO, v, load, KNOWN) for v, load in LOGS], NAMES)
+    together = predictions(model, [OperatingPoint(DEMO, v, load, KNOWN) for v, load in LOGS], NAMES)
     for (speed, load), document in zip(LOGS, together, strict=True):
-        alone = outlook(model, DEMO, speed, load, KNOWN, NAMES)
+        alone = predict(model, DEMO, speed, load, KNOWN, NAMES)
         for ours, theirs in zip(intervals(document), intervals(alone), strict=True):
             assert ours["value"] == pytest.approx(theirs["value"], rel=1e-4)
             assert ours["interval"] == pytest.approx(theirs["interval"], rel=1e-3)
@@ -177,7 +177,7 @@ def test_logs_that_share_a_branch_get_the_answers_they_get_alone() -> None:
 
 def test_a_log_without_an_answer_does_not_hold_up_the_others() -> None:
     bad, good = OperatingPoint(DEMO, 0.0, 1.0), OperatingPoint(DEMO, 1e-3, 1.0)
-    documents = outlooks(assemble(ALL), [bad, good], [])
+    documents = predictions(assemble(ALL), [bad, good], [])
     assert "not zero" in documents[0]["text"]
     assert documents[1]["stability"]["outcome"] == "always sticks"
 
@@ -187,7 +187,7 @@ def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance: f
     unknown = KNOWN.copy()
     unknown[4, 4] = variance
     # Worn sliding at 1 mm/s knows no D: its growth rate keeps its interval.
-    document = outlook(assemble(ALL), DEMO, 1e-3, 1.0, unknown, NAMES)
+    document = predict(assemble(ALL), DEMO, 1e-3, 1.0, unknown, NAMES)
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     end, growth, *amplitude = intervals(document)
     for entry in (end, *amplitude):
@@ -208,7 +208,7 @@ def test_a_ridge_between_parameters_opens_what_lies_along_it_only() -> None:
 
 
 def test_outcomes_along_the_drive_speed() -> None:
-    answers = [outlook(assemble(ALL), DEMO, v, 1.0)["stability"] for v in (5e-3, 15e-3, 25e-3)]
+    answers = [predict(assemble(ALL), DEMO, v, 1.0)["stability"] for v in (5e-3, 15e-3, 25e-3)]
     assert [a["outcome"] for a in answers] == ["always sticks", "bistable", "never sticks"]
     ends = [a["critical_speed"]["value"] for a in answers]
     assert max(ends) / min(ends) < 1.001
@@ -216,12 +216,12 @@ def test_outcomes_along_the_drive_speed() -> None:
 
 def test_what_has_no_meaning_is_refused_in_one_sentence() -> None:
     with pytest.raises(SimulationError, match="not zero"):
-        outlook(assemble(ALL), DEMO, 0.0, 1.0)
+        predict(assemble(ALL), DEMO, 0.0, 1.0)
     with pytest.raises(SimulationError, match="'mass_of_moon'"):
-        outlook(assemble(ALL), DEMO, 1e-3, 1.0, np.eye(1), ["mass_of_moon"])
+        predict(assemble(ALL), DEMO, 1e-3, 1.0, np.eye(1), ["mass_of_moon"])
 
 
 def test_a_contact_without_static_excess_never_sticks() -> None:
-    document = outlook(assemble(ALL), {**DEMO, "mu_s": 0.43, "delta_mu_k": 0.05}, 1e-3, 1.0)
+    document = predict(assemble(ALL), {**DEMO, "mu_s": 0.43, "delta_mu_k": 0.05}, 1e-3, 1.0)
     assert document["stability"]["outcome"] == "never sticks"
     assert document["amplitude"]["drop"]["value"] is None and document["stability"]["critical_speed"]["value"] is None

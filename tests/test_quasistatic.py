@@ -14,7 +14,7 @@ from identify.base.errors import FitError, SceneError, SimulationError
 from identify.cli.main import main
 from identify.identification import fit
 from identify.model.model import assemble
-from identify.prediction.predict import outlook
+from identify.prediction.predict import predict
 from identify.scene import Scene
 from identify.simulation.simulate import run, simulate
 from identify.simulation.trajectory import Trajectory
@@ -370,7 +370,7 @@ def test_what_needs_a_mass_says_so(tmp_path: Path) -> None:
         fit(Scene.from_toml(_scene(tmp_path, '[[logs]]\npath = "log.csv"\n')))
     model = assemble(("contact_ageing",))
     with pytest.raises(SimulationError, match=r"inertia is off.*add inertia"):
-        outlook(model, {n: VALUES[n] for n in model.parameter_names}, 1e-3, 1.0)
+        predict(model, {n: VALUES[n] for n in model.parameter_names}, 1e-3, 1.0)
     with pytest.raises(SimulationError, match=r"drop sliding_speed from \[initial\]"):
         simulate(Scene.from_toml(_scene(tmp_path, '[initial]\nsliding_speed = "1 mm/s"\n')), 1.0)
 

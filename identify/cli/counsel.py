@@ -10,9 +10,9 @@ from identify.base.errors import SimulationError
 from identify.base.outcome import numbers_of
 from identify.cli.point import Point
 from identify.cli.points import points_of
-from identify.prediction.probability import sureness
+from identify.prediction.probability import probability_document
 from identify.prediction.sources import Tested, groups_of
-from identify.prediction.stabilising import advise
+from identify.prediction.stabilising import stabilising_changes
 from identify.report.finished import Fit
 from identify.scene import Scene
 
@@ -32,7 +32,10 @@ def with_counsel(scene: Scene, fit: Fit) -> Fit:
         return fit
     at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
     try:
-        further = {"sureness": sureness(*at, DRAWS), "advice": advise(*at, Tested.of_result(result))}
+        further = {
+            "sureness": probability_document(*at, DRAWS),
+            "advice": stabilising_changes(*at, Tested.of_result(result)),
+        }
     except SimulationError:
         return fit  # the answers of the logs say why
     logs[chosen] = {**logs[chosen], "derived": {**logs[chosen]["derived"], **further}}

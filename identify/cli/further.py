@@ -28,15 +28,15 @@ def asked_further(arguments: Namespace) -> Further:
         raise CommandLineError(f"--draws is {draws}; expected 1 to {MOST_DRAWS}: write --draws 400")
 
     def further(point: Point, tested: Tested | None) -> dict[str, Any]:
-        from identify.prediction.probability import sureness
-        from identify.prediction.stabilising import advise
+        from identify.prediction.probability import probability_document
+        from identify.prediction.stabilising import stabilising_changes
 
         found: dict[str, Any] = {}
         at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
         if draws is not None:
-            found["sureness"] = sureness(*at, draws)
+            found["sureness"] = probability_document(*at, draws)
         if margin is not None:
-            found["advice"] = advise(*at, tested, margin)
+            found["advice"] = stabilising_changes(*at, tested, margin)
         return found
 
     return further

@@ -14,7 +14,7 @@ from identify.cli.common import Answer, CommandLineError, Terminal, file_to_writ
 from identify.prediction.chart import chart
 from identify.prediction.chart_bands import Known
 from identify.prediction.continuation import (
-    Change,
+    AnswerChange,
     Continuation,
     check_data_path,
     continuation,
@@ -168,7 +168,7 @@ def _line(
     return Answer(document={"status": "done", "map": {**along, "figures": figures, **changes, "text": text}})
 
 
-def _change(change: Change, site: Site, answer: Continuation, known: Known | None) -> dict[str, Any]:
+def _change(change: AnswerChange, site: Site, answer: Continuation, known: Known | None) -> dict[str, Any]:
     """A place where an answer changes, with its interval."""
     entry: dict[str, Any] = {"value": change.value, "unit": answer.quantity.unit, "interval": None}
     entry["holds"] = "below" if change.below else "above"

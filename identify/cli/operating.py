@@ -12,7 +12,7 @@ from identify.cli.further import asked_further
 from identify.cli.groups import one_pair
 from identify.cli.point import Point
 from identify.cli.points import operating_points, tested_range
-from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.predict import OperatingPoint, predict, predictions
 from identify.prediction.sources import Tested
 
 
@@ -69,7 +69,7 @@ def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:
     """
     if len(points) == 1 and not points[0].untold:
         p = points[0]
-        found = {p.groups: [outlook(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]}
+        found = {p.groups: [predict(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]}
     else:
         found = {groups: _of_pair([p for p in points if p.groups == groups]) for groups in {p.groups for p in points}}
     left = {groups: iter(documents) for groups, documents in found.items()}
@@ -80,4 +80,4 @@ def _of_pair(points: Sequence[Point]) -> list[dict[str, Any]]:
     if points[0].untold:
         return [{"text": f"no answer: {points[0].untold}"} for _ in points]
     at = [OperatingPoint(p.values, p.drive_speed, p.normal_force, p.covariance) for p in points]
-    return outlooks(points[0].model, at, points[0].names)
+    return predictions(points[0].model, at, points[0].names)

@@ -15,7 +15,7 @@ from identify.cli.common import CommandLineError
 from identify.prediction.cycle import CycleMap
 from identify.prediction.quantities import QUANTITIES, quantities
 from identify.prediction.sliding import sliding
-from identify.prediction.solutions import Prospect, prospect
+from identify.prediction.solutions import SolutionSet, solution_set
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def draw(point: Point, speeds: Sequence[float], part: str, path: Path) -> None:
     """
     p = np.array([point.values[name] for name in point.model.parameter_names])
     map_ = CycleMap(point.model, point.normal_force, p)
-    answer = prospect(map_, min(speeds))
+    answer = solution_set(map_, min(speeds))
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.add_subplot()
     (_stability if part == "stability" else _amplitude)(axes, map_, answer, speeds)
@@ -49,7 +49,7 @@ def draw(point: Point, speeds: Sequence[float], part: str, path: Path) -> None:
         figure.savefig(temporary, dpi=150)
 
 
-def _stability(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[float]) -> None:
+def _stability(axes: Axes, map_: CycleMap, answer: SolutionSet, speeds: Sequence[float]) -> None:
     """Growth rate of a disturbance of steady sliding, and where stick-slip exists."""
     windows = answer.windows
     fastest = 3.0 * max(
@@ -70,7 +70,7 @@ def _stability(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[fl
     axes.set_ylabel("growth rate [1/s]; below 0: steady sliding is stable")
 
 
-def _amplitude(axes: Axes, map_: CycleMap, answer: Prospect, speeds: Sequence[float]) -> None:
+def _amplitude(axes: Axes, map_: CycleMap, answer: SolutionSet, speeds: Sequence[float]) -> None:
     """Fall of the force in a jump, and its onset and arrest levels, wherever jumps settle on one size."""
     parts = answer.windows.sticking
     if not parts:

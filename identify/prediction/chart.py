@@ -19,7 +19,7 @@ from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.map_axes import Site
 from identify.prediction.map_grid import Edge, Loop, Plane, outline, plane
 from identify.prediction.orbit import Orbit, close, settle
-from identify.prediction.path import End, Followed, expected, piece
+from identify.prediction.path import OrbitPath, PathEnd, expected, piece
 from identify.prediction.quantities import QUANTITIES, quantities
 from identify.prediction.sliding import clearances, growth_rates
 from identify.prediction.windows import Outcome, long_enough, outcome_of, patience
@@ -112,24 +112,24 @@ HOVERS = 30  # cycles after which a motion near an unstable orbit is given up
 
 
 @dataclass
-class Sea:
+class OrbitsOnGrid:
     """What was found: orbits by node (with the map of each), nodes that stick without settling, ends by edge."""
 
     orbits: dict[Node, Orbit] = field(default_factory=dict)
     maps: dict[Node, CycleMap] = field(default_factory=dict)
     irregular: set[Node] = field(default_factory=set)
     refused: set[Node] = field(default_factory=set)  # motions that cannot be integrated
-    ends: dict[Edge, End] = field(default_factory=dict)
+    ends: dict[Edge, PathEnd] = field(default_factory=dict)
 
 
-class Flood:
+class OrbitSearch:
     """Spreads orbits over a plane; growth (n_y, n_x): rates of steady sliding [1/s] at its nodes."""
 
     def __init__(self, plane: Plane, map_: CycleMap, growth: Array) -> None:
         self._plane, self._growth, self._origin = plane, growth, map_
-        self.sea, self._n_w = Sea(), plane.settings.shape[-1]
+        self.known, self._n_w = OrbitsOnGrid(), plane.settings.shape[-1]
 
-    def run(self) -> Sea:
+    def run(self) -> OrbitsOnGrid:
         """Orbits at every node that has one: from a coarse grid of starts, and from wherever sliding does not last."""
         rows, columns = (np.unique(np.linspace(0, n - 1, min(n, SEEDS)).astype(int)) for n in self._plane.shape)
         for j in rows.tolist():
@@ -138,27 +138,29 @@ class Flood:
         for j, i in np.argwhere(self._growth >= 0.0).tolist():
             self._seed((j, i))
         self._close_in()
-        return self.sea
+        return self.known
 
     def _close_in(self) -> None:
         """Halve the edges over which stick-slip ends in no fold, as where its jumps fade away."""
         sticks = np.zeros(self._plane.shape, dtype=bool)
-        for node in self.sea.orbits:
+        for node in self.known.orbits:
             sticks[node] = True
         for edge in self._plane.edges(sticks):
             ends = (edge[1], edge[2]), (edge[1], edge[2] + 1) if edge[0] == "x" else (edge[1] + 1, edge[2])
-            if edge not in self.sea.ends and not any(self._given_up(node) for node in ends):
+            if edge not in self.known.ends and not any(self._given_up(node) for node in ends):
                 inside = ends[0] if sticks[ends[0]] else ends[1]
-                self.sea.ends[edge] = End(self._halved(edge, inside, inside == ends[0]), np.full(self._n_w, np.nan))
+                self.known.ends[edge] = PathEnd(
+                    self._halved(edge, inside, inside == ends[0]), np.full(self._n_w, np.nan)
+                )
 
     def _halved(self, edge: Edge, inside: Node, first: bool) -> float:
         """The coordinate on an edge at which the motion from the orbit of one of its nodes no longer sticks."""
-        course, begin, finish = self._plane.way(edge)
+        setting_path, begin, finish = self._plane.way(edge)
         sticks, slides = (begin, finish) if first else (finish, begin)
-        orbit, scale = self.sea.orbits[inside], self.sea.maps[inside].scale
+        orbit, scale = self.known.orbits[inside], self.known.maps[inside].scale
         for _ in range(HALVINGS):
             middle = 0.5 * (sticks + slides)
-            w = course.setting(middle)
+            w = setting_path.setting(middle)
             map_ = self._origin.at(w)
             speed = float(w[-1])
             try:
@@ -172,26 +174,26 @@ class Flood:
         return 0.5 * (sticks + slides)
 
     def _seed(self, node: Node) -> None:
-        if not self._plane.admitted[node] or node in self.sea.orbits or self._given_up(node):
+        if not self._plane.admitted[node] or node in self.known.orbits or self._given_up(node):
             return
         there = self._map(node)
         try:
             found = settle(there, self._speed(node), patience=self._patience(there, node))
         except SimulationError:
-            self.sea.refused.add(node)
+            self.known.refused.add(node)
             return
         if found.orbit is not None:
             self._take(node, there, found.orbit)
             self._spread(node)
         elif found.sticks:
-            self.sea.irregular.add(node)
+            self.known.irregular.add(node)
 
     def _spread(self, start: Node) -> None:
         queue = deque([start])
         while queue:
             here = queue.popleft()
             for there, edge in self._neighbours(here):
-                if there not in self.sea.orbits and edge not in self.sea.ends and self._reached(here, there, edge):
+                if there not in self.known.orbits and edge not in self.known.ends and self._reached(here, there, edge):
                     queue.append(there)
 
     def _reached(self, here: Node, there: Node, edge: Edge) -> bool:
@@ -200,18 +202,18 @@ class Flood:
             return False
         map_ = self._map(there)
         try:
-            orbit = self._near(map_, there, self.sea.orbits[here], self.sea.maps[here].scale)
+            orbit = self._near(map_, there, self.known.orbits[here], self.known.maps[here].scale)
             if orbit is None and not self._given_up(there):
                 orbit = self._along(map_, here, there, edge)
         except SimulationError:
-            self.sea.refused.add(there)
+            self.known.refused.add(there)
             return False
         if orbit is not None:
             self._take(there, map_, orbit)
         return orbit is not None
 
     def _given_up(self, node: Node) -> bool:
-        return node in self.sea.irregular or node in self.sea.refused
+        return node in self.known.irregular or node in self.known.refused
 
     def _near(self, map_: CycleMap, node: Node, orbit: Orbit, scale: Array) -> Orbit | None:
         """The stable orbit at a node that the derivatives of another one expect."""
@@ -221,26 +223,26 @@ class Flood:
             return found
         settled = settle(map_, self._speed(node), found.y, patience=long, cycles=HOVERS)
         if settled.orbit is None and settled.sticks:
-            self.sea.irregular.add(node)
+            self.known.irregular.add(node)
         return settled.orbit
 
     def _along(self, map_: CycleMap, here: Node, there: Node, edge: Edge) -> Orbit | None:
         """The orbit at the far end of an edge by following the branch along it; None where it ends before."""
-        course, begin, finish = self._plane.way(edge)
+        setting_path, begin, finish = self._plane.way(edge)
         forwards = there > here
         if not forwards:
-            course, begin, finish = course.reversed(), -finish, -begin
-        start = Followed((self.sea.orbits[here],), (begin,), None)
-        found = piece(self.sea.maps[here], start, course, finish, patience)
+            setting_path, begin, finish = setting_path.reversed(), -finish, -begin
+        start = OrbitPath((self.known.orbits[here],), (begin,), None)
+        found = piece(self.known.maps[here], start, setting_path, finish, patience)
         last = found.orbits[-1]
         if found.ending is not None and found.ending.place < finish:
             sign = 1.0 if forwards else -1.0
-            self.sea.ends[edge] = End(sign * found.ending.place, sign * found.ending.slopes)
+            self.known.ends[edge] = PathEnd(sign * found.ending.place, sign * found.ending.slopes)
             return None
         return self._near(map_, there, last, map_.at(last.cycle.setting).scale)
 
     def _take(self, node: Node, map_: CycleMap, orbit: Orbit) -> None:
-        self.sea.orbits[node], self.sea.maps[node] = orbit, map_
+        self.known.orbits[node], self.known.maps[node] = orbit, map_
 
     def _neighbours(self, node: Node) -> Iterator[tuple[Node, Edge]]:
         j, i = node
@@ -328,36 +330,36 @@ def chart(
     return charted(plane(site, names, ranges, points))[0]
 
 
-def charted(grid: Plane) -> tuple[Chart, Sea]:
+def charted(grid: Plane) -> tuple[Chart, OrbitsOnGrid]:
     """The map on a grid, and the orbits behind it."""
     site = grid.site
     check_calculable(site.model)
     growth = np.full(grid.shape, np.nan)
     growth[grid.admitted] = growth_at(site.model, grid.settings[grid.admitted])
     origin = CycleMap(site.model, site.normal_force, site.setting[:-2])
-    sea = Flood(grid, origin, growth).run()
-    return _drawn(grid, growth, sea), sea
+    known = OrbitSearch(grid, origin, growth).run()
+    return _drawn(grid, growth, known), known
 
 
-def _drawn(grid: Plane, growth: Array, sea: Sea) -> Chart:
+def _drawn(grid: Plane, growth: Array, found: OrbitsOnGrid) -> Chart:
     outcomes = np.full(grid.shape, NOT_ADMITTED, dtype="<U20")
     multiplier = np.full(grid.shape, np.nan)
     figures = {name: np.full(grid.shape, np.nan) for name in QUANTITIES}
     sticks = np.zeros(grid.shape, dtype=bool)
     for j, i in np.argwhere(grid.admitted).tolist():
-        if (j, i) in sea.refused:
+        if (j, i) in found.refused:
             outcomes[j, i] = NO_ANSWER
             continue
-        orbit, irregular = sea.orbits.get((j, i)), (j, i) in sea.irregular
+        orbit, irregular = found.orbits.get((j, i)), (j, i) in found.irregular
         outcome: Outcome = outcome_of(orbit, irregular, bool(growth[j, i] < 0.0))
         outcomes[j, i] = outcome.value
         sticks[j, i] = orbit is not None or irregular
         if orbit is not None:
             multiplier[j, i] = orbit.multiplier
-            told = quantities(sea.maps[j, i], orbit.cycle, orbit.drive_speed)
+            told = quantities(found.maps[j, i], orbit.cycle, orbit.drive_speed)
             for name, value in zip(QUANTITIES, told.tolist(), strict=True):
                 figures[name][j, i] = value
-    ends = {edge: Crossing(end.place, end.slopes) for edge, end in sea.ends.items()}
+    ends = {edge: Crossing(end.place, end.slopes) for edge, end in found.ends.items()}
     sticking = _boundary(grid, sticks, ends)
     unstable = _boundary(grid, growth >= 0.0, losses_of_stability(grid, growth))
     return Chart(grid, outcomes, growth, multiplier, figures, sticking, unstable)

@@ -387,7 +387,7 @@ Table = dict[str, dict[str, float]]
 
 def form_slopes(pairs: Sequence[Contact], drive_speed: Array, normal_force: Array) -> list[tuple[Table, Table]]:
     """For every pair (n,) at its drive speed and normal force (n,): (closed forms, groups), {name: {quantity:
-    derivative}} over `steady.QUANTITIES`, SI; a quantity that is absent moves nothing. Names as in an outlook."""
+    derivative}} over `steady.QUANTITIES`, SI; a quantity that is absent moves nothing. Names as in a prediction."""
     pair = side_by_side(pairs)
     q = variables(settings(pair.rig, pair.friction, drive_speed, normal_force))
     with np.errstate(all="ignore"):

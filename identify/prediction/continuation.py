@@ -25,7 +25,7 @@ Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Change:
+class AnswerChange:
     """Where an answer changes: value of the quantity [SI], its derivatives (n_w,) by parameters, normal force and
     drive speed, and whether the answer holds below that value (else above)."""
 
@@ -50,8 +50,8 @@ class Continuation:
     multipliers: Complexes
     eigenvalues: Complexes
     sliding_force: Array
-    ends: tuple[Change, ...]
-    losses: tuple[Change, ...]
+    ends: tuple[AnswerChange, ...]
+    losses: tuple[AnswerChange, ...]
 
 
 def continuation(site: Site, name: str, span: Range | None = None, points: int = 120) -> Continuation:
@@ -64,11 +64,11 @@ def continuation(site: Site, name: str, span: Range | None = None, points: int =
         SimulationError: a quantity, range or model that cannot be continued.
     """
     grid = row(site, name, span, points)
-    chart, sea = charted(grid)
+    chart, orbits_found = charted(grid)
     admitted, settings = grid.admitted[0], grid.settings[0]
     n_x = len(site.model.states)
     multipliers = np.full((points, n_x - 1), np.nan + 0j)
-    for (_, i), orbit in sea.orbits.items():
+    for (_, i), orbit in orbits_found.orbits.items():
         multipliers[i] = orbit.multipliers
     eigenvalues, force = np.full((points, n_x), np.nan + 0j), np.full(points, np.nan)
     w = np.ascontiguousarray(settings[admitted])
@@ -89,7 +89,7 @@ def continuation(site: Site, name: str, span: Range | None = None, points: int =
     )
 
 
-def _changes(chart: Chart, inside: NDArray[np.bool_], which: str) -> tuple[Change, ...]:
+def _changes(chart: Chart, inside: NDArray[np.bool_], which: str) -> tuple[AnswerChange, ...]:
     crossings = chart.sticking.crossings if which == "sticking" else chart.unstable.crossings
     q = chart.plane.x
     out = []
@@ -97,7 +97,7 @@ def _changes(chart: Chart, inside: NDArray[np.bool_], which: str) -> tuple[Chang
         crossing = crossings[edge]
         value = float(q.value_at(crossing.place))
         per_place = value if q.logarithmic else q.value_at(1.0)
-        out.append(Change(value, per_place * crossing.slopes, bool(inside[edge[2]])))
+        out.append(AnswerChange(value, per_place * crossing.slopes, bool(inside[edge[2]])))
     return tuple(out)
 
 

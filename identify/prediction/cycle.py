@@ -14,7 +14,7 @@ from identify.base.compiled import compiled
 from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
-from identify.prediction.slip import Glide, Glider
+from identify.prediction.slip import SlipIntegrator, SlipMotion
 from identify.simulation.phases import stick
 from identify.simulation.plan import scales
 from identify.simulation.situated import Situated
@@ -22,7 +22,7 @@ from identify.simulation.situated import Situated
 # ----------------------------------------------------------------------------------------------------------------------
 # One stick, fast: when the drive overcomes the grip, and how that moves with start, parameters and rig.
 #
-# The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds during the stick, as in `glide`.
+# The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds during the stick, as in `slip`.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def _functions(model: Model) -> dict[str, ca.Function]:
     }
 
 
-class Hold:
+class StickSolver:
     """Sticks of one model; holds buffers, so one per thread."""
 
     def __init__(self, model: Model) -> None:
@@ -167,7 +167,7 @@ class Cycle:
     start, onset, end: states (n_x,) at rest at the arrest before, at the onset of slip, at the arrest after;
     stick and slip are durations [s]; peak_speed is the largest sliding speed [m/s]; wear is the smallest value
     a bounded state reached (0: the contact was worn fresh; NaN without such a state). setting (n_w,): parameters,
-    normal force and drive speed; glide: the slip step by step.
+    normal force and drive speed; slip: the slip step by step.
     """
 
     start: Array
@@ -178,7 +178,7 @@ class Cycle:
     peak_speed: float
     wear: float
     setting: Array = field(repr=False)
-    glide: Glide = field(repr=False)
+    slip_motion: SlipMotion = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -224,8 +224,8 @@ class CycleMap:
         self.scale = np.delete(typical.state, SPEED)  # typical size of y
         floor = FLOOR * typical.state
         floor[SPEED] = SPEED_FLOOR * self.speed
-        self.glider = Glider(model, rtol, rtol * floor, 1e-3 * typical.time)
-        self._hold = Hold(model)
+        self.slip_integrator = SlipIntegrator(model, rtol, rtol * floor, 1e-3 * typical.time)
+        self._stick_solver = StickSolver(model)
 
     @cached_property
     def half_period(self) -> float:
@@ -261,11 +261,11 @@ class CycleMap:
             y: rest state (n_y,). drive_speed: [m/s], positive.
         """
         w, start = self.setting(drive_speed), np.insert(y, SPEED, 0.0)
-        onset, duration = self._hold.onset(start, w)
-        glide = self.glider.slide(onset, w, patience * self.half_period * self._drag)
-        if not glide.rests or glide.t[-1] < CREEP * self.half_period:
+        onset, duration = self._stick_solver.onset(start, w)
+        slip_motion = self.slip_integrator.slide(onset, w, patience * self.half_period * self._drag)
+        if not slip_motion.rests or slip_motion.t[-1] < CREEP * self.half_period:
             return None
-        return self._cycle(start, onset, duration, w, glide)
+        return self._cycle(start, onset, duration, w, slip_motion)
 
     def flow(self, y: Array, w: Array, duration: float) -> Flow:
         """The stick from rest state y and `duration` [s] of the slip after it, through an arrest if there is one.
@@ -274,26 +274,26 @@ class CycleMap:
             w: setting (n_w,), which need not be that of the map: only tolerances are the map's own.
         """
         start = np.insert(y, SPEED, 0.0)
-        onset, stick_time = self._hold.onset(start, w, through_zero=True)
-        glide = self.glider.slide(onset, w, duration, stops=False)
-        return self._linearised(self._cycle(start, onset, stick_time, w, glide))
+        onset, stick_time = self._stick_solver.onset(start, w, through_zero=True)
+        slip_motion = self.slip_integrator.slide(onset, w, duration, stops=False)
+        return self._linearised(self._cycle(start, onset, stick_time, w, slip_motion))
 
     def tangent(self, cycle: Cycle) -> Tangent:
         """How a cycle moves with its start and its setting."""
         return self._linearised(cycle).tangent
 
-    def _cycle(self, start: Array, onset: Array, duration: float, w: Array, glide: Glide) -> Cycle:
-        wear = np.nan if (i := self.model.clamped) is None else float(np.min(glide.x[:, i]))
-        peak, _ = _peak(glide)
-        return Cycle(start, onset, glide.x[-1], duration, float(glide.t[-1]), peak, wear, w, glide)
+    def _cycle(self, start: Array, onset: Array, duration: float, w: Array, slip_motion: SlipMotion) -> Cycle:
+        wear = np.nan if (i := self.model.clamped) is None else float(np.min(slip_motion.x[:, i]))
+        peak, _ = _peak(slip_motion)
+        return Cycle(start, onset, slip_motion.x[-1], duration, float(slip_motion.t[-1]), peak, wear, w, slip_motion)
 
     def _linearised(self, cycle: Cycle) -> Flow:
-        w, glide, last = cycle.setting, cycle.glide, cycle.glide.legs[-1]
-        stick_slope, onset = self._hold.tangent(cycle.start, w, cycle.stick)
-        speeds = np.zeros((1, *glide.x.shape))
-        speeds[0, :, SPEED] = _peak(glide)[1]
-        fixed, (peak,) = self.glider.tangents(glide, w, onset, speeds)
-        rate = self.glider.rate(last.mode, glide.x[-1], last.direction)
+        w, slip_motion, last = cycle.setting, cycle.slip_motion, cycle.slip_motion.segments[-1]
+        stick_slope, onset = self._stick_solver.tangent(cycle.start, w, cycle.stick)
+        speeds = np.zeros((1, *slip_motion.x.shape))
+        speeds[0, :, SPEED] = _peak(slip_motion)[1]
+        fixed, (peak,) = self.slip_integrator.tangents(slip_motion, w, onset, speeds)
+        rate = self.slip_integrator.rate(last.mode, slip_motion.x[-1], last.direction)
         slip_slope = -fixed[SPEED] / rate[SPEED]
         end = fixed + np.outer(rate, slip_slope)
         end[SPEED] = 0.0
@@ -305,21 +305,21 @@ class CycleMap:
 
     def holds(self, cycle: Cycle) -> bool:
         """Whether the mass, at rest at the end of the cycle, stays there."""
-        pull, grip = self.glider.hold(cycle.end, cycle.setting)
+        pull, grip = self.slip_integrator.hold(cycle.end, cycle.setting)
         return abs(pull) < grip
 
     def load(self, x: Array, w: Array) -> float:
         """Force the load cell sees in state x [N]."""
-        return self._hold.load(x, w)[0]
+        return self._stick_solver.load(x, w)[0]
 
     def load_slopes(self, x: Array, w: Array) -> tuple[Array, Array]:
         """Derivatives of that force by the state (n_x,) and by the setting (n_w,)."""
-        _, by_state, by_setting = self._hold.load(x, w)
+        _, by_state, by_setting = self._stick_solver.load(x, w)
         return by_state, by_setting
 
     def onset_slopes(self, cycle: Cycle) -> Array:
         """How the state at the onset (n_x,) moves with the rest state and the setting: (n_x, m)."""
-        return self._hold.tangent(cycle.start, cycle.setting, cycle.stick)[1]
+        return self._stick_solver.tangent(cycle.start, cycle.setting, cycle.stick)[1]
 
     def _load_slope(self, x: Array, w: Array, moved: Array) -> Array:
         """Derivatives (m,) of the force in a state whose derivatives are `moved` (n_x, m)."""
@@ -347,10 +347,10 @@ def _drag(model: Model, p: Array) -> float:
     return 1.0 + zeta if zeta > 1.0 else 1.0
 
 
-def _peak(glide: Glide) -> tuple[float, Array]:
+def _peak(slip_motion: SlipMotion) -> tuple[float, Array]:
     """Largest speed, vertex of the parabola through the highest node and its neighbours; weights (s+1,) of its
     derivative: as the vertex stands still, it moves as the interpolated speed there does."""
-    times, speeds = glide.t, glide.x[:, SPEED]
+    times, speeds = slip_motion.t, slip_motion.x[:, SPEED]
     weights = np.zeros(times.size)
     i = int(np.argmax(speeds))
     if 0 < i < times.size - 1 and times[i - 1] < times[i] < times[i + 1]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
-from identify.prediction.path import Course
+from identify.prediction.path import SettingPath
 
 Array = NDArray[np.float64]
 
@@ -192,7 +192,7 @@ def slopes(site: Site, at: Mapping[str, float], name: str) -> Array:
     return np.asarray(moved(site, {**at, name: at[name] + 1j * step}).imag / step, float)
 
 
-def course(site: Site, along: Axis, fixed: Mapping[str, float] | None = None) -> Course:
+def setting_path(site: Site, along: Axis, fixed: Mapping[str, float] | None = None) -> SettingPath:
     """The way on which one quantity moves; others may be held elsewhere than at the point."""
     held = dict(fixed or {})
 
@@ -203,7 +203,7 @@ def course(site: Site, along: Axis, fixed: Mapping[str, float] | None = None) ->
         value = along.value_at(place + 1j * TINY)
         return np.asarray(moved(site, {**held, along.name: value}).imag / TINY, float)
 
-    return Course(setting, slope)
+    return SettingPath(setting, slope)
 
 
 def admissible(model: Model, w: Array) -> bool:

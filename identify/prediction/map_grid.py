@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
-from identify.prediction.map_axes import Axis, Site, admissible, axis, check_axes, course, moved
-from identify.prediction.path import Course
+from identify.prediction.map_axes import Axis, Site, admissible, axis, check_axes, moved, setting_path
+from identify.prediction.path import SettingPath
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The outline of a region of a grid: closed loops through the edges of the grid at the places it is crossed at.
@@ -153,14 +153,14 @@ class Plane:
         """Values of the second quantity [SI], shape (n_y,)."""
         return np.asarray(self.y.value_at(self.y_places))
 
-    def way(self, edge: Edge) -> tuple[Course, float, float]:
-        """The course along an edge, and the coordinates at which it begins and ends."""
+    def way(self, edge: Edge) -> tuple[SettingPath, float, float]:
+        """The path along an edge, and the coordinates at which it begins and ends."""
         direction, j, i = edge
         if direction == "x":
             held = {self.y.name: float(self.y.value_at(self.y_places[j]))}
-            return course(self.site, self.x, held), float(self.x_places[i]), float(self.x_places[i + 1])
+            return setting_path(self.site, self.x, held), float(self.x_places[i]), float(self.x_places[i + 1])
         held = {self.x.name: float(self.x.value_at(self.x_places[i]))}
-        return course(self.site, self.y, held), float(self.y_places[j]), float(self.y_places[j + 1])
+        return setting_path(self.site, self.y, held), float(self.y_places[j]), float(self.y_places[j + 1])
 
     def edges(self, differ: Bools) -> list[Edge]:
         """The edges between admitted nodes of which a property (n_y, n_x) differs."""

@@ -100,7 +100,7 @@ def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLI
 
 
 @dataclass(frozen=True)
-class Settled:
+class SettledMotion:
     """What becomes of a motion: it settles on `orbit`; without one it `sticks` irregularly, or slides. state: the rest
     state (n_y,) it came to last."""
 
@@ -116,7 +116,7 @@ def settle(
     *,
     patience: float = SLIDES_AFTER,
     cycles: int = SETTLING,
-) -> Settled:
+) -> SettledMotion:
     """What the motion from rest state y (default: spring unloaded, contact saturated) settles on.
 
     Plain cycles, with `close` tried now and then, until it succeeds or that many `cycles` are over; more where the
@@ -129,7 +129,7 @@ def settle(
             break
         cycle = map_.run(y, drive_speed, patience=patience)
         if cycle is None:
-            return Settled(None, False, y)
+            return SettledMotion(None, False, y)
         before, y = y, rest_state(cycle.end)
         now = float(np.sign(y[ELONGATION] - before[ELONGATION]))
         drift, lasted = now, lasted + 1 if now == drift else 0
@@ -137,5 +137,5 @@ def settle(
         if still or i in TRIES or i == cycles - 1 or (i >= cycles and i % cycles == 0):
             orbit = close(map_, y, drive_speed, patience=patience)
             if orbit is not None and (orbit.stable or i >= min(SURE, cycles - 1)):
-                return Settled(orbit, True, orbit.y)
-    return Settled(None, True, y)
+                return SettledMotion(orbit, True, orbit.y)
+    return SettledMotion(None, True, y)

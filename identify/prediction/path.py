@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Course:
+class SettingPath:
     """Settings w (n_w,) = parameters, normal force [N], drive speed [m/s] by one rising coordinate s, of order 1.
 
     setting: s -> w; slope: s -> dw/ds.
@@ -29,12 +29,12 @@ class Course:
     setting: Callable[[float], Array]
     slope: Callable[[float], Array]
 
-    def reversed(self) -> Course:
+    def reversed(self) -> SettingPath:
         """The same way the other way round: its coordinate is -s."""
-        return Course(lambda s: self.setting(-s), lambda s: -self.slope(-s))
+        return SettingPath(lambda s: self.setting(-s), lambda s: -self.slope(-s))
 
 
-def drive_course(setting: Array) -> Course:
+def drive_speed_path(setting: Array) -> SettingPath:
     """Every drive speed, the rest as in one setting; s is the logarithm of the drive speed in m/s."""
 
     def at(s: float) -> Array:
@@ -43,14 +43,14 @@ def drive_course(setting: Array) -> Course:
     def slope(s: float) -> Array:
         return np.append(np.zeros(setting.size - 1), np.exp(s))
 
-    return Course(at, slope)
+    return SettingPath(at, slope)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A branch of orbits followed by arc length along a course, through the fold in which stick-slip ends.
+# A branch of orbits followed by arc length along a path, through the fold in which stick-slip ends.
 #
 # Unknowns z = (rest state y in units of normal force / stiffness, ln slip duration in units of sqrt(m/k), coordinate of
-# the course); equations: after that duration the state is y again, and the speed is zero. Asking for zero speed at a
+# the path); equations: after that duration the state is y again, and the speed is zero. Asking for zero speed at a
 # given time, rather than for the first time of zero speed, keeps the equations smooth where the slip only just comes to
 # rest; so the end is a fold of z whether two orbits meet there or the arrest is lost.
 # ----------------------------------------------------------------------------------------------------------------------
@@ -68,22 +68,22 @@ CLOSE, SURE = 2e-4, 2e-3  # of the coordinate, of doubt in the end before a cubi
 
 
 @dataclass(frozen=True)
-class End:
-    """The end of a branch: coordinate of the course there, and its derivatives (n_w,) by parameters, normal force and
-    drive speed while every other entry of the setting stays on the course."""
+class PathEnd:
+    """The end of a branch: coordinate of the path there, and its derivatives (n_w,) by parameters, normal force and
+    drive speed while every other entry of the setting stays on the path."""
 
     place: float
     slopes: Array
 
 
 @dataclass(frozen=True)
-class Trace:
+class TracedPath:
     """Orbits at rising coordinates, `places` (n,); `end` is None when there was none up to the last coordinate, or
     when the branch was lost (`lost`) before an end was seen."""
 
     orbits: tuple[Orbit, ...]
     places: tuple[float, ...]
-    end: End | None
+    end: PathEnd | None
     lost: bool
 
 
@@ -98,14 +98,14 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Walk:
-    """What is walked: a map, whose tolerances count, and the course."""
+    """What is walked: a map, whose tolerances count, and the path."""
 
     map_: CycleMap
-    course: Course
+    setting_path: SettingPath
 
     def at(self, place: float) -> _Walk:
         """The same walk with tolerances for another place."""
-        return _Walk(self.map_.at(self.course.setting(place)), self.course)
+        return _Walk(self.map_.at(self.setting_path.setting(place)), self.setting_path)
 
     def scale(self, w: Array) -> tuple[Array, float]:
         """Typical sizes at a setting: of the rest state (n_y,), and of time [s]."""
@@ -115,7 +115,7 @@ class _Walk:
         return sizes, float(np.sqrt(mass / stiffness))
 
     def stretch(self, w: Array, slope: Array) -> tuple[Array, float]:
-        """How the logarithms of those sizes move along the course."""
+        """How the logarithms of those sizes move along the path."""
         mass, stiffness = (slope[i] / w[i] for i in map(self.map_.names.index, ("mass", "stiffness")))
         sizes = np.zeros(self.map_.scale.size)
         sizes[ELONGATION] = slope[-2] / w[-2] - stiffness
@@ -135,7 +135,7 @@ class _Walk:
     def equations(self, z: Array) -> tuple[Array, Array, Flow]:
         """Residual (n_y + 1,), its Jacobian (n_y + 1, n_y + 2), and the flow."""
         n = self.map_.scale.size
-        w, along = self.course.setting(float(z[-1])), self.course.slope(float(z[-1]))
+        w, along = self.setting_path.setting(float(z[-1])), self.setting_path.slope(float(z[-1]))
         (sizes, time), (growing, slowing) = self.scale(w), self.stretch(w, along)
         y, duration = z[:n] * sizes, float(np.exp(z[n])) * time
         flow = self.map_.flow(y, w, duration)
@@ -177,40 +177,40 @@ def _solve(walk: _Walk, z: Array, before: Array) -> _Point | None:
 
 def _orbit(map_: CycleMap, flow: Flow) -> Orbit | None:
     """The point as an orbit, None unless its slip comes to rest there for the first time, and stays at rest."""
-    first = bool(np.all(flow.cycle.glide.x[1:-1, SPEED] > 0.0)) and flow.rate[SPEED] < 0.0 < flow.cycle.stick
+    first = bool(np.all(flow.cycle.slip_motion.x[1:-1, SPEED] > 0.0)) and flow.rate[SPEED] < 0.0 < flow.cycle.stick
     return orbit_of(map_, flow.cycle, flow.tangent) if first and map_.holds(flow.cycle) else None
 
 
-def trace(map_: CycleMap, start: Orbit, course: Course, place: float, last: float) -> Trace:
-    """The branch from `start`, at coordinate `place` of the course, up to its end or to coordinate `last`."""
+def trace(map_: CycleMap, start: Orbit, setting_path: SettingPath, place: float, last: float) -> TracedPath:
+    """The branch from `start`, at coordinate `place` of the path, up to its end or to coordinate `last`."""
     orbits, places = [start], [place]
-    walk = _Walk(map_, course)
+    walk = _Walk(map_, setting_path)
     first = walk.start(start, place)
     small = start.jump < LEAST * walk.scale(start.cycle.setting)[0][ELONGATION]
-    here = None if start.cycle.glide.turns or small else _solve(walk, first, np.eye(first.size)[-1])
+    here = None if start.cycle.slip_motion.turns or small else _solve(walk, first, np.eye(first.size)[-1])
     length, bend = min(LENGTH, 2.0 * (last - place)), np.zeros(first.size)
     for _ in range(POINTS):
         if here is None or length < SHORTEST:
-            return Trace(tuple(orbits), tuple(places), None, lost=True)
+            return TracedPath(tuple(orbits), tuple(places), None, lost=True)
         new = _solve(walk, here.z + length * here.direction + 0.5 * length**2 * bend, here.direction)
         if new is None or new.direction @ here.direction < STRAIGHT:
             length *= 0.4
             continue
         if new.direction[-1] <= 0.0:
             end = _fold(walk, here, new)
-            return Trace(tuple(orbits), tuple(places), end, lost=end is None)
+            return TracedPath(tuple(orbits), tuple(places), end, lost=end is None)
         orbit = _orbit(map_, new.flow)
         if orbit is None:
             length *= 0.4
             continue
         if orbit.jump < LEAST * walk.scale(orbit.cycle.setting)[0][ELONGATION]:
-            return Trace(tuple(orbits), tuple(places), None, lost=True)
+            return TracedPath(tuple(orbits), tuple(places), None, lost=True)
         orbits, places = [*orbits, orbit], [*places, float(new.z[-1])]
         if places[-1] >= last:
-            return Trace(tuple(orbits), tuple(places), None, lost=False)
+            return TracedPath(tuple(orbits), tuple(places), None, lost=False)
         bend = (new.direction - here.direction) / float(np.linalg.norm(new.z - here.z))
         here, length, walk = new, _next_length(length, new, bend), walk.at(places[-1])
-    return Trace(tuple(orbits), tuple(places), None, lost=True)
+    return TracedPath(tuple(orbits), tuple(places), None, lost=True)
 
 
 def _next_length(length: float, here: _Point, bend: Array) -> float:
@@ -238,7 +238,7 @@ def _crest(before: _Point, behind: _Point) -> Array:
     return np.asarray(before.z + start * share + square * share**2 + cube * share**3)
 
 
-def _fold(walk: _Walk, before: _Point, behind: _Point) -> End | None:
+def _fold(walk: _Walk, before: _Point, behind: _Point) -> PathEnd | None:
     """The end between two points of a branch, before and behind the fold; None where it cannot be closed in on.
 
     At the fold the coordinate is stationary along the branch, so how it moves with the setting while the place
@@ -260,11 +260,11 @@ def _fold(walk: _Walk, before: _Point, behind: _Point) -> End | None:
     crest = _crest(before, behind)
     _, slope, flow = walk.equations(crest)
     by_setting = walk.ordered(flow.fixed[:, n:])
-    return End(float(crest[-1]), np.linalg.lstsq(slope, -by_setting, rcond=None)[0][-1])
+    return PathEnd(float(crest[-1]), np.linalg.lstsq(slope, -by_setting, rcond=None)[0][-1])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Following the stick-slip orbit along a course - over drive speed, or any other quantity - up to where it ends.
+# Following the stick-slip orbit along a path - over drive speed, or any other quantity - up to where it ends.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Patience = Callable[[CycleMap, float], float]  # by map and drive speed [m/s], see `CycleMap.run`
@@ -274,24 +274,24 @@ BRANCH_WIDEST = 2.0
 
 
 @dataclass(frozen=True)
-class Followed:
-    """Orbits along a course, at rising coordinates `places`, and the end of the branch; None where there is none up to
+class OrbitPath:
+    """Orbits along a path, at rising coordinates `places`, and the end of the branch; None where there is none up to
     the last coordinate asked for."""
 
     orbits: tuple[Orbit, ...]
     places: tuple[float, ...]
-    ending: End | None
+    ending: PathEnd | None
 
 
-def advance(map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience) -> Followed:
+def advance(map_: CycleMap, done: OrbitPath, setting_path: SettingPath, last: float, patience: Patience) -> OrbitPath:
     """Orbits up to the end of this piece of branch by shorter and shorter steps, and that end."""
     orbits, places = list(done.orbits), list(done.places)
     step, failed = 0.5, float("inf")
     while step > FINEST:
         if places[-1] >= last:
-            return Followed(tuple(orbits), tuple(places), None)
+            return OrbitPath(tuple(orbits), tuple(places), None)
         place = min(places[-1] + step, last)
-        w = course.setting(place)
+        w = setting_path.setting(place)
         there, speed = map_.at(w), float(w[-1])
         scale = map_.at(orbits[-1].cycle.setting).scale
         orbit = close(there, expected(orbits[-1], scale, there, w), speed, patience=patience(there, speed))
@@ -302,8 +302,8 @@ def advance(map_: CycleMap, done: Followed, course: Course, last: float, patienc
         failed = failed if failed > place else float("inf")
         step = min(1.6 * step, BRANCH_WIDEST) if np.isinf(failed) else min(1.6 * step, 0.5 * (failed - place))
     end = 0.5 * (places[-1] + min(failed, places[-1] + FINEST))
-    slopes = _slopes_at(map_.at(orbits[-1].cycle.setting), orbits[-1], course, places[-1])
-    return Followed(tuple(orbits), tuple(places), End(end, slopes))
+    slopes = _slopes_at(map_.at(orbits[-1].cycle.setting), orbits[-1], setting_path, places[-1])
+    return OrbitPath(tuple(orbits), tuple(places), PathEnd(end, slopes))
 
 
 def expected(here: Orbit, scale: Array, there: CycleMap, w: Array) -> Array:
@@ -336,18 +336,18 @@ def along(scale: Array, tangent: Tangent, jacobian: Array) -> Array:
     return np.asarray(np.linalg.lstsq(np.eye(n) - jacobian, tangent.end[:, n:] / sizes, rcond=None)[0] * sizes)
 
 
-def _slopes_at(map_: CycleMap, orbit: Orbit, course: Course, place: float) -> Array:
+def _slopes_at(map_: CycleMap, orbit: Orbit, setting_path: SettingPath, place: float) -> Array:
     """Derivatives of the end (n_w,) from an orbit just before it: there the drop goes like the square root of what
     is left, so that the place at which it has a given value moves as the end does."""
     n, tangent = map_.scale.size, orbit.tangent
     drop = tangent.onset_load - tangent.arrest_load
     slopes = drop[n:] + drop[:n] @ along(map_.scale, tangent, orbit.jacobian)
     with np.errstate(all="ignore"):
-        return np.asarray(-slopes / (slopes @ course.slope(place)))
+        return np.asarray(-slopes / (slopes @ setting_path.slope(place)))
 
 
-def piece(map_: CycleMap, done: Followed, course: Course, last: float, patience: Patience) -> Followed:
+def piece(map_: CycleMap, done: OrbitPath, setting_path: SettingPath, last: float, patience: Patience) -> OrbitPath:
     """What was followed, and the branch of its last orbit up to where that ends, or up to coordinate `last`."""
-    found = trace(map_.at(course.setting(done.places[-1])), done.orbits[-1], course, done.places[-1], last)
-    done = Followed((*done.orbits, *found.orbits[1:]), (*done.places, *found.places[1:]), found.end)
-    return advance(map_, done, course, last, patience) if found.lost else done
+    found = trace(map_.at(setting_path.setting(done.places[-1])), done.orbits[-1], setting_path, done.places[-1], last)
+    done = OrbitPath((*done.orbits, *found.orbits[1:]), (*done.places, *found.places[1:]), found.end)
+    return advance(map_, done, setting_path, last, patience) if found.lost else done

@@ -26,11 +26,11 @@ from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.groups import MEANING
 from identify.prediction.intervals import POINT, Drawn, Interval, Spread, Uncertain, maps, sampled
 from identify.prediction.path import moved_orbit
-from identify.prediction.probability import ask
+from identify.prediction.probability import answers_of_draws
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
-from identify.prediction.solutions import Prospect, prospects
+from identify.prediction.solutions import SolutionSet, solution_sets
 from identify.prediction.stability import printed_form
-from identify.prediction.windows import Limit, Outcome, patience
+from identify.prediction.windows import Outcome, StickSlipLimit, patience
 from identify.prediction.wording import amplitude_text, closed_form_text, said, stability_text
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it w
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Where an outlook is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
+    """Where a prediction is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
     zero), normal force [N] (positive), covariance (f, f) of the fitted parameters in their own SI units (not of
     logarithms; variances of what is not identifiable may be huge or infinite), None without one."""
 
@@ -55,7 +55,7 @@ class OperatingPoint:
     covariance: ArrayLike | None = None
 
 
-def outlook(
+def predict(
     model: Model,
     values: Mapping[str, float],
     drive_speed: float,
@@ -83,10 +83,10 @@ def outlook(
     return _documents(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or (), True)[0]
 
 
-def outlooks(
+def predictions(
     model: Model, points: Sequence[OperatingPoint], names: Sequence[str], *, draws: bool = True
 ) -> list[dict[str, Any]]:
-    """The outlooks of several operating points, sharing what they have in common: see `outlook`.
+    """The predictions of several operating points, sharing what they have in common: see `prediction`.
 
     A point without an answer gets {"text": why}; the others are not held up by it. Without `draws` intervals are those
     of straight lines, however skew the answers are: for many points of one curve.
@@ -100,7 +100,7 @@ def outlooks(
     except SimulationError as error:
         if len(points) == 1:
             return [{"text": f"no answer for this operating point: {error}"}]
-        return [document for point in points for document in outlooks(model, [point], names, draws=draws)]
+        return [document for point in points for document in predictions(model, [point], names, draws=draws)]
 
 
 def _documents(
@@ -120,7 +120,7 @@ def _documents(
     return [
         _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), tables, shared), forms)
         for map_, point, answer, tables, forms in zip(
-            maps, points, prospects(maps, speeds), slopes, closed_forms_each(pairs, *at), strict=True
+            maps, points, solution_sets(maps, speeds), slopes, closed_forms_each(pairs, *at), strict=True
         )
     ]
 
@@ -135,7 +135,7 @@ def _map(model: Model, point: OperatingPoint) -> CycleMap:
     return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
 
 
-def _document(map_: CycleMap, answer: Prospect, spread: _Intervals, forms: ClosedForms) -> dict[str, Any]:
+def _document(map_: CycleMap, answer: SolutionSet, spread: _Intervals, forms: ClosedForms) -> dict[str, Any]:
     speed = answer.steady.drive_speed
     document: dict[str, Any] = {
         "operating_point": {
@@ -164,7 +164,7 @@ class _Intervals:
     def __init__(
         self,
         map_: CycleMap,
-        answer: Prospect,
+        answer: SolutionSet,
         covariance: ArrayLike | None,
         names: tuple[str, ...],
         forms: tuple[Table, Table],
@@ -205,7 +205,7 @@ class _Intervals:
         if not self._uncertain.is_skew(answer, centre, self._slopes[POSITIVE]):
             return None
         drawn = self._uncertain.drawn()
-        return drawn, ask(self._map.model, drawn, orbit).quantities
+        return drawn, answers_of_draws(self._map.model, drawn, orbit).quantities
 
     def form(self, name: str, value: float) -> Interval | None:
         """Of a number of the closed forms."""
@@ -272,7 +272,7 @@ class _Intervals:
         """Of the drive speed above which there is no stick-slip."""
         return self.limit(self._answer.windows.end)
 
-    def limit(self, limit: Limit | None) -> Interval | None:
+    def limit(self, limit: StickSlipLimit | None) -> Interval | None:
         """Of a drive speed at which stick-slip ends: from draws where it is skew."""
         if self._spread is None or self._uncertain is None or limit is None:
             return None
@@ -292,7 +292,7 @@ class _Intervals:
         return self._spread.signed(self._answer.steady.growth, self._growth, QUIET / self._map.time)
 
 
-def _limits_of_draws(limit: Limit, slopes: Array, uncertain: Uncertain) -> Array | None:
+def _limits_of_draws(limit: StickSlipLimit, slopes: Array, uncertain: Uncertain) -> Array | None:
     """A limit of stick-slip (n,) of every draw over that of the estimate, NaN where there is none; None where it
     follows the parameters in a straight line."""
 
@@ -306,7 +306,7 @@ def _limits_of_draws(limit: Limit, slopes: Array, uncertain: Uncertain) -> Array
     return np.array([np.nan if end is None else float(end[0]) / limit.speed for end in ends])
 
 
-def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
+def _stability(answer: SolutionSet, spread: _Intervals) -> dict[str, Any]:
     steady, windows = answer.steady, answer.windows
     low, high = windows.searched
     if not windows.sticking:
@@ -342,7 +342,7 @@ def _stability(answer: Prospect, spread: _Intervals) -> dict[str, Any]:
     }
 
 
-def _amplitude(map_: CycleMap, answer: Prospect, spread: _Intervals) -> dict[str, Any]:
+def _amplitude(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[str, Any]:
     if answer.orbit is None:
         why = (
             "it sticks and slips, but not periodically" if answer.outcome is Outcome.IRREGULAR else "no stick-slip here"
@@ -364,7 +364,7 @@ def _inverse(interval: Interval | None) -> Interval | None:
 
 
 def _closed_forms(
-    forms: ClosedForms, answer: Prospect, document: dict[str, Any], spread: _Intervals, ignored: tuple[str, ...]
+    forms: ClosedForms, answer: SolutionSet, document: dict[str, Any], spread: _Intervals, ignored: tuple[str, ...]
 ) -> dict[str, Any]:
     nonlinear, alpha = document["amplitude"], forms.groups.alpha
     peak, a = nonlinear["peak_speed"]["value"], forms.groups.v_a / answer.steady.drive_speed

@@ -17,8 +17,8 @@ from identify.prediction.orbit import Orbit, settle
 from identify.prediction.path import moved_orbit
 from identify.prediction.quantities import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
 from identify.prediction.sliding import growth_rates
-from identify.prediction.solutions import Prospect, prospect
-from identify.prediction.windows import Limit, long_enough
+from identify.prediction.solutions import SolutionSet, solution_set
+from identify.prediction.windows import StickSlipLimit, long_enough
 from identify.prediction.wording import said
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -38,7 +38,7 @@ CHANCE = 3.5  # what chance adds to that, times the root of the draws: 2.6 stand
 
 
 @dataclass(frozen=True)
-class Chance:
+class Probability:
     """Probability of an outcome: from straight lines (None where open), and the share of draws with its interval."""
 
     linear: float | None
@@ -47,13 +47,13 @@ class Chance:
 
 
 @dataclass(frozen=True)
-class Certainty:
+class StickSlipProbability:
     """How sure the answers are: possible, that stick-slip exists at the drive speed; certain, that it starts by
     itself too (steady sliding is unstable); sampled (low, high) by name of `sensitivity.QUANTITIES`, among draws that
     stick and slip; draws that were asked, and refused as no pair can have them; open: why nothing could be drawn."""
 
-    possible: Chance | None
-    certain: Chance | None
+    possible: Probability | None
+    certain: Probability | None
     sampled: Mapping[str, tuple[float, float]]
     draws: int
     refused: int
@@ -61,7 +61,7 @@ class Certainty:
 
 
 @dataclass(frozen=True)
-class FitOptions:
+class DrawAnswers:
     """What n draws do: quantities (n, 8), NaN without stick-slip; sticks (n,); growth rate of sliding (n,) [1/s]."""
 
     quantities: Array
@@ -69,14 +69,14 @@ class FitOptions:
     growth: Array
 
 
-def certainty(
+def stick_slip_probability(
     map_: CycleMap,
-    answer: Prospect,
+    answer: SolutionSet,
     names: Sequence[str],
     covariance: ArrayLike,
     count: int = DRAWS,
     seed: int = 0,
-) -> Certainty:
+) -> StickSlipProbability:
     """How sure the answer at its drive speed is.
 
     Args:
@@ -87,20 +87,22 @@ def certainty(
     values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True)) | point
     left = unknown(map_.model, values, names, covariance)
     if left:
-        return Certainty(None, None, {}, 0, 0, left)
+        return StickSlipProbability(None, None, {}, 0, 0, left)
     drawn = draw(map_.model, values, names, covariance, count, seed)
-    asked = ask(map_.model, drawn, answer.orbit)
-    linear = linear_chances(map_, answer, names, np.asarray(covariance, float))
+    asked = answers_of_draws(map_.model, drawn, answer.orbit)
+    linear = linear_probabilities(map_, answer, names, np.asarray(covariance, float))
     unstable = asked.growth > 0
     ends = {}
     if np.sum(asked.sticks) >= LEAST_DRAWS:
         rows = np.nanquantile(asked.quantities[asked.sticks], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
         ends = {name: (float(rows[0, i]), float(rows[1, i])) for i, name in enumerate(QUANTITIES)}
-    chances = [_chance(q, hits) for q, hits in zip(linear, (asked.sticks, asked.sticks & unstable), strict=True)]
-    return Certainty(chances[0], chances[1], ends, drawn.p.shape[0], drawn.refused)
+    probabilities = [
+        _probability_of(q, hits) for q, hits in zip(linear, (asked.sticks, asked.sticks & unstable), strict=True)
+    ]
+    return StickSlipProbability(probabilities[0], probabilities[1], ends, drawn.p.shape[0], drawn.refused)
 
 
-def ask(model: Model, drawn: Drawn, near: Orbit | None) -> FitOptions:
+def answers_of_draws(model: Model, drawn: Drawn, near: Orbit | None) -> DrawAnswers:
     """What every draw does; `near` is the orbit of the estimate, from which those of the draws are sought."""
     count = drawn.p.shape[0]
     growth = growth_rates(model, drawn.p, drawn.drive_speed, drawn.normal_force) if count else np.zeros(0)
@@ -116,11 +118,11 @@ def ask(model: Model, drawn: Drawn, near: Orbit | None) -> FitOptions:
                 break
         if orbit is not None:
             sticks[i], rows[i] = True, quantities(map_, orbit.cycle, speed)
-    return FitOptions(rows, sticks, growth)
+    return DrawAnswers(rows, sticks, growth)
 
 
-def linear_chances(
-    map_: CycleMap, answer: Prospect, names: Sequence[str], covariance: Array
+def linear_probabilities(
+    map_: CycleMap, answer: SolutionSet, names: Sequence[str], covariance: Array
 ) -> tuple[float | None, float | None]:
     """(possible, certain) from straight lines: of the logarithm of the speed at which stick-slip ends over the drive
     speed, and of the growth rate of sliding; None where open."""
@@ -135,7 +137,7 @@ def linear_chances(
     return possible, min(possible, unstable)
 
 
-def _possible(map_: CycleMap, answer: Prospect, names: Sequence[str], spread: Spread) -> float | None:
+def _possible(map_: CycleMap, answer: SolutionSet, names: Sequence[str], spread: Spread) -> float | None:
     """By the limits of the range with stick-slip that is nearest to the drive speed."""
     speed, parts = answer.steady.drive_speed, answer.windows.sticking
     if not parts:
@@ -146,7 +148,7 @@ def _possible(map_: CycleMap, answer: Prospect, names: Sequence[str], spread: Sp
     return None if low is None or high is None else max(0.0, high - low)
 
 
-def _above(map_: CycleMap, limit: Limit, speed: float, names: Sequence[str], spread: Spread) -> float | None:
+def _above(map_: CycleMap, limit: StickSlipLimit, speed: float, names: Sequence[str], spread: Spread) -> float | None:
     """Probability that a limit lies above the drive speed [m/s]; None where it is open."""
     ratio, slopes = limit.speed / speed, end_slopes(map_, limit, names) / speed
     if "drive_speed" in names:
@@ -157,12 +159,12 @@ def _above(map_: CycleMap, limit: Limit, speed: float, names: Sequence[str], spr
     return normal_below(float(np.log(ratio)) / deviation) if deviation > 0 else float(ratio > 1)
 
 
-def _chance(linear: float | None, hits: NDArray[np.bool_]) -> Chance:
+def _probability_of(linear: float | None, hits: NDArray[np.bool_]) -> Probability:
     n, k = hits.size, int(np.sum(hits))
     tail = (1 - LEVEL) / 2
     low = beta(tail, k, n - k + 1) if k else 0.0
     high = beta(1 - tail, k + 1, n - k) if k < n else 1.0
-    return Chance(linear, k / n if n else float("nan"), (low, high))
+    return Probability(linear, k / n if n else float("nan"), (low, high))
 
 
 def alike(linear: Interval, sampled: tuple[float, float], draws: int) -> bool | None:
@@ -173,13 +175,20 @@ def alike(linear: Interval, sampled: tuple[float, float], draws: int) -> bool | 
     return bool(abs(sampled[0] - linear.low) <= apart and abs(sampled[1] - linear.high) <= apart)
 
 
-def document(found: Certainty, linear: Mapping[str, Interval | None], values: Mapping[str, float]) -> dict[str, Any]:
+def document(
+    found: StickSlipProbability, linear: Mapping[str, Interval | None], values: Mapping[str, float]
+) -> dict[str, Any]:
     """The certainty as an answer: probabilities, and every quantity with its linear and its sampled interval."""
 
-    def told(chance: Chance | None) -> dict[str, Any] | None:
-        if chance is None:
+    def told(probability: Probability | None) -> dict[str, Any] | None:
+        if probability is None:
             return None
-        return {"value": chance.sampled, "unit": "", "interval": list(chance.interval), "linear": chance.linear}
+        return {
+            "value": probability.sampled,
+            "unit": "",
+            "interval": list(probability.interval),
+            "linear": probability.linear,
+        }
 
     rows = {}
     for name, ends in found.sampled.items():
@@ -208,7 +217,7 @@ def document(found: Certainty, linear: Mapping[str, Interval | None], values: Ma
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def sureness(
+def probability_document(
     model: Model,
     values: Mapping[str, float],
     drive_speed: float,
@@ -236,11 +245,11 @@ def sureness(
     where = f"{said(abs(drive_speed), 'm/s')} and {said(normal_force, 'N')}"
     if covariance is None or not names:
         why = "nothing that it depends on has an error: give tolerances, priors, or the result of a fit that tells it"
-        empty = document(Certainty(None, None, {}, 0, 0), {}, {})
+        empty = document(StickSlipProbability(None, None, {}, 0, 0), {}, {})
         return empty | {"text": f"How sure this is at {where} cannot be said: {why}."}
     map_ = CycleMap(model, normal_force, np.array([float(values[name]) for name in model.parameter_names]))
-    answer = prospect(map_, abs(drive_speed))
-    found = certainty(map_, answer, names, covariance, draws, seed)
+    answer = solution_set(map_, abs(drive_speed))
+    found = stick_slip_probability(map_, answer, names, covariance, draws, seed)
     lines: dict[str, Interval | None] = {}
     now: dict[str, float] = {}
     if answer.orbit is not None:
@@ -254,7 +263,7 @@ def sureness(
     return told | {"text": _text(where, found, told)}
 
 
-def _text(where: str, found: Certainty, told: Mapping[str, Any]) -> str:
+def _text(where: str, found: StickSlipProbability, told: Mapping[str, Any]) -> str:
     if found.possible is None or found.certain is None:
         return f"Probability of stick-slip at {where}: open, as these data do not tell {', '.join(found.open)}."
     sentences = [
@@ -273,11 +282,11 @@ def _text(where: str, found: Certainty, told: Mapping[str, Any]) -> str:
     return " ".join(sentences)
 
 
-def _probability(chance: Chance, draws: int) -> str:
-    low, high = (100 * end for end in chance.interval)
-    share = 100 * chance.sampled
+def _probability(probability: Probability, draws: int) -> str:
+    low, high = (100 * end for end in probability.interval)
+    share = 100 * probability.sampled
     middle = f"above {low:.3g} %" if share == 100 else f"below {high:.2g} %" if share == 0 else f"{share:.3g} %"
-    line = "open" if chance.linear is None else _line(100 * chance.linear)
+    line = "open" if probability.linear is None else _line(100 * probability.linear)
     ends = "" if share in (0, 100) else f", 95 %: {low:.3g} to {high:.3g} %"
     return f"{middle} ({draws} draws{ends}; by straight lines {line})"
 

@@ -13,8 +13,8 @@ from identify.prediction.cycle import Cycle, CycleMap, loads
 from identify.prediction.orbit import Orbit
 from identify.prediction.path import along
 from identify.prediction.sliding import slidings
-from identify.prediction.slip import Leg
-from identify.prediction.windows import Limit
+from identify.prediction.slip import SlipSegment
+from identify.prediction.windows import StickSlipLimit
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the force that the load cell sees is highest and lowest in a cycle: what a lab calls the size of a jump.
@@ -31,19 +31,19 @@ SHARP = 1e-12  # of a step of the integration: how well the place of an extreme 
 
 @dataclass(frozen=True)
 class Extreme:
-    """A highest or lowest force [N]: `length` [s] into the step from node `node` of the slip, which belongs to `leg`.
-    Without a leg the force is extreme at the node itself, where the motion switches."""
+    """A highest or lowest force [N]: `length` [s] into the step from node `node` of the slip, which belongs to
+    `segment`. Without a segment the force is extreme at the node itself, where the motion switches."""
 
     force: float
     node: int
-    leg: Leg | None = None
+    segment: SlipSegment | None = None
     length: float = 0.0
 
 
 def extremes(map_: CycleMap, cycle: Cycle) -> tuple[Extreme, Extreme]:
     """The highest and the lowest force of a cycle: between the nodes of the integration, by its own steps."""
-    forces = np.array([map_.load(x, cycle.setting) for x in cycle.glide.x])
-    map_.glider.set(cycle.setting)
+    forces = np.array([map_.load(x, cycle.setting) for x in cycle.slip_motion.x])
+    map_.slip_integrator.set(cycle.setting)
     return _extreme(map_, cycle, forces, 1.0), _extreme(map_, cycle, forces, -1.0)
 
 
@@ -56,25 +56,25 @@ def peak_to_valley(map_: CycleMap, cycle: Cycle) -> float:
 def peak_to_valley_slope(map_: CycleMap, cycle: Cycle) -> Array:
     """Its derivatives (m,) by the rest state before the cycle and by the setting; NaN where an extreme lies at a switch
     in the middle of a slip."""
-    w, glide, onset = cycle.setting, cycle.glide, map_.onset_slopes(cycle)
+    w, slip_motion, onset = cycle.setting, cycle.slip_motion, map_.onset_slopes(cycle)
     found = extremes(map_, cycle)
-    sums = np.zeros((2, *glide.x.shape))
+    sums = np.zeros((2, *slip_motion.x.shape))
     direct = np.zeros((2, w.size))
     for i, extreme in enumerate(found):
         # The force stands still there, so that the time of it does not matter.
-        if extreme.leg is None:
-            sums[i, extreme.node], direct[i] = map_.load_slopes(glide.x[extreme.node], w)
+        if extreme.segment is None:
+            sums[i, extreme.node], direct[i] = map_.load_slopes(slip_motion.x[extreme.node], w)
             continue
-        x = glide.x[extreme.node]
-        after = map_.glider.step(extreme.leg.mode, x, extreme.length, extreme.leg.direction)
+        x = slip_motion.x[extreme.node]
+        after = map_.slip_integrator.step(extreme.segment.mode, x, extreme.length, extreme.segment.direction)
         by_state, by_setting = map_.load_slopes(after, w)
-        step = map_.glider.step_tangents(extreme.leg, np.append(x, extreme.length)[None], w.size)[0]
+        step = map_.slip_integrator.step_tangents(extreme.segment, np.append(x, extreme.length)[None], w.size)[0]
         sums[i, extreme.node] = by_state @ step[:, : x.size]
         direct[i] = by_setting + by_state @ step[:, x.size :]
-    _, slopes = map_.glider.tangents(glide, w, onset, sums)
+    _, slopes = map_.slip_integrator.tangents(slip_motion, w, onset, sums)
     slopes[:, -w.size :] += direct
     for i, extreme in enumerate(found):
-        if extreme.leg is None and extreme.node > 0:
+        if extreme.segment is None and extreme.node > 0:
             slopes[i] = np.nan
     return np.asarray(slopes[0] - slopes[1])
 
@@ -83,27 +83,27 @@ def _extreme(map_: CycleMap, cycle: Cycle, forces: Array, sign: float) -> Extrem
     """Of the forces at the nodes (s+1,) the highest (sign 1) or lowest (-1), with the steps beside it looked into."""
     top = int(np.argmax(sign * forces))
     best = Extreme(float(forces[top]), top)
-    for leg in cycle.glide.legs:
-        for node in range(max(leg.first, top - 1), min(leg.last, top + 1)):
-            length = _turn(map_, cycle, leg, node, sign)
+    for segment in cycle.slip_motion.segments:
+        for node in range(max(segment.first, top - 1), min(segment.last, top + 1)):
+            length = _turn(map_, cycle, segment, node, sign)
             if length is not None:
-                after = map_.glider.step(leg.mode, cycle.glide.x[node], length, leg.direction)
+                after = map_.slip_integrator.step(segment.mode, cycle.slip_motion.x[node], length, segment.direction)
                 force = map_.load(after, cycle.setting)
-                if best.leg is None or sign * force > sign * best.force:
-                    best = Extreme(force, node, leg, length)
+                if best.segment is None or sign * force > sign * best.force:
+                    best = Extreme(force, node, segment, length)
     return best
 
 
-def _turn(map_: CycleMap, cycle: Cycle, leg: Leg, node: int, sign: float) -> float | None:
+def _turn(map_: CycleMap, cycle: Cycle, segment: SlipSegment, node: int, sign: float) -> float | None:
     """How far into the step from a node the force turns, from rising to falling (sign 1) or the other way; None where
     it does not."""
-    x, glider = cycle.glide.x[node], map_.glider
-    step = float(cycle.glide.t[node + 1] - cycle.glide.t[node])
+    x, slip_integrator = cycle.slip_motion.x[node], map_.slip_integrator
+    step = float(cycle.slip_motion.t[node + 1] - cycle.slip_motion.t[node])
 
     def rising(length: float) -> float:
-        after = glider.step(leg.mode, x, length, leg.direction) if length else x
+        after = slip_integrator.step(segment.mode, x, length, segment.direction) if length else x
         by_state, _ = map_.load_slopes(after, cycle.setting)
-        return sign * float(by_state @ glider.rate(leg.mode, after, leg.direction))
+        return sign * float(by_state @ slip_integrator.rate(segment.mode, after, segment.direction))
 
     if not (step > 0.0 and rising(0.0) > 0.0 > rising(step)):
         return None
@@ -165,7 +165,7 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
     return np.asarray((rows[:, n:] + rows[:, :n] @ closing)[:, _columns(map_, names)])
 
 
-def end_slopes(map_: CycleMap, limit: Limit, names: Sequence[str]) -> Array:
+def end_slopes(map_: CycleMap, limit: StickSlipLimit, names: Sequence[str]) -> Array:
     """Derivatives of a limit of stick-slip [m/s] by parameters: shape (len(names),), NaN where not to be had."""
     return np.asarray(limit.slopes[_columns(map_, names)])
 

@@ -47,7 +47,7 @@ class _Symbols:
 
 
 @lru_cache(maxsize=16)
-def glide_tangents(model: Model) -> Mapping[ModeName, Mapped]:
+def slip_tangents(model: Model) -> Mapping[ModeName, Mapped]:
     """Compiled by model, per sliding mode: steps (x and length, w, direction) -> d after/d (x, w)."""
     s, n_x, out = _Symbols.of(model), len(model.states), dict[ModeName, Mapped]()
     for name in sliding_modes(model.clamped is not None):
@@ -58,7 +58,7 @@ def glide_tangents(model: Model) -> Mapping[ModeName, Mapped]:
 
 
 @lru_cache(maxsize=16)
-def glide_functions(model: Model) -> Mapping[str, ca.Function]:
+def slip_functions(model: Model) -> Mapping[str, ca.Function]:
     """Compiled by model: per sliding mode `step_`, the `rate_`; what rest needs.
 
     step: (x and length, w, direction, tolerances) -> x after, error norm, guards and their slopes in time, as one
@@ -102,7 +102,7 @@ def glide_functions(model: Model) -> Mapping[str, ca.Function]:
 Array = NDArray[np.float64]
 
 MAX_STEPS = 200_000  # of one slip: a bound, so that no scene runs for ever
-MAX_LEGS = 200  # of one slip; more is chatter
+MAX_SEGMENTS = 200  # of one slip; more is chatter
 NEWTON_STEPS = 60
 SPEED_GUARD = GUARDS.index("speed")
 SPEED_SLOPE = 1 + len(GUARDS) + SPEED_GUARD  # place of its slope in the result of a step, behind the state
@@ -110,8 +110,8 @@ CLOSE = 0.25  # of the speed before it: a minimum of the speed as low as this is
 
 
 @dataclass(frozen=True)
-class Leg:
-    """A stretch of one mode and direction (+1 or -1), between the nodes `first` and `last` of its glide."""
+class SlipSegment:
+    """A stretch of one mode and direction (+1 or -1), between the nodes `first` and `last` of its slip."""
 
     mode: ModeName
     direction: float
@@ -120,31 +120,31 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Glide:
+class SlipMotion:
     """A slip. t (s+1,) [s] from its onset, x (s+1, n_x); `rests`: its end is an arrest, not the time limit."""
 
     t: Array
     x: Array
-    legs: tuple[Leg, ...]
+    segments: tuple[SlipSegment, ...]
     rests: bool
 
     @property
     def turns(self) -> bool:
         """Whether the mass slid backwards on the way."""
-        return any(leg.direction < 0 for leg in self.legs)
+        return any(segment.direction < 0 for segment in self.segments)
 
 
-class Glider:
+class SlipIntegrator:
     """Slides one model with fixed tolerances; holds the buffers, so one per thread.
 
     Args:
-        rtol, atol (n_x,): relative and absolute tolerance of a step. first: length of the first step of a leg [s].
+        rtol, atol (n_x,): relative and absolute tolerance of a step. first: length of the first step of a segment [s].
     """
 
     def __init__(self, model: Model, rtol: float, atol: Array, first: float) -> None:
         self.model, self.first = model, first
         self._n = len(model.states)
-        self._calls: dict[str, Compiled] = {name: compiled(f) for name, f in glide_functions(model).items()}
+        self._calls: dict[str, Compiled] = {name: compiled(f) for name, f in slip_functions(model).items()}
         modes = sliding_modes(model.clamped is not None)
         self._exits = {name: [(GUARDS.index(g), then) for g, then in m.exits] for name, m in modes.items()}
         self._direction = np.ones(1)
@@ -154,7 +154,7 @@ class Glider:
             given = [self._xh, self._w, self._direction, tolerances]
             call.bind([self._xh[:-1], self._w] if name == "hold" else given[: len(call.given)])
 
-    def slide(self, x: Array, w: Array, limit: float, *, stops: bool = True) -> Glide:
+    def slide(self, x: Array, w: Array, limit: float, *, stops: bool = True) -> SlipMotion:
         """Slide from x (n_x,) until the mass rests, or for `limit` [s].
 
         Args:
@@ -164,28 +164,28 @@ class Glider:
             SimulationError: the integration needs more than MAX_STEPS steps or meets a state that is not finite.
         """
         self.set(w)
-        times, states, legs = [0.0], [x.tolist()], list[Leg]()
+        times, states, segments = [0.0], [x.tolist()], list[SlipSegment]()
         mode: ModeName = "slip"
         direction = 1.0
-        for _ in range(MAX_LEGS):
+        for _ in range(MAX_SEGMENTS):
             first, self._direction[0] = len(times) - 1, direction
-            ended_by = self._leg(mode, times, states, limit, stops)
-            legs.append(Leg(mode, direction, first, len(times) - 1))
+            ended_by = self._segment(mode, times, states, limit, stops)
+            segments.append(SlipSegment(mode, direction, first, len(times) - 1))
             if ended_by is None:
-                return Glide(np.array(times), np.array(states), tuple(legs), rests=False)
+                return SlipMotion(np.array(times), np.array(states), tuple(segments), rests=False)
             if ended_by != SPEED_GUARD:
                 mode = dict(self._exits[mode])[ended_by]
                 continue
             pull, grip = self.hold(np.array(states[-1]), w)
             if abs(pull) < grip:
-                return Glide(np.array(times), np.array(states), tuple(legs), rests=True)
+                return SlipMotion(np.array(times), np.array(states), tuple(segments), rests=True)
             mode, direction = "slip", float(np.sign(pull))
-        return Glide(np.array(times), np.array(states), tuple(legs), rests=False)
+        return SlipMotion(np.array(times), np.array(states), tuple(segments), rests=False)
 
-    def _leg(
+    def _segment(
         self, mode: ModeName, times: list[float], states: list[list[float]], limit: float, stops: bool
     ) -> int | None:
-        """Append one leg; the guard that ended it, by its place in GUARDS, None when the time was up."""
+        """Append one segment; the guard that ended it, by its place in GUARDS, None when the time was up."""
         call, n, xh = self._calls[f"step_{mode}"], self._n, self._xh
         exits = [i for i, _ in self._exits[mode] if stops or i != SPEED_GUARD]
         x, t = states[-1], times[-1]
@@ -248,7 +248,7 @@ class Glider:
 
         low, high, at = 0.0, h, h
         if fresh:
-            # A leg may start with the guard at zero: find where it is positive first, if anywhere.
+            # A segment may start with the guard at zero: find where it is positive first, if anywhere.
             low = next((f * h for f in (0.5, 0.25, 0.1, 1e-2, 1e-4) if evaluate(f * h)[0] > 0.0), 0.0)
             if low == 0.0:
                 return 0.0
@@ -264,7 +264,7 @@ class Glider:
             at = new if low < new < high else 0.5 * (low + high)
         return at
 
-    def tangents(self, glide: Glide, w: Array, onset: Array, sums: Array) -> tuple[Array, Array]:
+    def tangents(self, slip_motion: SlipMotion, w: Array, onset: Array, sums: Array) -> tuple[Array, Array]:
         """Derivatives, at fixed times, of the last state (n_x, m) and of sums over the states at the nodes (q, m).
 
         Args:
@@ -274,38 +274,40 @@ class Glider:
         Taken from the end backwards: a few numbers per node instead of all m directions.
         """
         self.set(w)
-        n, columns, lengths = self._n, w.size, np.diff(glide.t)
+        n, columns, lengths = self._n, w.size, np.diff(slip_motion.t)
         back = np.vstack([np.eye(n), sums[:, -1]])
         direct = np.zeros((back.shape[0], columns))
-        for number in reversed(range(len(glide.legs))):
-            leg = glide.legs[number]
-            steps = np.column_stack([glide.x[leg.first : leg.last], lengths[leg.first : leg.last]])
-            slopes = self.step_tangents(leg, steps, columns)
+        for number in reversed(range(len(slip_motion.segments))):
+            segment = slip_motion.segments[number]
+            steps = np.column_stack(
+                [slip_motion.x[segment.first : segment.last], lengths[segment.first : segment.last]]
+            )
+            slopes = self.step_tangents(segment, steps, columns)
             by_state = np.ascontiguousarray(slopes[:, :, :n])
             behind = np.empty((back.shape[0], len(steps), n))
             for i in reversed(range(len(steps))):
                 behind[:, i] = back
                 back = back.dot(by_state[i])
-                back[n:] += sums[:, leg.first + i]
+                back[n:] += sums[:, segment.first + i]
             direct += behind.reshape(back.shape[0], -1) @ slopes[:, :, n:].reshape(-1, columns)
             if number:
-                back = back @ self._switch(glide, number)
+                back = back @ self._switch(slip_motion, number)
         out = back @ onset
         out[:, -columns:] += direct
         return out[:n], out[n:]
 
-    def step_tangents(self, leg: Leg, steps: Array, columns: int) -> Array:
-        """d after/d (x, w) of every step (s, n_x + 1) of a leg: shape (s, n_x, n_x + columns)."""
+    def step_tangents(self, segment: SlipSegment, steps: Array, columns: int) -> Array:
+        """d after/d (x, w) of every step (s, n_x + 1) of a segment: shape (s, n_x, n_x + columns)."""
         settings = np.broadcast_to(self._w, (steps.shape[0], self._w.size))
-        direction = np.full(steps.shape[0], leg.direction)
-        (out,) = glide_tangents(self.model)[leg.mode]([steps, settings, direction])
+        direction = np.full(steps.shape[0], segment.direction)
+        (out,) = slip_tangents(self.model)[segment.mode]([steps, settings, direction])
         return out.reshape(-1, self._n, self._n + columns)
 
-    def _switch(self, glide: Glide, number: int) -> Array:
-        """What the switch to a leg does to tangents (n_x, n_x): 1 + (rate before - rate after) d(switch time)."""
-        before, after = glide.legs[number - 1], glide.legs[number]
-        x, out = glide.x[after.first], np.eye(self._n)
-        rates = [self.rate(leg.mode, x, leg.direction) for leg in (before, after)]
+    def _switch(self, slip_motion: SlipMotion, number: int) -> Array:
+        """What the switch to a segment does to tangents (n_x, n_x): 1 + (rate before - rate after) d(switch time)."""
+        before, after = slip_motion.segments[number - 1], slip_motion.segments[number]
+        x, out = slip_motion.x[after.first], np.eye(self._n)
+        rates = [self.rate(segment.mode, x, segment.direction) for segment in (before, after)]
         if before.direction != after.direction:
             moved = SPEED
         elif after.mode == "saturated" and self.model.clamped is not None:

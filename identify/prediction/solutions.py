@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.prediction.cycle import CycleMap, loads
-from identify.prediction.orbit import Orbit, Settled, close, settle
+from identify.prediction.orbit import Orbit, SettledMotion, close, settle
 from identify.prediction.path import expected
 from identify.prediction.sliding import Sliding, slidings
 from identify.prediction.windows import (
@@ -25,7 +25,7 @@ ALIKE = 1.03  # ratio of normal forces up to which the same windows, their ends 
 
 
 @dataclass(frozen=True)
-class Prospect:
+class SolutionSet:
     """The answer of the nonlinear model at one drive speed [m/s].
 
     orbit: periodic stick-slip there, None without one; steady: steady sliding there; windows: what happens at every
@@ -43,16 +43,16 @@ class Prospect:
         return None if self.windows.end is None else self.windows.end.speed
 
 
-def prospect(map_: CycleMap, drive_speed: float) -> Prospect:
+def solution_set(map_: CycleMap, drive_speed: float) -> SolutionSet:
     """The answer at drive speed [m/s], positive, and at all others.
 
     Raises:
         SimulationError: the motion cannot be integrated, or there is no steady sliding.
     """
-    return prospects([map_], [drive_speed])[0]
+    return solution_sets([map_], [drive_speed])[0]
 
 
-def prospects(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> list[Prospect]:
+def solution_sets(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> list[SolutionSet]:
     """The answers of one model at several drive speeds [m/s], positive, each under its own map.
 
     Where pair and rig are the same and the normal forces differ by a few percent at most, the windows of one serve
@@ -70,7 +70,7 @@ def prospects(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> list[P
         here, windows = _at(map_, state, shared)
         if shared is None:
             known.append((map_, windows))
-        out.append(Prospect(outcome_of(here.orbit, here.sticks, state.stable), here.orbit, state, windows))
+        out.append(SolutionSet(outcome_of(here.orbit, here.sticks, state.stable), here.orbit, state, windows))
     return out
 
 
@@ -83,7 +83,7 @@ def _serves(other: CycleMap, windows: Windows, map_: CycleMap) -> bool:
     return ratio == 1.0 or all(np.isfinite(limit.slopes[-2]) for limit in limits)
 
 
-def _at(map_: CycleMap, steady: Sliding, shared: Windows | None) -> tuple[Settled, Windows]:
+def _at(map_: CycleMap, steady: Sliding, shared: Windows | None) -> tuple[SettledMotion, Windows]:
     """What the motion at a drive speed settles on, and windows that agree with it.
 
     Where they do not (a window narrower than the grid, or a speed at its very edge), the windows are searched again
@@ -99,7 +99,7 @@ def _at(map_: CycleMap, steady: Sliding, shared: Windows | None) -> tuple[Settle
     return _refined(map_, here), windows
 
 
-def _settled(map_: CycleMap, speed: float, wait: float, windows: Windows) -> Settled:
+def _settled(map_: CycleMap, speed: float, wait: float, windows: Windows) -> SettledMotion:
     """What the motion settles on from a rested contact, else from the nearest stick-slip of the windows."""
     here = settle(map_, speed, patience=wait)
     near = windows.near(speed)
@@ -109,11 +109,11 @@ def _settled(map_: CycleMap, speed: float, wait: float, windows: Windows) -> Set
     if orbit is not None:
         there = close(map_, expected(orbit, map_.scale, map_, map_.setting(speed)), speed, patience=wait)
         if there is not None and there.stable:
-            return Settled(there, True, there.y)
+            return SettledMotion(there, True, there.y)
     return settle(map_, speed, state, patience=wait)
 
 
-def _refined(map_: CycleMap, here: Settled) -> Settled:
+def _refined(map_: CycleMap, here: SettledMotion) -> SettledMotion:
     """A small jump closed again with tighter steps: what is left of it is a difference of large numbers."""
     orbit = here.orbit
     if orbit is None:

@@ -16,7 +16,7 @@ from identify.prediction.closed_forms import number
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.intervals import POINT, Interval, Spread
 from identify.prediction.orbit import Orbit, close, settle
-from identify.prediction.path import End, drive_course, trace
+from identify.prediction.path import PathEnd, drive_speed_path, trace
 from identify.prediction.sliding import clearances, growth_rates
 from identify.prediction.sources import Tested
 from identify.prediction.windows import long_enough
@@ -167,7 +167,7 @@ class Search:
             slopes = -slopes / by
         return (better, slopes) if abs(better / value - 1) < POLISHED else (value, slopes)
 
-    def _fold(self, map_: CycleMap, orbit: Orbit) -> End | None:
+    def _fold(self, map_: CycleMap, orbit: Orbit) -> PathEnd | None:
         """The fold over the logarithm of the drive speed nearest to an orbit, towards faster or slower drives."""
         ends = []
         here = float(np.log(orbit.drive_speed))
@@ -176,9 +176,15 @@ class Search:
             speed = float(np.exp(place))
             seed = close(map_, orbit.y, speed) or settle(map_, speed).orbit
             if seed is not None:
-                course = drive_course(seed.cycle.setting)
-                path = trace(map_, seed, course if sign > 0 else course.reversed(), sign * place, sign * place + REACH)
-                ends += [] if path.end is None else [End(sign * path.end.place, sign * path.end.slopes)]
+                setting_path = drive_speed_path(seed.cycle.setting)
+                path = trace(
+                    map_,
+                    seed,
+                    setting_path if sign > 0 else setting_path.reversed(),
+                    sign * place,
+                    sign * place + REACH,
+                )
+                ends += [] if path.end is None else [PathEnd(sign * path.end.place, sign * path.end.slopes)]
         return min(ends, key=lambda end: abs(end.place - here), default=None)
 
 
@@ -224,7 +230,7 @@ BETWEEN = 3  # values between limit and advice at which it is made sure that not
 
 
 @dataclass(frozen=True)
-class Change:
+class StabilisingChange:
     """What a quantity has to be: its limit with its interval, and the value advised (None: cannot be reached, `reason`
     says why); least: it is a least value (else a most); extrapolated: outside the tested range."""
 
@@ -237,7 +243,7 @@ class Change:
     reason: str = ""
 
 
-def advise(
+def stabilising_changes(
     model: Model,
     values: Mapping[str, float],
     drive_speed: float,
@@ -283,7 +289,9 @@ def advise(
     return _document(search, changes, margin)
 
 
-def _change(search: Search, name: str, spread: Spread | None, tested: Tested | None, margin: float) -> Change:
+def _change(
+    search: Search, name: str, spread: Spread | None, tested: Tested | None, margin: float
+) -> StabilisingChange:
     now = search.now(name)
     low, high = _admissible(search.map.model, name, now / FACTORS[name], now * FACTORS[name])
     turn = search.turn(name, low, high)
@@ -291,7 +299,9 @@ def _change(search: Search, name: str, spread: Spread | None, tested: Tested | N
     if turn is None:
         unit = WORDS[name][1]
         said_so = "it is steady" if search.here.steady else "it is not steady"
-        return Change(name, now, None, None, None, outside, f"{said_so} from {said(low, unit)} to {said(high, unit)}")
+        return StabilisingChange(
+            name, now, None, None, None, outside, f"{said_so} from {said(low, unit)} to {said(high, unit)}"
+        )
     interval = None if spread is None else spread.positive(turn.value, _slopes(search, name, turn, spread.names))
     advised = turn.value * (1 + margin) if turn.rising else turn.value / (1 + margin)
     reason = ""
@@ -303,7 +313,7 @@ def _change(search: Search, name: str, spread: Spread | None, tested: Tested | N
     outside = tested is not None and tested.extrapolated(
         name.removesuffix("_at_zeta"), advised if advised > 0 else turn.value
     )
-    return Change(name, now, turn, interval, advised if np.isfinite(advised) else None, outside, reason)
+    return StabilisingChange(name, now, turn, interval, advised if np.isfinite(advised) else None, outside, reason)
 
 
 def _admissible(model: Model, name: str, low: float, high: float) -> tuple[float, float]:
@@ -328,7 +338,7 @@ def _steady_up_to(search: Search, name: str, limit: float, advised: float) -> bo
     return all(search.state(search.moved(name, limit * (advised / limit) ** s)).steady for s in shares.tolist())
 
 
-def _document(search: Search, changes: Sequence[Change], margin: float) -> dict[str, Any]:
+def _document(search: Search, changes: Sequence[StabilisingChange], margin: float) -> dict[str, Any]:
     steady = search.here.steady
     stiffness = search.now("stiffness")
     rows = [_row(change, stiffness) for change in changes]
@@ -343,7 +353,7 @@ def _document(search: Search, changes: Sequence[Change], margin: float) -> dict[
     return {"steady": steady, "margin": margin, "changes": rows, "text": text}
 
 
-def _row(change: Change, stiffness: float) -> dict[str, Any]:
+def _row(change: StabilisingChange, stiffness: float) -> dict[str, Any]:
     words, unit = WORDS[change.quantity]
     turn, advised, interval = change.turn, change.advised, change.interval
     limit = None if turn is None else turn.value

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.prediction.cycle import SLIDES_AFTER, CycleMap
-from identify.prediction.orbit import Orbit, Settled, settle
-from identify.prediction.path import End, Followed, advance, drive_course, moved_orbit, trace
+from identify.prediction.orbit import Orbit, SettledMotion, settle
+from identify.prediction.path import OrbitPath, PathEnd, advance, drive_speed_path, moved_orbit, trace
 from identify.prediction.sliding import growth_rates, unstable_speeds
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
+class StickSlipLimit:
     """A drive speed [m/s] at which stick-slip ends, and its derivatives (n_w,) by parameters, normal force and drive
     speed; NaN where they are not to be had. upper: whether it sticks below; orbit: the last one before a fold."""
 
@@ -52,7 +52,7 @@ class Limit:
     upper: bool
     orbit: Orbit | None = field(default=None, repr=False)
 
-    def under(self, now: float, normal_force: float) -> Limit:
+    def under(self, now: float, normal_force: float) -> StickSlipLimit:
         """The limit under another normal force [N] close to the one `now`, by its derivative."""
         power = float(self.slopes[-2]) * now / self.speed
         return replace(self, speed=self.speed * (normal_force / now) ** power)
@@ -69,9 +69,9 @@ class Limit:
             speed = float(np.exp(place))
             orbit = moved_orbit(self.orbit, map_, speed, patience(map_, speed))
             if orbit is not None:
-                course = drive_course(orbit.cycle.setting)
-                course = course if self.upper else course.reversed()
-                path = trace(map_, orbit, course, sign * place, sign * place + FARTHEST)
+                setting_path = drive_speed_path(orbit.cycle.setting)
+                setting_path = setting_path if self.upper else setting_path.reversed()
+                path = trace(map_, orbit, setting_path, sign * place, sign * place + FARTHEST)
                 return None if path.end is None else float(np.exp(sign * path.end.place))
         return None
 
@@ -83,8 +83,8 @@ class SpeedRange:
     speeds: [m/s], of the motions known in it, rising; orbits, rest states (n_y,): of each (None: irregular).
     """
 
-    low: Limit | None
-    high: Limit | None
+    low: StickSlipLimit | None
+    high: StickSlipLimit | None
     speeds: tuple[float, ...]
     orbits: tuple[Orbit | None, ...] = field(repr=False)
     states: tuple[Array, ...] = field(repr=False)
@@ -122,7 +122,7 @@ class Windows:
     unstable: tuple[tuple[float, float], ...]
 
     @property
-    def end(self) -> Limit | None:
+    def end(self) -> StickSlipLimit | None:
         """Above which there is no stick-slip; None without stick-slip, or where it goes on."""
         return self.sticking[-1].high if self.sticking else None
 
@@ -255,7 +255,7 @@ class _Sweep:
         growth = growth_rates(map_.model, map_.p, np.exp(places), map_.normal_force)
         self._patience = [long_enough(float(rate) * map_.half_period) for rate in growth]
         self._motions: list[_Motion | None] = [None] * places.size
-        self._folds: list[tuple[int, End, Orbit]] = []  # to faster (+1) or slower (-1) drives, orbit before
+        self._folds: list[tuple[int, PathEnd, Orbit]] = []  # to faster (+1) or slower (-1) drives, orbit before
 
     def run(self) -> None:
         """Motions at every node that has stick-slip."""
@@ -272,7 +272,7 @@ class _Sweep:
                     if self._motions[i] is None and beside is not None:
                         changed |= self._start(i, beside.state)
 
-    def _settle(self, place: float, y: Array | None, patience: float) -> Settled:
+    def _settle(self, place: float, y: Array | None, patience: float) -> SettledMotion:
         return settle(self._map, float(np.exp(place)), y, patience=patience)
 
     def _start(self, i: int, y: Array | None) -> bool:
@@ -292,9 +292,9 @@ class _Sweep:
         known = next((j for j in nodes if self._motions[j] is not None), nodes[-1] if nodes else None)
         if known is None:
             return
-        course = drive_course(orbit.cycle.setting)
-        course = course if sign > 0 else course.reversed()
-        path = trace(self._map, orbit, course, sign * float(self._places[i]), sign * float(self._places[known]))
+        setting_path = drive_speed_path(orbit.cycle.setting)
+        setting_path = setting_path if sign > 0 else setting_path.reversed()
+        path = trace(self._map, orbit, setting_path, sign * float(self._places[i]), sign * float(self._places[known]))
         kept = next((n for n, o in enumerate(path.orbits) if n and not o.stable), len(path.orbits))
         reached = path.places[kept - 1]
         if path.end is not None and kept == len(path.orbits):
@@ -329,7 +329,7 @@ class _Sweep:
             )
         return tuple(out)
 
-    def _limit(self, inside: int, outside: int) -> Limit:
+    def _limit(self, inside: int, outside: int) -> StickSlipLimit:
         """Where stick-slip ends between a node that has it and its neighbour that has not: at the fold or the fading of
         a branch, or where the motion itself, followed by halving the gap, sticks no more."""
         sign, motion = outside - inside, self._motions[inside]
@@ -344,7 +344,7 @@ class _Sweep:
             settled = None if sign * (slides - beyond) <= 0.0 else self._settle(beyond, orbit.y, wait)
             if settled is None or not settled.sticks:
                 speed = float(np.exp(place))
-                return Limit(speed, speed * sign * end.slopes, sign > 0, orbit)
+                return StickSlipLimit(speed, speed * sign * end.slopes, sign > 0, orbit)
             sticks, state = beyond, settled.state
         for _ in range(HALVINGS):
             middle = 0.5 * (sticks + slides)
@@ -353,9 +353,11 @@ class _Sweep:
                 sticks, state = middle, settled.state
             else:
                 slides = middle
-        return Limit(float(np.exp(0.5 * (sticks + slides))), np.full(self._map.setting(1.0).size, np.nan), sign > 0)
+        return StickSlipLimit(
+            float(np.exp(0.5 * (sticks + slides))), np.full(self._map.setting(1.0).size, np.nan), sign > 0
+        )
 
-    def _ending(self, sign: int, first: float, last: float, motion: _Motion) -> tuple[End, Orbit] | None:
+    def _ending(self, sign: int, first: float, last: float, motion: _Motion) -> tuple[PathEnd, Orbit] | None:
         """The end of a branch between two coordinates, and its last orbit: a fold that was met, else that of the
         orbit of a motion."""
         met = [(end, orbit) for way, end, orbit in self._folds if way == sign and first <= end.place <= last]
@@ -364,8 +366,8 @@ class _Sweep:
         orbit = motion.orbit
         if orbit is None or not orbit.stable:
             return None
-        course = drive_course(orbit.cycle.setting)
-        course = course if sign > 0 else course.reversed()
-        start = Followed((orbit,), (sign * float(np.log(orbit.drive_speed)),), None)
-        path = advance(self._map, start, course, last, patience)
+        setting_path = drive_speed_path(orbit.cycle.setting)
+        setting_path = setting_path if sign > 0 else setting_path.reversed()
+        start = OrbitPath((orbit,), (sign * float(np.log(orbit.drive_speed)),), None)
+        path = advance(self._map, start, setting_path, last, patience)
         return None if path.ending is None or not path.orbits[-1].stable else (path.ending, path.orbits[-1])

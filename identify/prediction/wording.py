@@ -1,4 +1,4 @@
-"""An outlook in plain words."""
+"""A prediction in plain words."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from identify.base.errors import FitError
 from identify.base.outcome import LogCurves, Status, numbers_of
 from identify.base.wording import wrapped
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.predict import outlook
+from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
 from identify.report.first_screen import first_screen
 from identify.report.stored_result import read_result, scene_of
@@ -159,7 +159,7 @@ class Fit:
         if not isinstance(speed, float) or load is None:
             raise FitError(f"log {log} has no single drive speed or normal force; give drive_speed and normal_force")
         pair = pair_of(self.result, scene, log - 1)
-        return Prediction(outlook(scene.model, scene.values(), speed, load, pair.covariance, pair.names))
+        return Prediction(predict(scene.model, scene.values(), speed, load, pair.covariance, pair.names))
 
     def simulate(
         self,

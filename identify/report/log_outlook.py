@@ -11,7 +11,7 @@ from identify.base.outcome import Status
 from identify.diagnosis.findings import Findings
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.prediction.predict import OperatingPoint, outlooks
+from identify.prediction.predict import OperatingPoint, predictions
 from identify.prediction.sources import with_tied
 from identify.scene.values import Tie
 
@@ -40,10 +40,10 @@ def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Any
     told = (*names, *ties)
     if found.sure is not None and found.sure.of_groups:  # what points have in common is only shared within a pair
         return [
-            {"text": point} if isinstance(point, str) else outlooks(unknowns.model, [point], told)[0]
+            {"text": point} if isinstance(point, str) else predictions(unknowns.model, [point], told)[0]
             for point in points
         ]
-    return outlooks(unknowns.model, [point for point in points if not isinstance(point, str)], told)
+    return predictions(unknowns.model, [point for point in points if not isinstance(point, str)], told)
 
 
 def _ties(unknowns: Unknowns) -> dict[str, Tie]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.quantiles import LEVEL, NORMAL, student, student_below
-from identify.prediction.predict import OperatingPoint, outlooks
+from identify.prediction.predict import OperatingPoint, predictions
 from identify.prediction.sliding import slidings
 from identify.studies.compare import Comparison
 from identify.studies.joint import Joint, Together
@@ -192,7 +192,7 @@ def _ask(
     ground: Common, spreads: _Spreads, speeds: Sequence[float], covariance: Array, *, draws: bool
 ) -> list[dict[str, Any]]:
     points = [OperatingPoint(spreads.values, speed, ground.normal_force, covariance) for speed in speeds]
-    return outlooks(ground.model, points, spreads.names, draws=draws)
+    return predictions(ground.model, points, spreads.names, draws=draws)
 
 
 def _pair(entry: Mapping[str, Any]) -> tuple[float, float] | None:

@@ -18,7 +18,7 @@ from brute_force_lanes import Lanes, simulate
 from identify.cli.main import main
 from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap
-from identify.prediction.predict import OperatingPoint, outlook, outlooks
+from identify.prediction.predict import OperatingPoint, predict, predictions
 from identify.prediction.windows import speed_windows
 from identify.scene import Scene
 
@@ -34,7 +34,7 @@ def pair_of(name: str) -> dict[str, float]:
 
 def ask(pair: dict[str, float], speed: float) -> dict:
     """The answer at a drive speed [m/s]."""
-    return outlook(assemble(study.EFFECTS), pair, speed, pair["normal_force"])
+    return predict(assemble(study.EFFECTS), pair, speed, pair["normal_force"])
 
 
 WINDOW, FLIP = pair_of("window_of_stickslip.toml"), pair_of("flip_end_of_stickslip.toml")
@@ -109,9 +109,9 @@ def test_without_stick_slip_the_range_that_was_searched_is_said():
 def test_points_of_one_pair_share_their_windows_and_close_loads_carry_them():
     model, force = assemble(study.EFFECTS), WINDOW["normal_force"]
     points = [OperatingPoint(WINDOW, speed, force * share) for speed, share in ((3e-4, 1.0), (9e-4, 1.0), (9e-4, 1.02))]
-    first, second, third = outlooks(model, points, ())
+    first, second, third = predictions(model, points, ())
     assert first["stability"]["windows"] == second["stability"]["windows"]
-    own = outlook(model, WINDOW, 9e-4, 1.02 * force)
+    own = predict(model, WINDOW, 9e-4, 1.02 * force)
     (carried,), (exact,) = (document["stability"]["stick_slip_between"] for document in (third, own))
     for side in ("from", "to"):
         assert carried[side]["value"] == pytest.approx(exact[side]["value"], rel=5e-3)
