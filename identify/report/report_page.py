@@ -98,6 +98,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         ),
         held=held_table(result["rig_against_data"]) if result.get("rig_against_data") else None,
         sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
+        search=_search(result),
         timings=_timings(result.get("timing_s") or {}),
         provenance=_provenance(result.get("provenance") or {}),
         scene=_scene(result.get("provenance") or {}),
@@ -130,6 +131,19 @@ def _title(result: Mapping[str, Any], logs: Sequence[Any]) -> str:
     scene = (result.get("provenance") or {}).get("scene") or {}
     name = scene.get("name") if isinstance(scene, Mapping) else None
     return str(name) if name else f"{len(logs)} log{'s' * (len(logs) != 1)}"
+
+
+def _search(result: Mapping[str, Any]) -> str:
+    """What led to the answer, and what else was tried, in one sentence; "" where nothing was searched."""
+    led = list(dict.fromkeys(result.get("found_by") or ()))
+    tried = list(dict.fromkeys(trial["strategy"] for trial in result.get("search") or ()))
+    if not tried:
+        return ""
+    others = [name for name in tried if name not in led]
+    found = f"Found by {', then '.join(led)}" if led else "No answer was found"
+    rest = f"tried besides: {', '.join(others)}" if others else "nothing else was tried"
+    late = ", ".join(result.get("not_tried") or ())
+    return f"{found}; {rest}{f'; there was no time for {late}' if late else ''}."
 
 
 def _timings(timings: Mapping[str, Any]) -> list[tuple[str, str]]:

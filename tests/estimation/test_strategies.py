@@ -104,3 +104,14 @@ def test_a_limit_is_kept_in_the_document() -> None:
     assert scene.time_limit == 120.0
     assert Scene.from_document(scene.as_document()).time_limit == 120.0
     assert "fit" not in Scene.from_toml(FOLDER / "pair.toml").as_document()
+
+
+def test_the_report_says_in_one_sentence_what_led_to_the_answer() -> None:
+    from identify.report.report_page import _search
+
+    trial = {"logs": [1], "status": "converged", "cost": 1.0, "seconds": 0.1}
+    alone = {"search": [trial | {"strategy": "feature start"}], "found_by": ["feature start"], "not_tried": []}
+    assert _search(alone) == "Found by feature start; nothing else was tried."
+    more = alone | {"search": [*alone["search"], trial | {"strategy": "logs joined"}], "not_tried": ["hypotheses"]}
+    assert _search(more).endswith("tried besides: logs joined; there was no time for hypotheses.")
+    assert _search({}) == ""
