@@ -80,6 +80,7 @@ def find_rests(record: Record, friction: FloatArray, speed: FloatArray | None = 
             before = Rest(0, int(np.flatnonzero(finite)[head - 1]) + 1, level, told=False)
     if (
         max(5 * FEWEST, _LEAST * force.size) <= tail < _SHARE * force.size
+        and head + tail < force.size
         and np.std(force[head : force.size - tail]) > _LIVELY * noise
     ):
         lively = force[head : force.size - tail]

@@ -278,7 +278,8 @@ def _programme(draw: np.random.Generator, standstill: bool) -> Drawn:
     force += load * mu * _log_uniform(draw, 0.003, 0.03) * draw.standard_normal(time.size)
     told = draw.random() < 0.5
     columns = {"speed": speed} if told else {}
-    regime = "programme" if told and np.unique(speeds).size > 1 else "sliding"
+    inner = np.trim_zeros(speeds)  # what a drive stands before and after is no change
+    regime = "programme" if told and np.unique(inner).size > 1 else "sliding"
     kind = "standstill" if standstill else "speed_steps"
     return Drawn(kind, regime, _record(draw, time, force, load, **columns), rig)
 

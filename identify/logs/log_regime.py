@@ -66,6 +66,14 @@ def drive_of(record: Record, told: ToldDrive) -> Drive:
     return told.speed if told.speed is not None else told.programme
 
 
+def of_strokes(time: Array, force: Array, strokes: Sequence[tuple[int, int, int]], known: Known) -> Verdict:
+    """The verdict on a force (n,) that changes its sign, from those on its strokes (first row, end, sign)."""
+    verdicts = [judged(time[a:b], way * force[a:b], known) for a, b, way in strokes]
+    parts = [Stroke(1, 1, i, a, b, way, known.drive_speed) for i, (a, b, way) in enumerate(strokes, start=1)]
+    found = joined([(a, v.found) for (a, _, _), v in zip(strokes, verdicts, strict=True)], force.size)
+    return Verdict(*_of_all(False, parts, verdicts), found, strokes=len(parts))
+
+
 def turn_of(record: Record, rows: slice) -> float:
     """How often a disc turns in some rows [Hz], from a column in rpm; 0 where none tells it, or it changes."""
     for name, unit in record.channel_units.items():
@@ -110,6 +118,10 @@ def changes_speed(drive: Drive) -> bool:
     table = np.asarray(drive, dtype=np.float64)
     speeds = table[:, 1] if table.ndim == 2 else table[np.append(True, table[1:] != table[:-1])]
     speeds = speeds[np.isfinite(speeds)]
+    moving = np.flatnonzero(speeds)
+    speeds = (
+        speeds[moving[0] : moving[-1] + 1] if moving.size else speeds
+    )  # what it rests before and after is no change
     sizes = np.abs(speeds[speeds != 0.0])
     if not sizes.size or (speeds.size > 0.1 * np.size(drive) and table.ndim == 1):
         return False  # noise of a column is no programme

@@ -339,6 +339,12 @@ def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -
 def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
     """Why a log that is sound is left out."""
     name, cycles, skipped = log.name, log.found.count, log.entry.skip_cycles
+    if log.verdict.strokes > 1:
+        return (
+            f"{name} goes to and fro: its force changes its sign, in {log.verdict.strokes} strokes, which one drive "
+            "speed one way does not describe; give the programme of the drive with its signs, name the position column "
+            '(columns = { position = "…" }), or a window of one stroke'
+        )
     if manner.name == "cycles" and log.falls.size == 0 and cycles:
         return f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
     if manner.name == "cycles" and log.falls.size == 0:

@@ -89,13 +89,15 @@ class Rhythm:
 @dataclass(frozen=True)
 class Verdict:
     """regime, None where nothing moves (a first loading, a drive at rest); confidence, 0.5 to 1; evidence: what was
-    tested, in sentences; rhythm of what slides, None without one; found: the phases that go with it."""
+    tested, in sentences; rhythm of what slides, None without one; found: the phases that go with it; strokes: of
+    how many it tells, to and fro."""
 
     regime: Regime | None
     confidence: float
     evidence: tuple[str, ...]
     found: Segmentation
     rhythm: Rhythm | None = None
+    strokes: int = 1
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,11 @@ from data_io.correct import Corrected
 from data_io.thinned import kept, shown, thinned
 from identify.base.errors import FitError
 from identify.logs.cutting import cut_and_correct, refuse_too_few
+from identify.logs.log_regime import changes_speed, of_strokes
 from identify.logs.parting import name_of
-from identify.logs.regime import Known, Regime, Verdict, judged
+from identify.logs.regime import SURE, Known, Regime, Verdict, judged
 from identify.logs.segment import Segmentation, segment
+from identify.logs.strokes import turns_of_sign
 from identify.scene.values import LogEntry, Rig
 from identify.simulation.drive import Drive
 
@@ -128,11 +130,17 @@ def followed(
 
 def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -> Verdict:
     """The regime of a log; one whose drive changes its speed is a programme, whose phases are looked at as they are."""
+    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
     if not drive.constant:
         found = segment(time, force, half_period=rig.half_period or None, noise=rig.noise)
-        return Verdict(Regime.PROGRAMME, 1.0, ("the drive changes its speed",), found)
-    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
-    return judged(time, force, known, noise=rig.noise)
+        if changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
+            return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), found)
+        moves = np.array(drive.speeds)[np.searchsorted(drive.starts, time, side="right") - 1] > 0.0
+        return replace(judged(time[moves], force[moves], known, noise=rig.noise), found=found)
+    strokes = turns_of_sign(force)
+    if len(strokes) < 2:
+        return judged(time, force, known, noise=rig.noise)
+    return of_strokes(time, force, strokes, known)
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:

@@ -250,9 +250,9 @@ def loading_knee(trace: Trace) -> int:
     knee = int(np.argmax(rise >= 0.9 * rise.max()))
     per_time = rise[knee] / max(trace.duration(0, knee), 1e-300)
     only_rising = rise[-1] - rise[knee] > LEAST_RISE * per_time * trace.duration(knee, trace.last)
-    if only_rising:
-        return trace.last
-    return knee if rise[knee] > FROM_REST * abs(wide[knee]) else 0
+    if rise[knee] <= FROM_REST * abs(wide[knee]):
+        return 0
+    return trace.last if only_rising else knee
 
 
 def _label_without_slips(trace: Trace, phase: Phase) -> None:

@@ -20,7 +20,8 @@ Drive = float | Sequence[tuple[float, float]] | Array | None
 FEWEST = 20  # samples in which a change of sign is looked for
 LEAST_SHARE = 0.1  # of the samples: a sign of the force that holds for fewer is no stroke of its own
 CLEAR = 0.3  # of the typical force: what counts as a sign
-ALIKE = 2.0  # times: strokes rub to both sides by about as much; a force that swings through zero does not
+ALIKE = 1.5  # times: strokes rub to both sides by about as much; a force that swings through zero does not
+FEW, ALIKE_FEW = 8, 3.0  # changes of sign up to which no oscillation makes them, and strokes may differ by running-in
 QUIET = 0.1  # of the typical force: noise that is left where signs are told
 WIDEST = 20  # part of a record over which it is smoothed at most
 HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
@@ -113,14 +114,13 @@ def turns_of_sign(force: Array) -> list[tuple[int, int, int]]:
     up, down = (side[side > clear] for side in (filled, -filled))
     if min(up.size, down.size) < LEAST_SHARE * filled.size:
         return whole
-    if not 1.0 / ALIKE < float(np.median(up)) / float(np.median(down)) < ALIKE:
-        return whole
     width = int(np.clip((white_noise(filled) / (QUIET * typical)) ** 2, 1, max(force.size // WIDEST, 1))) | 1
     slow = smooth(filled, width)
     decided = np.flatnonzero(np.abs(slow) > clear)
     sign = np.sign(slow[decided]).astype(int)
     changes = np.flatnonzero(sign[1:] != sign[:-1])
-    if not changes.size:
+    ratio, alike = float(np.median(up)) / float(np.median(down)), ALIKE if changes.size > FEW else ALIKE_FEW
+    if not changes.size or not 1.0 / alike < ratio < alike:
         return whole
     starts = [0]
     for i in changes.tolist():
