@@ -17,10 +17,15 @@ MOST_POINTS = 600
 Array = NDArray[np.float64]
 
 
-def draw_cycles(curves: LogCurves, position: int) -> Drawing:
-    """Scatter by cycle of log number `position` (from 1); the log has at least one cycle."""
+def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Drawing:
+    """Scatter by cycle of log number `position` (from 1); the log has at least one cycle.
+
+    Args:
+        accepted: the cycles are those of the fitted motion, else as they were measured.
+    """
     onset, arrest, peak, valley, misfit = curves.cycles.T
     count = len(onset)
+    what = "of the motion as fitted" if accepted else "as measured"
     period = np.append(np.diff(onset), np.nan)
     panels: list[tuple[Array, str, str, str]] = [
         (peak, "N", "onset force", ONSET),
@@ -39,7 +44,7 @@ def draw_cycles(curves: LogCurves, position: int) -> Drawing:
         name=f"log_{position}_cycles",
         figure=figure,
         alt=f"Onset force, drop, period and misfit of each of the {count} cycles of log {position}.",
-        caption="Scatter from cycle to cycle of the motion as fitted; line and band: mean ± standard deviation. "
+        caption=f"Scatter from cycle to cycle {what}; line and band: mean ± standard deviation. "
         "A fit of one set of parameters takes all cycles as alike: "
         "scatter or a trend far above the noise says that the friction itself changed."
         + (" Misfit z: how far a cycle's residual is from pure noise, in its standard deviations." * (len(panels) > 3)),

@@ -13,6 +13,7 @@ import numpy as np
 from identify.report.draw_correlation import draw_correlation
 from identify.report.draw_cycles import draw_cycles
 from identify.report.draw_force import draw_force
+from identify.report.draw_measured import draw_measured
 from identify.report.draw_profile import draw_profile
 from identify.report.draw_slip import draw_phase_plane, draw_slip
 from identify.report.draw_uneven import draw_uneven
@@ -67,8 +68,10 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
             yield position, draw_slip(curves, curves.slip, position, fit.converged)
             yield position, draw_phase_plane(curves, curves.slip, position)
         if len(curves.cycles):
-            yield position, draw_cycles(curves, position)
+            yield position, draw_cycles(curves, position, fit.converged)
     yield from draw_uneven(fit.result)
+    if not fit.converged and (measured := draw_measured(fit.logs)) is not None:
+        yield None, measured
     profile = fit.result.get("profile")
     drawn = draw_profile(profile, fit.result.get("parameters", {})) if isinstance(profile, Mapping) else None
     if drawn is not None:

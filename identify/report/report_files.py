@@ -63,7 +63,7 @@ def _write(path: Path, content: str | bytes) -> Path:
 def _remove_stale(folder: Path, written: Sequence[Path]) -> None:
     """Remove figures of an earlier report (by our file names only): a log that is gone must not seem to be there."""
     kept = {path.name for path in written}
-    for pattern in ("log_*_*", "correlation.*", "profile.*", "profile_*"):
+    for pattern in ("log_*_*", "correlation.*", "profile.*", "profile_*", "measured*"):
         for path in folder.glob(pattern):
             if path.suffix in FIGURE_ENDINGS and path.name not in kept:
                 path.unlink()

@@ -1,0 +1,52 @@
+"""What a refused fit shows of the record itself: the cycles as measured, as a picture and as CSV."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.report.draw_cycles import draw_cycles
+from identify.report.draw_measured import draw_measured
+from identify.report.report_files import write_report
+from tests.fake_fit import failed, fake_fit, without_cycles
+
+
+def test_the_numbers_are_those_of_the_cycles():
+    """Strength over the load at the onset, hold time from the arrest before."""
+    logs = fake_fit(samples=2000, scatter=0.1).logs
+    drawn = draw_measured(logs)
+    assert drawn is not None
+    table = drawn.tables["measured_cycles"]
+    first = table["log"] == 1
+    cycles = logs[0].cycles
+    load = np.interp(cycles[:, 0], logs[0].time, logs[0].normal_force)
+    assert table["strength"][first] == pytest.approx(cycles[:, 2] / load)
+    assert table["hold_s"][first][1:] == pytest.approx(cycles[1:, 0] - cycles[:-1, 1]) and np.isnan(table["hold_s"][0])
+    means = drawn.tables["measured_means"]
+    inside = (logs[0].time >= cycles[0, 0]) & (logs[0].time <= cycles[-1, 0]) & logs[0].used
+    assert means["mean_coefficient"][0] == pytest.approx(
+        np.mean((logs[0].friction_force / logs[0].normal_force)[inside])
+    )
+
+
+def test_a_log_with_hardly_a_cycle_is_left_out_and_none_at_all_draws_nothing():
+    fit = fake_fit(samples=2000)
+    few = replace(fit.logs[0], cycles=fit.logs[0].cycles[:2])
+    drawn = draw_measured([few, *fit.logs[1:]])
+    assert drawn is not None and set(drawn.tables["measured_cycles"]["log"]) == {2, 3, 4}
+    assert draw_measured(without_cycles(fit).logs) is None
+
+
+def test_only_a_refused_fit_shows_it_and_its_captions_say_as_measured(tmp_path):
+    fit = fake_fit(samples=2000, logs=2)
+    refused = failed(fit, "model_misfit", "the model does not follow log 2")
+    write_report(refused, tmp_path / "refused")
+    page = (tmp_path / "refused" / "report.html").read_text(encoding="utf-8")
+    assert 'id="measured"' in page and "cycle to cycle as measured" in page and "motion as fitted" not in page
+    assert (
+        (tmp_path / "refused" / "figures" / "measured_cycles.csv").read_text().startswith("log,strength,drop_N,hold_s")
+    )
+    write_report(fit, tmp_path / "refused")
+    assert 'id="measured"' not in (tmp_path / "refused" / "report.html").read_text(encoding="utf-8")
+    assert not list((tmp_path / "refused" / "figures").glob("measured*"))
+    assert "as fitted" in draw_cycles(fit.logs[0], 1).caption
