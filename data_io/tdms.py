@@ -1,16 +1,19 @@
 """LabVIEW TDMS files, read by npTDMS (optional extra `tdms`)."""
 
 import io
+import logging
 import re
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from data_io.columns import Name, match_names, parse_name, shown
 from data_io.even_clock import with_clocks_of_channels
-from data_io.frozen import FloatArray
-from data_io.memory import check_memory
+from data_io.frozen import Finding, FloatArray
 from data_io.part import Contents, Part
 from data_io.source import Request, Source
 
@@ -23,7 +26,7 @@ _SCALES: Final = frozenset(
 """Scalings that npTDMS applies; others it passes over with a line in its log."""
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
 _OF_DAMAGE: Final = (
-    ValueError, TypeError, LookupError, OSError, EOFError, ArithmeticError, AttributeError, MemoryError, RuntimeError,
+    ValueError, TypeError, LookupError, OSError, EOFError, ArithmeticError, AttributeError, RuntimeError,
     NotImplementedError, AssertionError, UnicodeError, struct.error,
 )  # fmt: skip
 """What npTDMS raises over damaged files."""
@@ -52,24 +55,56 @@ def read(source: Source, request: Request) -> Contents:
         ) from error
     try:
         target: Any = str(source.path) if source.packing is None else io.BytesIO(source.data)
-        with nptdms.TdmsFile.open(target) as file:
+        with _heard() as heard, nptdms.TdmsFile.open(target) as file:
             groups = [group for group in file.groups() if any(len(channel) for channel in group.channels())]
-            check_memory(source, 2 * sum(len(channel) for group in groups for channel in group.channels()))
-            parts = [
-                _part(source, request, number, group, dict(file.properties))
-                for number, group in enumerate(groups, start=1)
-            ]
+            parts = [_part(source, request, group, dict(file.properties)) for group in groups]
             about = {str(key): str(value) for key, value in file.properties.items()}
+    except MemoryError as error:
+        raise source.error(
+            "the channels of the TDMS file do not fit into memory; fewer were expected; export the ones that are "
+            "needed, "
+            "or a part of the time, from LabVIEW"
+        ) from error
     except _OF_DAMAGE as error:
         reason = " ".join(str(error).split())
         raise source.error(f"the TDMS file is damaged ({reason:.100}); copy it again") from error
     if not parts:
-        raise source.error("the TDMS file holds no channel with samples; forces were expected; record it again")
+        why = f" ({heard[0]:.100})" if heard else ""
+        raise source.error(
+            f"the TDMS file holds no channel with samples{why}; forces were expected; copy it again, or record it again"
+        )
     told = [part for part in parts if "friction_force" in part.header.roles] or parts
-    return Contents(NAME, told, about)
+    findings = [
+        Finding("damaged_parts", "warning", f"parts of the file could not be read: {text:.200}") for text in heard
+    ]
+    return Contents(NAME, [replace(part, run=run) for run, part in enumerate(told, start=1)], about, findings)
 
 
-def _part(source: Source, request: Request, number: int, group: Any, of_file: dict[str, Any]) -> Part:
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """What npTDMS writes to its log of a file that it reads as far as it can."""
+    said: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            said.append(record.getMessage())
+
+    handler, above = Handler(logging.WARNING), logging.getLogger("nptdms")
+    loggers = [
+        above,
+        *(logging.getLogger(name) for name in logging.Logger.manager.loggerDict if name.startswith("nptdms.")),
+    ]
+    kept = [(logger, list(logger.handlers), logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [handler], False
+    try:
+        yield said
+    finally:
+        for logger, handlers, propagate in kept:
+            logger.handlers, logger.propagate = handlers, propagate
+
+
+def _part(source: Source, request: Request, group: Any, of_file: dict[str, Any]) -> Part:
     names: list[Name] = []
     columns: dict[int, FloatArray] = {}
     starts: list[float] = []
@@ -103,4 +138,4 @@ def _part(source: Source, request: Request, number: int, group: Any, of_file: di
     clocks: dict[int, int] = {}
     if "time" not in header.roles and intervals and min(intervals) > 0:
         header, columns, clocks = with_clocks_of_channels(header, columns, starts, intervals)
-    return Part(number, 1, header, columns, {"group": str(group.name)}, clocks=clocks)
+    return Part(1, 1, header, columns, {"group": str(group.name)}, clocks=clocks)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import nptdms
 import numpy as np
 
 from data_io import Finding, Record, read_log
@@ -176,6 +177,23 @@ def beside(again: str) -> Make:
     return log(f"T [s],Fx [N],Fz [N],T [s],{again} [N],Fz [N]\n" + rows, **run)
 
 
+def cut_tdms(cut: int) -> Make:
+    """A TDMS of two segments, of which so many bytes are lost at its end."""
+
+    def make(folder: Path) -> Found:
+        with nptdms.TdmsWriter(folder / "a.tdms") as writer:
+            for _ in range(2):
+                about = {"wf_increment": 0.1, "wf_start_offset": 0.0, "unit_string": "N"}
+                forces = [nptdms.ChannelObject("test", name, np.arange(20) % 7 + 1.0, about) for name in ("Fx", "Fz")]
+                writer.write_segment(forces)
+                writer.write_segment([nptdms.ChannelObject("test", "Fx", np.ones(0), {"note": "x" * 200})])
+        data = (folder / "a.tdms").read_bytes()
+        (folder / "a.tdms").write_bytes(data[: len(data) - cut])
+        return read_log(folder / "a.tdms").findings
+
+    return make
+
+
 def turning(unit: str) -> Make:
     """A column of turns beside the radius of the track."""
     rows = "".join(f"{i / 10:.1f},{i % 7}.5,3.0,60,20\n" for i in range(40))
@@ -195,6 +213,7 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
             log("Time [s],Speed [mm/s],Fx [N],Fz [N]\n" + "".join(f"{i}.0,10,{i % 7}.5,3.0\n" for i in range(9))),
         ),
     ],
+    "damaged_parts": [(cut_tdms(100), cut_tdms(0))],
     "clock_from_rate": [(log(GOOD, rate="4 Hz"), log(GOOD))],
     "own_clocks": [(paired(), paired(interval=0.1))],
     "paired_over_gaps": [(paired(gap=1), paired(gap=0))],

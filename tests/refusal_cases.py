@@ -104,6 +104,20 @@ def tdms(rows: int = 20, scale: str = "") -> Act:
     return act
 
 
+def tdms_that(fails: type[Exception]) -> Act:
+    """A TDMS over which its reader fails."""
+
+    def refused(*_: object) -> object:
+        raise fails
+
+    def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
+        patch.setattr(nptdms.TdmsFile, "open", refused)
+        (folder / "a.tdms").write_bytes(b"TDSm" + bytes(99))
+        return read_log(folder / "a.tdms")
+
+    return act
+
+
 def without_tdms(folder: Path, patch: pytest.MonkeyPatch) -> object:
     """npTDMS is not installed."""
     patch.setitem(sys.modules, "nptdms", None)
@@ -498,8 +512,9 @@ CASES: dict[str, Pair] = {
     # what no reader knows
     "binary": (file(bytes(range(1, 256)) * 40), file(GOOD)),
     "old Excel": (file(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600)), book(SHEET)),
-    "damaged TDMS": (file(b"TDSm" + bytes(range(200))), tdms()),
+    "damaged TDMS": (tdms_that(ValueError), tdms()),
     "TDMS without its reader": (without_tdms, tdms()),
+    "TDMS beyond memory": (tdms_that(MemoryError), tdms()),
     "TDMS without samples": (tdms(rows=0), tdms()),
     "a scaling of another kind": (tdms(scale="Magic"), tdms(scale="Linear")),
     "native CETR": (file(b"#1# Name$pair$\x00\x01\x02" + bytes(50)), file(umt(step(1)))),

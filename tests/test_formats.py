@@ -317,7 +317,7 @@ def test_rtec_steps_of_one_row_are_doubted(tmp_path):
     ("data", "words"),
     [
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "old Excel"),
-        (b"TDSm" + bytes(range(200)), "TDMS file is damaged"),
+        (b"TDSm" + bytes(range(200)), "holds no channel with samples"),
         (b"#1# Name$pair$\x00\x01\x02" + bytes(50), "native CETR"),
         (b"MATLAB 5.0 MAT-file, broken" + bytes(300), "damaged|no columns"),
         (b"PK\x03\x04" + bytes(30) + b"[Content_Types].xml" + bytes(300), "damaged"),
