@@ -272,7 +272,7 @@ def _caption(whole: View, fitted: bool, accepted: bool, curves: LogCurves) -> st
         if not accepted:
             parts.append("The fitted curve is the last iterate of a fit that was not accepted.")
     else:
-        parts.append("Nothing was fitted to this log; the marks are the cycles detected in the data.")
+        parts.append("No curve was fitted through this log; the marks are the cycles detected in the data.")
     if not whole.measured.exact:
         parts.append(
             f"Whole log: lowest and highest of every {whole.measured.per_stretch} samples, so that no peak is lost."
