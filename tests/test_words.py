@@ -98,6 +98,15 @@ def test_rows_without_a_number_become_one():
     assert [row.head for row in some.rows] == ["x", "y", "z"], "only neighbours are joined"
 
 
+def test_windows_of_several_logs_stand_in_one_row():
+    outcomes = ("bistable", "always sticks")
+    answers = [(Cell(outcome), {"stability": document(outcome)["stability"]}) for outcome in outcomes]
+    rows = {row.head: row.cells for row in answer_table(answers, "").rows if row.cells}
+    told = [cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in rows["over all drive speeds"]]
+    assert told[0] == "stick-slip or steady sliding up to 21.12 mm/s; steady sliding above"
+    assert told[1].startswith("stick-slip up to 21.12 mm/s")
+
+
 def test_the_fall_of_a_record_is_not_called_the_drop_of_the_model():
     fit = fake_fit(logs=1)
     log = fit.result["logs"][0]

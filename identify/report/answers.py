@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from identify.prediction.wording import WINDOWS
 from identify.report.quantity_text import (
     DASH,
     ends_text,
@@ -98,8 +99,17 @@ def _leaves(entries: Mapping[str, Any], above: Path = ()) -> Iterator[tuple[Path
         elif key == "sliding_unstable_between" and isinstance(entry, list):
             spans = [" to ".join(speed(end) for end in span) for span in entry]
             yield (*above, str(key)), {"value": ", ".join(spans) or "nowhere", "unit": ""}
+        elif key == "windows" and isinstance(entry, list):
+            yield (*above, str(key)), {"value": _windows(entry), "unit": ""}
         elif not isinstance(entry, list) and key != "text":
             yield (*above, str(key)), {"value": entry, "unit": split_key(str(key))[1]}
+
+
+def _windows(windows: Sequence[Mapping[str, Any]]) -> str:
+    """What holds over which drive speeds, in rising order."""
+    words = [WINDOWS.get(str(window["outcome"]), str(window["outcome"])).split(",")[0] for window in windows]
+    ends = [f" up to {speed(window['to'])}" for window in windows[:-1]]
+    return "; ".join(word + end for word, end in zip(words, [*ends, " above" if ends else ""], strict=True))
 
 
 def _rank(part: Path) -> tuple[int, int]:

@@ -132,6 +132,7 @@ ANSWER_WORDS: Mapping[str, str] = {
     "growth_rate": "growth rate of a disturbance",
     "worn": "contact ageing worn off",
     "sliding_unstable_between": "steady sliding is unstable at",
+    "windows": "over all drive speeds",
     "multiplier": "what is left of a disturbance after one cycle",
     "peak_to_valley": "fall of the force (peak to valley)",
     "drop": "drop of the force (onset to rest)",
