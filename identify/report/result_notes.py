@@ -33,9 +33,9 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
     if found.status is Status.CONVERGED and "force_sensor" not in scene.effects:
         notes.append(
             "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients by as "
-            "much (1 % of the force by 1 %), which a fit hardly sees and only the interval with tolerances holds; check "
-            "them with a known weight, or let the effect force_sensor estimate zero and gain of the friction force "
-            "within priors."
+            "much (1 % of the force by 1 %), which a fit hardly sees; the interval with tolerances holds the gains. "
+            "Check them with a known weight, or let the effect force_sensor estimate zero and gain of the friction "
+            "force within priors."
         )
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
     notes += [f"{name}: {message}." for name, message in dict.fromkeys(doubts)]
