@@ -284,3 +284,22 @@ def test_a_scene_gives_the_rate_too(tmp_path):
     _, (record,) = with_records(scene, None)
     right(record)
     assert Scene.from_document(scene.as_document(), tmp_path).logs[0].rate == 10.0
+
+
+@pytest.mark.parametrize("mark", ["\t", ","])
+def test_a_test_data_file_of_a_pcs_mtm(tmp_path, mark):
+    """Parameter lines, then a table for each step with its own parameters; made up after a description."""
+    names = ["Step Time (s)", "Rolling Speed (mm/s)", "Sliding Speed (mm/s)", "Ball Load (N)", "Traction Force (N)",
+             "Traction Coeff (-)", "Pot Temp (°C)"]  # fmt: skip
+    text = "Test Profile File\tlong.mtm\nTest Date\t15/01/2026\nLower Specimen\tDisc 7\n\n".replace("\t", mark)
+    for step in (1, 2):
+        text += f"Step {step}{mark}Timed Step\nIdle Speed{mark}1000\nLoad{mark}3\n" + mark.join(names) + "\n"
+        for i, force in enumerate(FORCE):
+            cells = (f"{i / 10:.1f}", "1000", "50", "3.000", force, f"{float(force) / 3:.4f}", "40.1")
+            text += mark.join(cells) + "\n"
+        text += "\n"
+    (tmp_path / "a.txt").write_bytes(text.encode("latin-1"))
+    record = read_log(tmp_path / "a.txt")
+    assert [step.stop - step.start for step in record.steps] == [120, 120]
+    right(read_log(tmp_path / "a.txt", step=2))
+    assert record.normal_force[0] == 3.0 and record.channel_units["Sliding Speed"] == "m/s"
