@@ -12,6 +12,7 @@ import numpy as np
 
 from data_io.errors import LogError
 from data_io.opened_table import Table
+from data_io.packing import LEAST_SUSPECT, MOST_TIMES
 from data_io.part import Contents, Part
 from data_io.source import HEAD, Request, Source
 from data_io.table import read_tables
@@ -19,6 +20,10 @@ from data_io.table import read_tables
 NAME: Final = "excel"
 _ZIP: Final = b"PK\x03\x04"
 _LARGEST: Final = 1 << 30
+_CELLS: Final = 1 << 22
+"""Cells that are looked at in any workbook."""
+_SPARSE: Final = 4
+"""Times the cells of all rows that rows of equal width may have."""
 _LOOKED_AT: Final = 1000
 _OF_DAMAGE: Final = (
     OSError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, LookupError, AttributeError, SyntaxError,
@@ -86,19 +91,43 @@ def _sheets(source: Source) -> dict[str, bytes]:
     try:
         data = source.data
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if sum(info.file_size for info in archive.infolist()) > _LARGEST:
-                raise source.error("the workbook unpacks to more than 1 GiB; a log was expected; save it as text")
+            unpacked = sum(info.file_size for info in archive.infolist())
+        if unpacked > min(_LARGEST, max(LEAST_SUSPECT, MOST_TIMES * len(data))):
+            raise source.error(
+                f"the workbook unpacks to {unpacked / 1e6:.4g} MB, more than {MOST_TIMES} times its size or more than "
+                "1 GiB; a log was expected; save it as text"
+            )
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
-        sheets = {sheet.title: list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+        most = max(_CELLS, unpacked)
+        texts = {sheet.title: _as_text(source, sheet, most) for sheet in book.worksheets}
         book.close()
     except _OF_DAMAGE as error:
         reason = " ".join(str(error).split())
         raise source.error(f"the workbook is damaged or locked ({reason:.100}); save it again") from error
-    return {title: text for title, rows in sheets.items() if (text := _as_text(rows))}
+    return {title: text for title, text in texts.items() if text}
 
 
-def _as_text(rows: list[tuple[Any, ...]]) -> bytes:
-    lines = ["\t".join(map(_cell, row)) for row in rows if any(cell is not None for cell in row)]
+def _as_text(source: Source, sheet: Any, most: int) -> bytes:
+    """Return a sheet as lines of equal width, however far apart single cells stand. Raises the source's `LogError`.
+
+    most: cells that may be looked at, those between others as well; a cell that is there takes some bytes of the file.
+    """
+    sheet.reset_dimensions()  # what a sheet says of its size need not be so
+    rows: list[tuple[Any, ...]] = []
+    cells = 0
+    for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
+        cells += len(row)
+        if cells > most:
+            raise source.error(
+                f"cells of sheet {sheet.title!r} stand so far apart that more than {most} lie between them (row "
+                f"{number}, column {len(row)}); a table was expected; delete what stands apart, or export it as text"
+            )
+        if any(cell is not None for cell in row):
+            rows.append(row)
+    widths = np.sort([len(row) for row in rows])
+    fitting = widths * widths.size <= max(_CELLS, _SPARSE * int(widths.sum()))
+    width = int(widths[fitting][-1]) if fitting.any() else 0
+    lines = ("\t".join([*map(_cell, row), *[""] * (width - len(row))]) for row in rows)
     return "".join(line + "\n" for line in lines).encode()
 
 

@@ -394,7 +394,13 @@ def options() -> Iterator[Hostile]:
     }
     for option, values in given.items():
         for number, value in enumerate(values, 1):
-            yield Hostile(f"{option}, {number}", "comma.csv", lambda: GOOD, ("inspect", "{file}", option, value))
+            yield Hostile(
+                f"{option}, {number}",
+                "comma.csv",
+                lambda: GOOD,
+                ("inspect", "{file}", option, value),
+                sound=" " * 99 in value,
+            )
     for number, words in enumerate(
         (
             ["--duration", "1e308", "--rate", "1e308"],
@@ -406,7 +412,7 @@ def options() -> Iterator[Hostile]:
         1,
     ):
         command = ("simulate", "--scene", "{file}", *words, "--out", "{out}.csv")
-        yield Hostile(f"simulate, {number}", "scene.toml", SCENE.encode, command)
+        yield Hostile(f"simulate, {number}", "scene.toml", SCENE.encode, command, sound="--seed" in words)
 
 
 def scenes() -> Iterator[Hostile]:
@@ -424,7 +430,7 @@ def scenes() -> Iterator[Hostile]:
     for (what, value), key in itertools.product(values.items(), ("mass", "stiffness", "damping", "drive_speed")):
         made = "\n".join(f"{key} = {value}" if line.startswith(key) else line for line in lines) + "\n"
         command = ("simulate", "--scene", "{file}", "--duration", "1", "--rate", "100", "--out", "{out}.csv")
-        yield Hostile(f"scene, {key}, {what}", "scene.toml", made.encode, command)
+        yield Hostile(f"scene, {key}, {what}", "scene.toml", made.encode, command, sound=what == "1e-308")
     simulated = ("simulate", "--scene", "{file}", "--duration", "1", "--rate", "100", "--out", "{out}.csv")
     extra = {
         "speed of 1e308 in a programme": 'drive_speed = [[0, "1e308 m/s"], [1, "0 m/s"]]',
@@ -434,7 +440,7 @@ def scenes() -> Iterator[Hostile]:
     }
     for what, line in extra.items():
         made = "\n".join(line if old.startswith("drive_speed") else old for old in lines) + "\n"
-        yield Hostile(f"scene, {what}", "scene.toml", made.encode, simulated)
+        yield Hostile(f"scene, {what}", "scene.toml", made.encode, simulated, sound=what == "many speeds")
     for what, table in {
         "start of 1e308": "[parameters]\na = { fixed = 1e308 }\n",
         "area to the power 1e308": "[contact]\narea_law = { coefficient = 1, exponent = 1e308 }\n",
@@ -444,7 +450,8 @@ def scenes() -> Iterator[Hostile]:
         "long key": "[parameters]\n" + "p" * 500_000 + " = 1\n",
         "unit of quality": '[quality]\njitter = "1 %^9^9^9"\n',
     }.items():
-        yield Hostile(f"scene, {what}", "scene.toml", (SCENE + table).encode, simulated)
+        unused = "area" in what
+        yield Hostile(f"scene, {what}", "scene.toml", (SCENE + table).encode, simulated, sound=unused)
     fitted = ("fit", "--scene", "{file}", "--out", "{out}")
     for what, log in {
         "a home of nobody": 'path = "~nobody_at_all/log.csv"',

@@ -17,6 +17,7 @@ from identify.cli.common import (
     quantity,
 )
 from identify.cli.interrupt import ends_by_itself
+from identify.cli.shortened import shortened
 
 if TYPE_CHECKING:
     from identify.studies.planning import Plan
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 NAME = "batch"
 HELP = "one fit per group of a manifest (CSV) or per file of a folder, with a page of all"
 LIMIT = "30 min"
+MOST_SAID = 50  # complaints about a manifest that are shown
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -53,8 +55,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     except BatchError as error:
         if len(error.complaints) == 1:
             raise
-        for complaint in error.complaints:
-            terminal.note(f"  {complaint}")
+        for complaint in error.complaints[:MOST_SAID]:
+            terminal.note(shortened(f"  {complaint}"))
+        if len(error.complaints) > MOST_SAID:
+            terminal.note(f"  and {len(error.complaints) - MOST_SAID} more")
         message = f"{len(error.complaints)} things to mend before the batch can begin; nothing was fitted"
         terminal.note(f"stickslip: {message}")
         complaints = list(error.complaints)

@@ -21,6 +21,7 @@ from identify.scene.rig import RIG, read_log_entry, read_rig, with_listed
 from identify.scene.tables import Table, nearest, quantity, share
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
 
+DEEPEST = 10  # tables of a scene within each other
 LONGEST_INTEGER = 10_000  # bits
 TOP = (
     "name",
@@ -111,6 +112,10 @@ def put(document: dict[str, Any], override: str) -> None:
     """
     path, equals, text = override.partition("=")
     keys = [key.strip() for key in path.split(".")]
+    if len(keys) > DEEPEST:
+        raise SceneError(
+            f"the override {override[:60]!r}… leads {len(keys)} tables deep; at most {DEEPEST} were expected"
+        )
     if not equals or not all(keys):
         raise SceneError(f'the override {override!r} has no form KEY=VALUE; write for instance rig.mass="0.3 kg"')
     place: Any = document

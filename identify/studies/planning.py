@@ -6,6 +6,7 @@ import copy
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,7 @@ from identify.studies.job import BatchError, Job, LogFile, content_key, folder_n
 OWN = ("path", "group", "drive_speed")
 NOT_LOGS = (".toml", ".json", ".md", ".py", ".pdf", ".png", ".jpg", ".jpeg", ".svg", ".html", ".docx", ".pptx", ".ini")
 LOG_KEYS = tuple(key for key in LOG if key not in ("path", "labels"))
+MOST_COLUMNS, MOST_ROWS = 1000, 50_000
 _DOTTED = re.compile(r"\w+(\.\w+)+")
 
 
@@ -98,6 +100,13 @@ def _manifest(source: Path) -> Listing:
     if not table:
         raise BatchError([f"{source}: the manifest is empty; expected a heading such as path,group,drive_speed"])
     heading = [name.strip() for name in table[0][1]]
+    if len(heading) > MOST_COLUMNS or len(table) - 1 > MOST_ROWS:
+        raise BatchError(
+            [
+                f"{source}: the manifest has {len(heading)} columns and {len(table) - 1} rows; at most {MOST_COLUMNS} "
+                f"and {MOST_ROWS} were expected; check that it is one, or split it"
+            ]
+        )
     complaints, notes = _heading_complaints(source, heading)
     if complaints:
         raise BatchError(complaints)
@@ -144,8 +153,8 @@ def _heading_complaints(source: Path, heading: Sequence[str]) -> tuple[list[str]
         )
     complaints += [
         f"{source}: the heading names {name!r} twice; rename one column"
-        for name in dict.fromkeys(heading)
-        if name and heading.count(name) > 1
+        for name, times in Counter(heading).items()
+        if name and times > 1
     ]
     for name in heading:
         top, _, rest = name.partition(".")
@@ -250,8 +259,11 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progres
         groups.setdefault(row.group, []).append(row)
     checked = _Check(scene, defaults)
     folders = folder_names(list(groups))
-    scenes = {group: checked.scene_of(group, folders[group], rows) for group, rows in groups.items()}
-    missing = [f"{r.where}: there is no log {r.path}; check its path" for r in listing.rows if not r.path.is_file()]
+    gone = [row for row in listing.rows if not _is_there(row)]
+    missing = [f"{row.where}: there is no log {row.path}; check its path" for row in gone]
+    where = {row.where for row in gone}
+    there = {group: [row for row in rows if row.where not in where] for group, rows in groups.items()}
+    scenes = {group: checked.scene_of(group, folders[group], rows) for group, rows in there.items() if rows}
     complaints = missing + checked.complaints()
     if complaints:
         raise BatchError(complaints)
@@ -267,6 +279,13 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progres
         listing.labels,
         (*listing.notes, *_unused(defaults, scene, listing)),
     )
+
+
+def _is_there(row: Row) -> bool:
+    try:
+        return row.path.is_file()
+    except OSError:  # a name that no file can have
+        return False
 
 
 class _Check:
