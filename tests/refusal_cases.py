@@ -202,6 +202,43 @@ def book(rows: list[list[Any]], **limits: Any) -> Act:
     return act
 
 
+def far_cells(rows: int) -> list[list[Any]]:
+    """Rows with one cell each, far from the table."""
+    return [[None] * 300 + [1.0] for _ in range(rows)]
+
+
+def failing_with(error: Exception | None) -> Act:
+    """The HDF5 library opens a file, or says why it does not."""
+
+    def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
+        h5(layout())(folder, patch)
+
+        def failing(*_: object, **__: object) -> None:
+            raise error or AssertionError
+
+        if error is not None:
+            patch.setattr(h5py, "File", failing)
+        return read_log(folder / "log.h5")
+
+    return act
+
+
+def not_allowed(forbidden: bool) -> Act:
+    """The system does not let a file be read."""
+
+    def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
+        (folder / "log.csv").write_text(GOOD)
+
+        def refusing(*_: object, **__: object) -> None:
+            raise PermissionError(13, "Permission denied")
+
+        if forbidden:
+            patch.setattr(Path, "open", refusing)
+        return read_log(folder / "log.csv")
+
+    return act
+
+
 SHEET = [["T", "Fx", "Fz"], ["s", "N", "N"], [0.0, 1.0, 3.0], [1.0, 2.0, 3.0]]
 
 
@@ -688,6 +725,9 @@ CASES: dict[str, Pair] = {
     ),
     "HDF5 that hangs": (ended(None), ended(0)),
     "HDF5 that crashes": (ended(-11), ended(1)),
+    "cells far apart": (book([*SHEET, *far_cells(100)], _CELLS=1), book([*SHEET, *far_cells(3)], _CELLS=1)),
+    "a file held open": (failing_with(OSError("unable to lock file")), failing_with(None)),
+    "a file that may not be read": (not_allowed(True), not_allowed(False)),
     "bytes that were never written": (h5(promising(10_000_000)), h5(promising(1000))),
     "more than memory": (with_memory(2 * 8 * 27 - 1), with_memory(2 * 8 * 27)),
     # our own files
