@@ -52,7 +52,8 @@ def test_a_batch_keeps_what_is_good_and_says_why_the_rest_is_not(batched):
     assert "bad.csv" in answer["groups"]["bad"]["message"] and "Traceback" not in words
     assert "3/3" in words
     names = {item.name for item in (home / "out" / "good").iterdir()}
-    assert names == {"job.json", "result.json", "report.html", "result.h5", "figures", "classical.csv"}
+    files = {"job.json", "result.json", "report.html", "result.h5", "classical.csv", "parameters.tex"}
+    assert names == {*files, "figures"}
     assert {item.name for item in (home / "out" / "bad").iterdir()} == {"job.json"}
     assert (home / "out" / "report.html").stat().st_size > 1000
     result = json.loads((home / "out" / "good" / "result.json").read_text())

@@ -465,7 +465,7 @@ def fitted(tmp_path_factory):
 
 def test_a_fit_leaves_its_folder_and_finds_the_truth(fitted):
     names = {item.name for item in fitted.iterdir()}
-    assert names == {"result.json", "report.html", "result.h5", "figures", "classical.csv"}
+    assert names == {"result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex"}
     result = json.loads((fitted / "result.json").read_text())
     truth = json.loads(examples.TRUTH.read_text())["parameters"]
     for name, value in truth.items():

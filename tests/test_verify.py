@@ -79,7 +79,7 @@ def test_starts_are_recorded(monkeypatch, asked, recorded):
 
     def find(*_, starts, **_more):
         searched.append(starts)
-        return [], SimpleNamespace(unknowns=None, attempt=None, status=None)
+        return [], SimpleNamespace(unknowns=None, attempt=None, status=None, estimated=None)
 
     monkeypatch.setattr(identification, "find", find)
     monkeypatch.setattr(identification, "document", lambda *_: {"provenance": {}})

@@ -7,7 +7,7 @@ and every folder of a group appears whole, by one rename, or not at all.
     DIR/index.csv              one row per group, for people and spreadsheets; rewritten while the batch runs
     DIR/report.html            the page of the batch, once it has ended
     DIR/<folder>/job.json      one group that has ended, whatever its end
-    DIR/<folder>/result.json   and report.html, result.h5, classical.csv, figures/: as `stickslip fit` writes them;
+    DIR/<folder>/result.json   and report.html, result.h5, classical.csv, parameters.tex, figures/ of a fit;
                                only where a fit was made
     DIR/.*                     the lock, and what is being written; nothing to read
 

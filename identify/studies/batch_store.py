@@ -27,7 +27,7 @@ from identify.studies.planning import Plan
 
 JOB, RESULT, BATCH, INDEX = "job.json", "result.json", "batch.json", "index.csv"
 PART = ".part"
-OURS = frozenset({JOB, RESULT, "report.html", "result.h5", "classical.csv", "figures", ".DS_Store"})
+OURS = frozenset({JOB, RESULT, "report.html", "result.h5", "classical.csv", "parameters.tex", "figures", ".DS_Store"})
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
 
 Document = dict[str, Any]
