@@ -200,7 +200,7 @@ def test_verdicts_and_open_intervals_are_told(fit: Fit) -> None:
 def test_nothing_fitted_still_gives_every_file(fit: Fit, tmp_path: Path) -> None:
     write_report(without_cycles(fit), tmp_path)
     page = check_page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert "Nothing was fitted to this log" in page.text and "Classical table" in page.text
+    assert "No curve was fitted through this log" in page.text and "Classical table" in page.text
     strict((tmp_path / "result.json").read_text(encoding="utf-8"))
 
 
