@@ -81,13 +81,16 @@ def freed(scene: Scene, kind: str) -> Scene:
     return replace(scene, parameters={**scene.parameters, kind: ParameterSpec(kind, None, value / 4.0, value * 4.0)})
 
 
-def trial(kind: str, number: int) -> dict[str, Any]:
+def trial(kind: str, number: int, also_freed: bool = True) -> dict[str, Any]:
     """One case: fitted as stated, and with the quantity free."""
     case, scene, truth = wrong(kind, number)
     began = time.process_time()
     _, found = find(scene, case.records, clock=Clock(), progress=lambda _s, _x: None, starts="data")
     seconds = time.process_time() - began
     told = _told(kind, found.message)
+    if not also_freed:
+        named = bool(np.isfinite(told) and abs(told / truth - 1.0) < CLOSE)
+        return {"noticed": found.status is not Status.CONVERGED, "named": named, "status": found.status.value}
     _, open_ = find(freed(scene, kind), case.records, clock=Clock(), progress=lambda _s, _x: None, starts="data")
     value = np.nan
     if open_.attempt is not None:

@@ -134,6 +134,7 @@ def find(
     limit = task.scene.time_limit
     with time_limit(limit), tracing() as trace:
         logs, findings = answered(task, starts or _default_starts(scene), clock, progress)
+    trace.found_by = () if findings.attempt is None else findings.attempt.found_by
     return logs, replace(findings, trace=trace, message=f"{findings.message}{_in_time(limit, trace)}")
 
 

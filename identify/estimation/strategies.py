@@ -90,11 +90,13 @@ class Trial:
 
 @dataclass
 class Trace:
-    """What a fit tried, in order; strategies that were due when the time was up; switched off: for an ablation."""
+    """What a fit tried, in order; strategies that were due when the time was up; those switched off, for an ablation;
+    those that led to the answer."""
 
     trials: list[Trial] = field(default_factory=list)
     not_tried: list[str] = field(default_factory=list)
     switched_off: frozenset[Strategy] = frozenset()
+    found_by: tuple[str, ...] = ()
 
 
 _trace: ContextVar[Trace | None] = ContextVar("trace", default=None)
