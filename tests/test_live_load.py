@@ -278,8 +278,7 @@ def test_cycles_that_a_load_makes_unlike_are_not_called_unlike_by_themselves():
 )
 def test_the_way_to_a_trembling_load_leads_by_a_calm_one(monkeypatch, calm, followed, plain, taken):
     def attempt(name, status):
-        solved = SimpleNamespace(theta=np.zeros(1))
-        return SimpleNamespace(name=name, gate=SimpleNamespace(status=Status(status)), solved=solved, logs=(0,))
+        return _Attempt(name, SimpleNamespace(status=Status(status)), SimpleNamespace(theta=np.zeros(1)))
 
     trembling, quiet = _Log("trembling"), _Log("calm")
     asked = []
@@ -304,6 +303,16 @@ def test_where_no_load_trembles_the_search_is_made_once(monkeypatch):
         [_Log("level")], _Start(np.ones(1)), lambda logs, last: (asked.append(last), None, {}), Clock()
     )
     assert asked == [True], "no other search comes after it"
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    name: str
+    gate: SimpleNamespace
+    solved: SimpleNamespace
+    logs: tuple[int, ...] = (0,)
+    found_by: tuple[str, ...] = ()
+    cost_per_sample: float | None = None
 
 
 @dataclass(frozen=True)
