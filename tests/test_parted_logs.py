@@ -129,8 +129,8 @@ def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
 def counselled(monkeypatch, logs, told, parameters=None):
     """The operating point at which `with_counsel` asks, as (values, drive speed), of a scene and a result with these
     logs."""
-    monkeypatch.setattr(counsel, "sureness", lambda *at: at)
-    monkeypatch.setattr(counsel, "advise", lambda *at: at)
+    monkeypatch.setattr(counsel, "probability_document", lambda *at: at)
+    monkeypatch.setattr(counsel, "stabilising_changes", lambda *at: at)
     scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
     known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
     found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})

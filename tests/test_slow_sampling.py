@@ -25,7 +25,7 @@ def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypat
     case, _, _ = Study("usual", rate=0.25).case(28)  # its slowest log at 5 Hz, slips of 35 ms
     found = fit_case(case, None, "data")
     assert found.recovered and max(abs(error) for error in found.errors.values()) < 0.05, found.message
-    monkeypatch.setattr(passes, "OF_A_SLIP", np.inf)  # negative control: half a sample is three slips here,
+    monkeypatch.setattr(passes, "SAMPLE_OF_A_SLIP", np.inf)  # negative control: half a sample is three slips here,
     monkeypatch.setattr(passes, "AT_BOUND", np.inf)  # and an event that goes as far as it can has not arrived
     logs, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)  # even from the truth
     hasty = attempt.solve_from(logs, attempt.usable(logs), unknowns, attempt.Clock())

@@ -35,7 +35,7 @@ from identify.shooting.solve import Solution, solve
 Array = NDArray[np.float64]
 
 FIRST = 0.5  # of the spread of a parameter
-OF_A_SLIP = 1 / 3  # of its duration: for the events about it
+TRUSTED_OF_A_SLIP = 1 / 3  # of its duration: for the events about it
 WIDER, NARROWER = 1.5, 0.25  # times that, after a pass that was easy and one that was lost
 EASY = 8  # iterations
 LOST = 3  # passes that may be lost
@@ -65,7 +65,7 @@ class Trust:
         room[kept] = self.reach * layout.scale[kept]
         for place, guess in zip(layout.places, guesses, strict=True):
             slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else np.inf
-            room[place.events] = OF_A_SLIP * slip
+            room[place.events] = TRUSTED_OF_A_SLIP * slip
         return np.maximum(layout.lower, layout.start - room), np.minimum(layout.upper, layout.start + room)
 
     def held_to(self, problem: Problem, guesses: Sequence[Guess]) -> Problem:
@@ -93,14 +93,14 @@ SETTLED = 0.5  # samples: the last event shift
 RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
 VANISHING = 0.05  # samples: an event that goes as far as it can, and no farther than this, stands still
-PASSES_OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
+SAMPLE_OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
 PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 LONGEST = 40  # passes where slips last no longer than samples lie apart: an event comes a share of a slip nearer
 ALL_BUT = 1.2  # times the noise variance
 PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, and iterations until then
 ENOUGH, FOLLOWS = 3, 1e-2  # iterations until then from a good start, and the largest row of a motion that comes of it
-PASSES_LOST = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
+LOST_MISFIT = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
 OVERTIME = 80  # iterations more where a load trembles and
 ALMOST = 1.5  # times the noise variance is what is left
 HANGS = 1e-5  # largest row of a motion that hangs together
@@ -288,7 +288,7 @@ def _last(solved: Solved, arrived: int, hopeless: float) -> bool:
     """
     solution, fine = solved.solution, solved.grid is not COARSE
     misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
-    far = misfit > PASSES_LOST if not solution.success else arrived >= PASSES and misfit > ALL_BUT
+    far = misfit > LOST_MISFIT if not solution.success else arrived >= PASSES and misfit > ALL_BUT
     broken = not solution.success and (fine or solution.infeasibility > NEAR)
     if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
         return True
@@ -378,7 +378,7 @@ def _interval(log: LogData, guess: Guess) -> float:
     """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter (not where
     half of them last no time at all: a motion that no one can settle)."""
     slip = float(np.median(guess.slips)) if guess.slips.size else 0.0
-    return min(log.interval, PASSES_OF_A_SLIP * slip) if slip > 0.0 else log.interval
+    return min(log.interval, SAMPLE_OF_A_SLIP * slip) if slip > 0.0 else log.interval
 
 
 def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:

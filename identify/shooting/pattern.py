@@ -174,7 +174,7 @@ def _portions(first: Indices, lengths: Indices) -> Iterator[tuple[slice, Indices
         yield part, first[part] + skipped, np.minimum(ends[part], stop) - begins[part] - skipped
 
 
-PATTERN_PORTION = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
+BLOCKS_AT_ONCE = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
 
 
 @dataclass(frozen=True)
@@ -227,8 +227,8 @@ class Scatter:
     def of(family: Family, numbering: _Numbering) -> Scatter:
         """That of a family, whose entries are counted."""
         used = np.flatnonzero(np.any(family.slots >= 0, axis=0))
-        starts = range(0, family.slots.shape[0], PATTERN_PORTION)
-        parts = tuple(numbering.part(family, slice(first, first + PATTERN_PORTION)) for first in starts)
+        starts = range(0, family.slots.shape[0], BLOCKS_AT_ONCE)
+        parts = tuple(numbering.part(family, slice(first, first + BLOCKS_AT_ONCE)) for first in starts)
         return Scatter(family.slots, family.rows, tuple(used.tolist()), parts)
 
     def gradient(self, pull: Array, size: int) -> Array:

@@ -29,6 +29,7 @@ OWN = ("path", "group", "drive_speed")
 NOT_LOGS = (".toml", ".json", ".md", ".py", ".pdf", ".png", ".jpg", ".jpeg", ".svg", ".html", ".docx", ".pptx", ".ini")
 LOG_KEYS = tuple(key for key in LOG if key not in ("path", "labels"))
 MOST_COLUMNS, MOST_ROWS = 1000, 50_000
+MOST_GONE = 100  # rows whose logs are missing, and that are looked at all the same
 _DOTTED = re.compile(r"\w+(\.\w+)+")
 
 
@@ -261,7 +262,8 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progres
     folders = folder_names(list(groups))
     gone = [row for row in listing.rows if not _is_there(row)]
     missing = [f"{row.where}: there is no log {row.path}; check its path" for row in gone]
-    where = {row.where for row in gone}
+    # What else is wrong with them is said at once; of more than these, one mistake made them all.
+    where = {row.where for row in gone[MOST_GONE:]}
     there = {group: [row for row in rows if row.where not in where] for group, rows in groups.items()}
     scenes = {group: checked.scene_of(group, folders[group], rows) for group, rows in there.items() if rows}
     complaints = missing + checked.complaints()
