@@ -75,9 +75,11 @@ def pieces(size: int | None) -> Iterator[None]:
     kept = [getattr(module, name) for module, name in constants]
     for module, name in constants if size is not None else ():
         setattr(module, name, size)
-    yield
-    for (module, name), value in zip(constants, kept, strict=True):
-        setattr(module, name, value)
+    try:
+        yield
+    finally:
+        for (module, name), value in zip(constants, kept, strict=True):
+            setattr(module, name, value)
 
 
 @functools.cache

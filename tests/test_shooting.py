@@ -176,7 +176,7 @@ def test_derivatives_may_be_taken_in_portions(portion, monkeypatch):
     whole = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)[0]
     z, on_rows = _somewhere(whole, 1e-2), np.random.default_rng(7).standard_normal(whole.layout.rows)
     assert all(len(family.parts) == 1 for family in whole.pattern.families)
-    monkeypatch.setattr("identify.shooting.pattern.PATTERN_PORTION", portion)
+    monkeypatch.setattr("identify.shooting.pattern.BLOCKS_AT_ONCE", portion)
     cut = Problem(whole.logs, whole.layout)
     assert max(len(family.parts) for family in cut.pattern.families) > 3
     one, other = (problem.evaluate(z, derivatives=True) for problem in (whole, cut))

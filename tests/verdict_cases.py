@@ -41,7 +41,7 @@ def residual_force(x):
 def stopped_rows(rows):
     time = np.arange(N) / RATE
     moved = 1e-3 * np.minimum(time, time[-int(rows)])
-    return made(channels={"Y": moved}, channel_units={"Y": "m"})
+    return made(channels={"Drive position": moved}, channel_units={"Drive position": "m"})
 
 
 def friction_drift(x):

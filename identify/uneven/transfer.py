@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from identify.uneven.drawn import Begin, drawn_distributions
 from identify.uneven.estimator import Maximum, maximise
@@ -58,7 +58,7 @@ def agreement(maxima: Sequence[Maximum]) -> float:
     theta = [m.theta[SHARED] for m in maxima]
     middle = np.linalg.solve(sum(weights), sum(w @ t for w, t in zip(weights, theta, strict=True)))
     statistic = sum(float((t - middle) @ w @ (t - middle)) for w, t in zip(weights, theta, strict=True))
-    return float(chi2.sf(statistic, len(SHARED) * (len(maxima) - 1)))
+    return float(chdtrc(len(SHARED) * (len(maxima) - 1), statistic))
 
 
 def left_out(numbers: Sequence[int], records: Sequence[Sticks], maxima: Sequence[Maximum], seed: int) -> list[Transfer]:
