@@ -17,7 +17,6 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
 from identify.estimation.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held, solve_or_hold
@@ -134,6 +133,12 @@ class _Progressing:
         is all that is wanted: one try shows how badly."""
         return not self.problem.thorough or not alike(self.chosen)
 
+    def settled(self) -> bool:
+        """Whether nothing more is to be tried: what passes as autocorrelated noise may yet be a misfit that another
+        start has not."""
+        best = self.best
+        return _fits(best) and best.gate.level == 1.0 and set(self.logs) <= set(best.logs)
+
     @property
     def chosen(self) -> list[Prepared]:
         """The logs of the start."""
@@ -150,13 +155,11 @@ def _from_logs(problem: SearchProblem, logs: list[int], able: list[int]) -> Atte
     problem.progress("finding a start", 0.1)
     starts = _feature_starts(state)
     for strategy, applies, tries in STARTS:
-        # What passes as noise with a memory may yet be a misfit that another feature start has not.
-        settled = _fits(state.best) and state.best.gate.level == 1.0 and set(logs) <= set(state.best.logs)
-        if settled or (time_is_up() and state.best is not None) or not applies(state):
-            continue
-        for attempt in tries(state, strategy, starts):
+        if state.settled():
+            break
+        for attempt in tries(state, strategy, starts) if applies(state) else ():
             state.best = _better(state.best, attempt)
-            if _fits(state.best) and state.best.gate.level == 1.0 and set(logs) <= set(state.best.logs):
+            if state.settled():
                 break
     return None if state.best is None else disowned(state.best, problem.prepared, logs)
 
@@ -199,9 +202,9 @@ def _next_starts(
     state: _Progressing, strategy: Strategy, starts: Iterator[Array], most: int
 ) -> Iterator[Attempt | None]:
     """Feature starts in their order until so many were placed and solved."""
-    while state.solved < most:
+    while state.solved < most and is_due(strategy):
         theta = next(starts, None)
-        if theta is None or not is_due(strategy):
+        if theta is None:
             return
         state.problem.progress(f"solving from start {state.solved + 1}", 0.3 + 0.1 * state.solved)
         yield _solved_and_repaired(state, strategy, theta)
@@ -394,8 +397,8 @@ def _mended(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> l
     gate = attempt.gate
     wrong = {int(log) - 1 for log, z in zip(gate.log.tolist(), gate.z.tolist(), strict=True) if not z < PER_CYCLE}
     out = list(prepared)
-    for place_ in wrong:
-        number = attempt.logs[place_]
+    for position in wrong:
+        number = attempt.logs[position]
         out[number] = with_events_mended(prepared[number], unknowns)
     return out if any(new is not old for new, old in zip(out, prepared, strict=True)) else None
 

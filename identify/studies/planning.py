@@ -29,7 +29,7 @@ OWN = ("path", "group", "drive_speed")
 NOT_LOGS = (".toml", ".json", ".md", ".py", ".pdf", ".png", ".jpg", ".jpeg", ".svg", ".html", ".docx", ".pptx", ".ini")
 LOG_KEYS = tuple(key for key in LOG if key not in ("path", "labels"))
 MOST_COLUMNS, MOST_ROWS = 1000, 50_000
-MOST_GONE = 100  # rows whose logs are missing, and that are looked at all the same
+MOST_GONE = 50  # rows without a log whose scene is built for complaints: as many as the command shows
 _DOTTED = re.compile(r"\w+(\.\w+)+")
 
 

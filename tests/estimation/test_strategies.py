@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -13,8 +14,11 @@ from identify import Scene, SceneError, fit
 from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
 from identify.base.outcome import Status
+from identify.estimation import search
 from identify.estimation.strategies import STRATEGIES, Strategy, attempted, is_due, tracing
 from identify.examples import FOLDER
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.scene.toml import read_toml
 
 
@@ -90,6 +94,25 @@ def test_without_a_repair_a_missed_slip_costs_the_answer() -> None:
         refused = fit(scene, records)
     assert refused.status is not Status.CONVERGED
     assert {trial.strategy for trial in trace.trials} == {Strategy.FEATURE_START.title}
+
+
+def test_starts_that_the_time_did_not_suffice_for_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first start misfits, and the time is up with it: the rows that were due next are said, not passed over."""
+    case, _, _ = Study("usual").case(1)
+    scene, really = scene_of(case, None), search.solve_from
+
+    def late(*given, **how):
+        found = really(*given, **how)
+        monkeypatch.setattr(budget, "now", lambda: float("inf"))
+        return replace(found, gate=replace(found.gate, status=Status.MODEL_MISFIT))
+
+    monkeypatch.setattr(search, "solve_from", late)
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, *pair, unknowns) for pair in zip(scene.logs, case.records, strict=True)]
+    with tracing() as trace, time_limit(1e6):
+        found, _ = search.search(logs, unknowns)
+    assert found is not None and found.gate.status is Status.MODEL_MISFIT
+    assert Strategy.FURTHER_STARTS.title in trace.not_tried and len(trace.trials) == 1
 
 
 @pytest.mark.parametrize("text", ['"0 s"', '"-3 s"', '"5 N"', '"soon"'])
