@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from data_io.free_name import free_name
-from data_io.frozen import Scalar
 from data_io.record import Record
 from data_io.units import kind_of
+from data_io.values import Scalar, free_name
 
 WORDS: Final = frozenset(
     """

@@ -6,15 +6,14 @@ from typing import Any, cast
 
 import numpy as np
 
+from data_io.arrays import thinned
 from data_io.clock import StepClock, joined
-from data_io.convert import SiStep, convert, origin
-from data_io.frozen import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
-from data_io.part import Contents, Part, check_request, chosen, of_run
+from data_io.contents import Contents, Part, check_request, chosen, of_run
+from data_io.convert import SiStep, Span, convert, origin, unused_spans, without_needless
 from data_io.record import WINDOW_START, Record
 from data_io.source import Request, Source
-from data_io.thinned import thinned
 from data_io.units import rescaled
-from data_io.unused import Span, unused_spans, without_needless
+from data_io.values import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
 
 
 def assemble(

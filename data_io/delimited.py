@@ -1,30 +1,24 @@
-"""Plain delimited text: a header row, units in the names or in a row below, numbers; a repeated header is a step."""
+"""Delimited text of any origin, and of Anton Paar and Rtec: a header row, units, rows of numbers."""
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from data_io.columns import Name
-from data_io.frozen import Finding
-from data_io.opened_table import Table
-from data_io.part import Contents, Part
+from data_io.columns import Header, Name, find_column, with_unit
+from data_io.contents import Contents, Part
 from data_io.source import Request, Source
-from data_io.table import read_tables
+from data_io.table import Table, read_tables
 from data_io.text import looks_like_text
 from data_io.units import to_si
+from data_io.values import Finding
 
-NAME: Final = "delimited"
 _T11 = re.compile(r"(?:^|[^A-Za-z0-9])T-?11(?:[^0-9]|$)", re.IGNORECASE)
 
 
-def can_read(head: bytes) -> bool:
-    """Tell whether the bytes are text of any encoding that `decode` knows."""
-    return looks_like_text(head)
-
-
-def read(source: Source, request: Request) -> Contents:
+def read_delimited(source: Source, request: Request) -> Contents:
     """Read text of any origin: comma, semicolon, tab or blanks between columns. Raises `LogError`.
 
     Layout: lines of words, a header row that names a time and a force, units in brackets, as suffix or in a row below,
@@ -33,11 +27,6 @@ def read(source: Source, request: Request) -> Contents:
     Also seen: T11 (ITeR), semicolons, load and speed only in the file name (there a name with `T11` and `10N` gives the
     load, and says so); PCS MTM, many empty columns, names twice, a header per step.
     """
-    return read_plain(source, request, NAME)
-
-
-def read_plain(source: Source, request: Request, form: str) -> Contents:
-    """Read delimited text as the format called `form`. Raises `LogError`."""
     tables, footer = read_tables(source, request)
     filled = [table for table in tables if table.rows] or tables
     findings = [remark for table in filled for remark in table.remarks]
@@ -54,7 +43,7 @@ def read_plain(source: Source, request: Request, form: str) -> Contents:
         )
         for i, table in enumerate(filled)
     ]
-    return Contents(form, parts, metadata, list(dict.fromkeys(findings)))
+    return Contents(parts, metadata, list(dict.fromkeys(findings)))
 
 
 def _loaded_by_name(source: Source, table: Table, findings: list[Finding]) -> Table:
@@ -78,3 +67,79 @@ def load_in_name(name: str) -> float | None:
     if len(found) != 1:
         return None
     return to_si(float(found[0][0].replace(",", ".")), found[0][1], "force")
+
+
+# Text export of Anton Paar (formerly CSM) tribometers: TRB3, Nano.
+
+# µ is one byte in cp1252, two in UTF-8
+_TIME = re.compile(rb"Time ?\[[a-z]+\][^\t\r\n]*+\t([^\r\n]*+)", re.IGNORECASE)
+_OTHERS = re.compile(rb"Laps|Nominal Load|Penetration Depth|(?:\xb5|\xc2\xb5|\xce\xbc) ?(?:\t|\[)", re.IGNORECASE)
+
+
+def is_anton_paar(head: bytes) -> bool:
+    """Tell a TRB3 or Nano (software version not known: no file was seen) by a tab-separated header.
+
+    It holds Time [s] and one of Laps, Nominal Load, µ, Penetration Depth, perhaps below lines of words.
+    Quirks: UTF-8 with or without mark, or cp1252; decimal comma possible; tabs at the ends of rows; the TRB3 has no
+    measured load, only the `Nominal Load [N]` that was set; the Nano writes forces in mN.
+    """
+    return looks_like_text(head) and any(_OTHERS.search(rest) for rest in _TIME.findall(head))
+
+
+# CSV export of Rtec MFT.
+
+_NAMES: Final = {b"step", b"timestamp"}
+_STEP: Final = "Step"
+_FEWEST: Final = 3
+
+
+def is_rtec(head: bytes) -> bool:
+    """Tell an Rtec export by its columns Step and Timestamp."""
+    if b"imestamp" not in head or not looks_like_text(head):
+        return False
+    lines = (line for line in re.split(rb"[\r\n]+", head) if b"imestamp" in line)
+    return any({name.strip().lower() for name in line.split(b",")} >= _NAMES for line in lines)
+
+
+def read_rtec(source: Source, request: Request) -> Contents:
+    """Read a CSV of an Rtec MFT-2000 or MFT-5000 (software version not known). Raises `LogError`.
+
+    Layout: two lines with recipe and specimens, one header row, rows, a footer `TotalTime`; 10 Hz as seen. Each value
+    of the column Step is a step of its own.
+    Quirks: a lone CR inside the first line, CR LF and LF mixed; blanks in front of names; units in parentheses, `()`
+    for none; a trailing comma; Timestamp [s] without a unit, restarting with each step; the order of columns changes
+    between files of the same machine. The speed of the rotary drive is in rpm; Y is the radius of the track (see
+    `rotation`).
+    """
+    tables, footer = read_tables(source, request, keep=(_STEP, "RecipeStep"))
+    parts = [part for table in tables for part in _steps(table)]
+    above = [line for line in tables[0].preamble if line]
+    metadata = {"recipe": " | ".join(above)} if above else {}
+    if footer:
+        metadata["footer"] = " ".join(footer)
+    findings = [remark for table in tables for remark in table.remarks]
+    if any(part.rows < _FEWEST for part in parts):
+        text = f"the column Step holds steps of fewer than {_FEWEST} rows; are rows out of order?"
+        findings.append(Finding("short_steps", "warning", text))
+    return Contents([replace(part, number=i) for i, part in enumerate(parts, start=1)], metadata, findings)
+
+
+def _steps(table: Table) -> list[Part]:
+    header = _with_seconds(table)
+    index = find_column(header.names, _STEP)
+    label = table.columns.get(-1 if index is None else index)
+    if label is None or not table.rows:
+        return [Part(1, 1, header, table.columns)]
+    edges = [0, *(np.flatnonzero(label[1:] != label[:-1]) + 1).tolist(), table.rows]
+    return [
+        Part(1, 1, header, {i: column[a:b] for i, column in table.columns.items()}, {_STEP: f"{label[a]:g}"})
+        for a, b in pairwise(edges)
+    ]
+
+
+def _with_seconds(table: Table) -> Header:
+    """Timestamp counts seconds; the export does not say so."""
+    index = table.header.roles.get("time")
+    if index is None or table.header.names[index].unit:
+        return table.header
+    return with_unit(table.header, index, "s")

@@ -10,14 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from data_io.errors import LogError
-from data_io.opened_table import Table
-from data_io.packing import LEAST_SUSPECT, MOST_TIMES
-from data_io.part import Contents, Part
-from data_io.source import HEAD, Request, Source
-from data_io.table import read_tables
+from data_io.contents import Contents, Part
+from data_io.source import HEAD, LEAST_SUSPECT, MOST_TIMES, Request, Source
+from data_io.table import Table, read_tables
+from data_io.values import LogError
 
-NAME: Final = "excel"
 _ZIP: Final = b"PK\x03\x04"
 _LARGEST: Final = 1 << 30
 _CELLS: Final = 1 << 22
@@ -62,7 +59,7 @@ def read(source: Source, request: Request) -> Contents:
         ]
     if not parts:
         raise failed[0] if failed else source.error("the workbook holds no sheet with cells; a log was expected")
-    return Contents(NAME, parts, {}, findings)
+    return Contents(parts, {}, findings)
 
 
 def _without_numbers(table: Table) -> list[str]:

@@ -16,20 +16,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from data_io.account import Account, read_account
-from data_io.archive import ABOUT, FORMAT, FORMAT_VERSION
 from data_io.columns import KIND, Header, Name, coefficient_column, match_header, role_indices
-from data_io.errors import UnitError
-from data_io.frozen import COLUMN_ROLES, FloatArray, Scalar
-from data_io.hdf5_columns import columns_within, named_within
+from data_io.contents import Contents, Part
 from data_io.hdf5_open import check_own, children, member, opened, signature_at
-from data_io.hdf5_values import bytes_of, read_values
-from data_io.memory import check_memory, check_promise
-from data_io.part import Contents, Part
+from data_io.hdf5_values import bytes_of, check_memory, check_promise, columns_within, named_within, read_values
 from data_io.source import Request, Source
 from data_io.units import SI_UNIT, factor, to_si
-
-NAME: Final = "hdf5"
+from data_io.values import COLUMN_ROLES, FloatArray, Scalar, UnitError
+from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
 _SI: Final = {role: SI_UNIT[kind] for role, kind in KIND.items()}
 _UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
@@ -81,7 +75,7 @@ def _read_layout(
         for number, step, table in steps
     ]
     skipped = _skipped(source, request, parts, span)
-    return Contents(NAME, parts, metadata, account.findings, ours, _drive_speed(source, place), skipped)
+    return Contents(parts, metadata, account.findings, ours, _drive_speed(source, place), skipped)
 
 
 def _read_groups(source: Source, request: Request, file: Any) -> Contents:
@@ -104,7 +98,7 @@ def _read_groups(source: Source, request: Request, file: Any) -> Contents:
         )
         for number, _, table in found
     ]
-    return Contents(NAME, parts, skipped=_skipped(source, request, parts, span))
+    return Contents(parts, skipped=_skipped(source, request, parts, span))
 
 
 def _read_named(source: Source, request: Request, file: Any) -> Contents:
@@ -122,7 +116,7 @@ def _read_named(source: Source, request: Request, file: Any) -> Contents:
     table = _Table("/", Header(tuple(names), roles), dict(enumerate(datasets)), {})
     request, span = _by_file_clock(request, [table])
     parts = [Part(1, 1, table.header, _columns(source, request, table.header, table.datasets))]
-    return Contents(NAME, parts, skipped=_skipped(source, request, parts, span))
+    return Contents(parts, skipped=_skipped(source, request, parts, span))
 
 
 def _dataset_at(source: Source, file: Any, path: str) -> Any:

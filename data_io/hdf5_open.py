@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from data_io import hdf5_walk
-from data_io.errors import LogError
 from data_io.source import Source
+from data_io.values import LogError
 
 PATIENCE: Final = 1
 """Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes

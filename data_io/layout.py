@@ -1,15 +1,19 @@
-"""Where a table of numbers begins: its header row, the units row below it, and how its rows are delimited."""
+"""Where a table of numbers begins and ends: its header and units, how its rows are delimited, its decimal mark."""
 
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from data_io.clock_times import is_clock_time, is_date
 from data_io.columns import KIND, Header, Name, match_header, shown
 from data_io.source import Request, Source
-from data_io.text import BLANKS, DELIMITERS, is_number, is_number_like, line_number, split
+from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, is_number_like, line_number, split
 from data_io.units import kind_of, split_cell, unit_word
+from data_io.values import Finding
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a table of numbers begins: its header row, the units row below it, and how its rows are delimited.
 
 WIDE: Final = r" {2,}|\t+"
 """Delimiter of a header whose names hold single blanks and stand apart by several."""
@@ -239,3 +243,100 @@ def _misfit(text: str, start: int, row: str, delimiter: str, names: int) -> str:
     if delimiter == "," and found == 2 * names:
         return where + "decimal commas cannot be told from separating commas; export with ; or tabs between columns"
     return where + "as many were expected; repair the header or export again"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The decimal mark of a block of rows: point or comma, told from the other mark that may stand between thousands.
+
+_LOOKED_AT: Final = 200
+"""Rows in which commas between thousands are looked for."""
+_GROUPED: Final = r"[+-]?[1-9]\d{{0,2}}({}\d{{3}})+"
+_COMMA_GROUPS: Final = re.compile(_GROUPED.format(","))
+_POINT_GROUPS: Final = re.compile(_GROUPED.format(r"\."))
+
+
+def decimal_mark(source: Source, block: str, head: Head) -> str | None:
+    """Return the decimal mark, None where nothing tells: a comma only where it does not delimit, by columns of a role.
+
+    Quotes protect a comma from delimiting. Of two marks in one number the last is the decimal one; of two kinds of
+    numbers those that can be thousands are. Raises the source's `LogError` where commas may as well stand between
+    thousands.
+    """
+    if "," not in block or (head.delimiter == "," and '"' not in block):
+        return None
+    rows = _role_fields(block, head)
+    first = list(itertools.islice(rows, _LOOKED_AT))
+    telling = next((row for row in itertools.chain(first, rows) if any("," in f or "." in f for f in row)), None)
+    if telling is None:
+        return None
+    marked = [field for row in (*first, telling) for field in row if "," in field or "." in field]
+    commas, points = [f for f in marked if "," in f], [f for f in marked if "." in f]
+    both = next((field for field in commas if "." in field), None)
+    if both is not None:
+        return "." if both.rfind(".") > both.rfind(",") else ","
+    if not commas or (points and all(_COMMA_GROUPS.fullmatch(field) for field in commas)):
+        return "."
+    if points and not all(_POINT_GROUPS.fullmatch(field) for field in points):
+        return "," if any("," in field for field in telling) else "."
+    told = any(not _COMMA_GROUPS.fullmatch(field) for field in commas)
+    for place, index in enumerate(head.header.roles.values()):
+        column = [row[place] for row in first if place < len(row)]
+        _check_thousands(source, head.header.names[index].raw, column, sure=told or head.delimiter != ",")
+    return ","
+
+
+def _role_fields(block: str, head: Head) -> Iterator[list[str]]:
+    roles = head.header.roles.values()
+    for line in block.split("\n"):
+        fields = split(line, head.delimiter)
+        yield [fields[i] if ":" not in fields[i] else "" for i in roles if i < len(fields)]  # no clock times
+
+
+def _check_thousands(source: Source, name: str, column: Sequence[str], *, sure: bool) -> None:
+    """Refuse a column of which every comma may stand between thousands; sure: others say it is the decimal mark."""
+    grouped = [field for field in column if _COMMA_GROUPS.fullmatch(field)]
+    plain = [field for field in column if re.fullmatch(r"[+-]?\d{1,3}", field)]
+    if grouped and (plain or not sure) and len(grouped) + len(plain) == len([field for field in column if field]):
+        raise source.error(
+            f"column {name!r} holds {grouped[0]!r} and {(plain or grouped)[-1]!r}; the comma may be a decimal mark or "
+            "stand between thousands; export without thousands separators"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The last row of a log that does not end its last line: whole, or cut off in the middle of a number?
+
+LOOKED_AT: Final = 5000
+"""Characters above the last row in which others to compare it with are looked for."""
+
+
+def without_cut_row(block: str, before: str, head: Head) -> tuple[str, list[Finding]]:
+    """Take the last row away if it may be cut off: too few fields, or a last number unlike those above.
+
+    before: rows that stand above the block, whose own may be few.
+    """
+    start = block.rfind("\n") + 1
+    last = block[start:]
+    fields = split(last, head.delimiter)
+    if not last.strip():
+        return block, []
+    if len(fields) < len(head.header.names):
+        text = f"the last row ({last!r:.60}) is cut off and was left out"
+        return block[:start], [Finding("last_row_cut", "warning", text)]
+    lines = (before + block[:start])[-LOOKED_AT:].split("\n")[-6:-1]
+    above = [split(line, head.delimiter) for line in lines]
+    if len(fields) < head.width or any(_shape(row) != _shape(fields) for row in above if len(row) == len(fields)):
+        text = f"the last row ({last!r:.60}) has no line end and may be cut off; it was left out"
+        return block[:start], [Finding("last_row_cut", "warning", text)]
+    text = "the last row has no line end, as if the file were cut there; it looks whole and was kept"
+    return block, [Finding("last_row_open", "info", text)]
+
+
+def _shape(fields: Sequence[str]) -> tuple[int, str]:
+    """Return what a cut would change in a row: digits behind the last decimal mark, and the exponent's presence."""
+    last = fields[-1].strip('"')
+    mantissa, exponent, power = last.lower().partition("e")
+    point = max(mantissa.rfind("."), mantissa.rfind(","))
+    if last and point < 0 and not exponent:
+        return -len(last), ""  # of an integer only the length tells
+    return len(mantissa) - point if last else 0, exponent + "x" * len(power)

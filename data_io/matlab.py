@@ -14,11 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.columns import match_header, shown
-from data_io.packing import LEAST_SUSPECT, MOST_TIMES
-from data_io.part import Contents, Part
-from data_io.source import Request, Source
+from data_io.contents import Contents, Part
+from data_io.source import LEAST_SUSPECT, MOST_TIMES, Request, Source
 
-NAME: Final = "matlab"
 _MARK: Final = b"MATLAB 5.0 MAT-file"
 _HEADER: Final = 128
 _DEEPEST: Final = 4
@@ -62,7 +60,7 @@ def read(source: Source, request: Request) -> Contents:
         raise source.error(f"the variables {found} {what}; vectors of one length were expected; name them")
     last = [name.rpartition(".")[2] for name in kept]
     header = match_header(last if len(set(last)) == len(last) and not wanted else list(kept), request.columns)
-    return Contents(NAME, [Part(1, 1, header, dict(enumerate(kept.values())))])
+    return Contents([Part(1, 1, header, dict(enumerate(kept.values())))])
 
 
 class _DamageError(Exception):

@@ -7,9 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from data_io.errors import LogError
-from data_io.frozen import Finding, FloatArray, Step
 from data_io.record import Record
+from data_io.values import Finding, FloatArray, LogError, Step
 
 _POINTS: Final = 4000
 """Means over rows in which the motion is looked at; a turn is found to the row afterwards."""

@@ -9,23 +9,17 @@ from pathlib import Path
 from typing import Final
 
 from data_io.assemble import assemble
-from data_io.derived_columns import with_derived_columns
-from data_io.digest import sha256_of_several
-from data_io.errors import LogError, UnitError
-from data_io.even_clock import with_clock_of_rate
-from data_io.frozen import COLUMN_ROLES
-from data_io.listing import StepSummary, chosen_steps, summaries
+from data_io.contents import Contents, StepSummary, chosen_steps, is_series, joined_contents, logs_at, summaries
+from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
 from data_io.motion import strokes_as_steps, take_step
-from data_io.own_clocks import on_one_clock
-from data_io.part import Contents
+from data_io.own_clocks import on_one_clock, with_clock_of_rate
 from data_io.readers import READERS
 from data_io.record import Record, within
-from data_io.rotation import with_drive_of_rotation
 from data_io.segments import LONGEST_LINE
-from data_io.series import is_series, joined_contents, logs_at
-from data_io.source import Request, Source, load, no_progress
+from data_io.source import Request, Source, load, no_progress, sha256_of_several
 from data_io.text import looks_like_text
 from data_io.units import parse_quantity
+from data_io.values import COLUMN_ROLES, LogError, UnitError
 
 ROLES: Final = (*COLUMN_ROLES, "position")
 """What a column can be named for."""
@@ -127,7 +121,8 @@ def contents_of(source: Source, request: Request) -> Contents:
     """Return what the first reader that knows a log finds in it. Raises `LogError`."""
     for reader in READERS:
         if reader.can_read(source.head):
-            found = with_clock_of_rate(source, request, reader.read(source, request))
+            found = replace(reader.read(source, request), form=reader.name)
+            found = with_clock_of_rate(source, request, found)
             found = on_one_clock(source, request, with_derived_columns(request, found))
             return with_drive_of_rotation(request, found)
     for mark, words in REFUSED:

@@ -10,8 +10,7 @@ from typing import IO, Final
 
 import numpy as np
 
-from data_io.block_ends import LOOKED_AT
-from data_io.layout import is_row
+from data_io.layout import LOOKED_AT, is_row
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, decode, other_encoding, split
 

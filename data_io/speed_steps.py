@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from data_io.frozen import FloatArray
+from data_io.values import FloatArray
 
 Programme = tuple[tuple[float, float], ...]
 

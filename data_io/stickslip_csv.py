@@ -3,18 +3,16 @@
 from collections.abc import Sequence
 from typing import Final
 
-from data_io.account import read_account
 from data_io.columns import Header, Name, role_indices
-from data_io.frozen import Step
+from data_io.contents import Contents, Part
 from data_io.layout import Head, line_at
-from data_io.part import Contents, Part
 from data_io.segments import Lines, Segment
 from data_io.source import Request, Source
 from data_io.table import read_below
 from data_io.text import split
-from data_io.write import CSV_MARK, FORMAT_VERSION
+from data_io.values import Step
+from data_io.write import CSV_MARK, FORMAT_VERSION, read_account
 
-NAME: Final = "stickslip-csv"
 _LONGEST_ACCOUNT: Final = 1 << 26
 
 
@@ -61,7 +59,7 @@ def _read(source: Source, request: Request, lines: Lines) -> Contents:
         Part(s.run, s.number, header, {i: v[s.start : s.stop] for i, v in table.columns.items()}, s.parameters)
         for s in _steps(account.steps, table.rows)
     ]
-    return Contents(NAME, parts, account.metadata, [*table.remarks, *account.findings], True, account.drive_speed)
+    return Contents(parts, account.metadata, [*table.remarks, *account.findings], True, account.drive_speed)
 
 
 def _steps(steps: Sequence[Step], rows: int) -> Sequence[Step]:

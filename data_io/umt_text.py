@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Final
 
 from data_io.clock import read_date
-from data_io.frozen import Finding, FloatArray
-from data_io.part import Contents, Part
+from data_io.contents import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import looks_like_text
+from data_io.values import Finding, FloatArray
 
 _STEP = re.compile(r"[ \t]*Step\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t,;]*$", re.IGNORECASE)
 _RUN = re.compile(r"[ \t]*Run\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t,;]*$", re.IGNORECASE)
@@ -20,6 +20,8 @@ _SIGN = re.compile(
     rb"(?:^|[\r\n])[ \t]*Step\s*+No\.?\s*+(?:[:=-]\s*+)?\d{1,9}[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR",
     re.IGNORECASE,
 )
+_CETR = re.compile(rb"Created by CETR", re.IGNORECASE)
+_BRUKER = re.compile(rb"bruker|tribolab", re.IGNORECASE)
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
 _LONGEST_ITEM: Final = 1000
 _MOST_ITEMS: Final = 300
@@ -28,14 +30,34 @@ _ODD: Final = bytes(code for code in range(32) if code not in b"\t\n\r")
 _PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
 
 
-def has_steps(head: bytes) -> bool:
+def _has_steps(head: bytes) -> bool:
     """Tell whether a text holds a `Step No.` line; odd bytes may stand in its preamble."""
     plain = head.replace(b"\x00", b"")
     return looks_like_text(plain.translate(None, _ODD)) and _SIGN.search(plain) is not None
 
 
-def read_steps(source: Source, request: Request, form: str) -> Contents:
-    """Return the runs and steps of a text, as the format called `form`. Raises `LogError`."""
+def is_cetr(head: bytes) -> bool:
+    """Tell a CETR text by its `Step No.` line or its first line."""
+    return _has_steps(head) or _CETR.match(head.lstrip(b"\xef\xbb\xbf \t\r\n")) is not None
+
+
+def is_bruker(head: bytes) -> bool:
+    """Tell a Bruker export by its `Step No.` line and the maker's or the machine's name above it."""
+    return _has_steps(head) and _BRUKER.search(head[: head.find(b"Step")]) is not None
+
+
+def read_steps(source: Source, request: Request) -> Contents:
+    """Read a text of a CETR UMT-2 or UMT-3, or a CSV of a Bruker UMT or TriboLab. Raises `LogError`.
+
+    Seen: UMT 1.136.257, CETR Data Viewer 2.19.106; of Bruker no file was seen.
+    Layout: preamble; per run `Run # 1`, script, date; per step `Step No. 1`, `key = value` lines, `Started at`, names,
+    units, rows. Commas, CR LF, mostly 50 Hz. Bruker: time first, forces in newtons, about 100 Hz.
+    Quirks: three separators in the preamble (-, =, :) and two orders of dates (05/12/22 is month first); odd bytes;
+    forces in gram-force, negative in compression; the unit of COF is empty or missing; T restarts with each step and
+    its first interval is odd; columns differ in number and order between machines and steps; COF and Ff have lost the
+    sign; with the linear drive every stroke may be a file of its own (give the folder or a pattern). `Velocity` has no
+    unit and is kept as text only. A step whose rows are not as many as its Data Count is reported.
+    """
     tables, footer = read_tables(source, request, breaks=_BREAK)
     parts: list[Part] = []
     findings: list[Finding] = []
@@ -51,7 +73,7 @@ def read_steps(source: Source, request: Request, form: str) -> Contents:
     if empty := [line for line in footer if _STEP.match(line)]:
         text = f"the log ends with {len(empty)} step header(s) without rows of numbers ({empty[0]})"
         findings.append(Finding("empty_step", "warning", text))
-    return Contents(form, _renumbered(parts, findings), items, findings)
+    return Contents(_renumbered(parts, findings), items, findings)
 
 
 def _parts(

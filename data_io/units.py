@@ -12,7 +12,7 @@ from typing import Any, Final, overload
 import numpy as np
 import numpy.typing as npt
 
-from data_io.errors import UnitError
+from data_io.values import UnitError
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -1,18 +1,299 @@
 """Write records so that they read back bit for bit: HDF5 in the project's layout, or CSV with a units row."""
 
 import csv
+import hashlib
 import io
 import json
-from collections.abc import Callable, Iterable
-from pathlib import Path
-from typing import Final, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path, PurePath
+from typing import Any, Final, TypeVar
 
-from data_io.account_of import about_of
-from data_io.archive import FORMAT, FORMAT_VERSION, Entry, write_file, write_runs
-from data_io.atomic import atomic_write
-from data_io.errors import LogError
+import numpy as np
+
+from data_io.atomic import atomic_path, atomic_write
 from data_io.record import Record
 from data_io.source import no_progress
+from data_io.values import SEVERITIES, Finding, LogError, Scalar, Step
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The JSON account in our own files of what is no column: read back with every value of the kind it must be.
+
+
+@dataclass(frozen=True)
+class Account:
+    """Metadata and findings; steps and a constant drive speed [m/s] where the file keeps them in the account."""
+
+    metadata: Mapping[str, Scalar]
+    findings: Sequence[Finding] = ()
+    steps: Sequence[Step] = ()
+    drive_speed: float | None = None
+
+
+def read_account(text: str) -> Account:
+    """Read the JSON that `write` makes. Raises `ValueError` for anything else."""
+    try:
+        about: dict[str, Any] = json.loads(text)
+        metadata = dict(about["metadata"])
+        findings = [Finding(*finding) for finding in about["findings"]]
+        steps = [Step(*step) for step in about.get("steps", ())]
+        speed = about.get("drive_speed")
+        float(metadata.get("file_time_start", 0.0))
+        sound = (
+            all(isinstance(value, (str, int, float)) for value in metadata.values())
+            and all(isinstance(f.message, str) and f.severity in SEVERITIES for f in findings)
+            and all(isinstance(n, int) for s in steps for n in (s.run, s.number, s.start, s.stop))
+        )
+        account = Account(metadata, findings, steps, None if speed is None else float(speed))
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise ValueError("not the JSON account of a log") from error
+    if not sound:
+        raise ValueError("a value of the wrong kind in the JSON account of a log")
+    return account
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The account of a record as our files keep it: the file it came from keeps its name and hash, not its folder.
+
+
+def about_of(record: Record) -> dict[str, Any]:
+    """Return what is no column as plain values that JSON can hold."""
+    about = record.about()
+    metadata: dict[str, Scalar] = {k: _plain(v) for k, v in about["metadata"].items()}
+    path, digest, form = (metadata.pop(key, None) for key in ("path", "sha256", "format"))
+    if path is not None and "source_file" not in metadata:
+        metadata["source_file"] = PurePath(str(path)).name
+        metadata["source_sha256"] = str(digest)
+        metadata["source_format"] = str(form)
+    return {**about, "metadata": metadata}
+
+
+def _plain(value: Scalar) -> Scalar:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The HDF5 layout of this project: one log in a file, or many in an archive with an index; checked as it is written.
+#
+# `/run_1/step_1/{time,normal_force,friction_force,...}`, float64, compressed, each dataset with its `units`. In
+# archives every log is a run with its own `about` (metadata and findings as JSON), and `/index` is a table of them.
+
+FORMAT: Final = "stickslip-log"
+FORMAT_VERSION: Final = 1
+ABOUT: Final = "about"
+"""Name of the HDF5 dataset with metadata and findings as JSON."""
+INDEX: Final = "index"
+"""Name of the table of an archive."""
+CONTENT: Final = "content_sha256"
+"""Attribute with the SHA-256 of all columns of a run: names, units and the bytes of their numbers."""
+
+_DISTRIBUTION: Final = "stick-slip-workbench"
+_CHUNK: Final = 1 << 16
+_BLOCK: Final = 1 << 22
+_LEVEL: Final = 1
+"""Of gzip: with the bytes shuffled, higher levels cost time and gain little."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the index. duration [s], rate [Hz], normal_force [N] (median), drive_speed [m/s] (NaN: not told)."""
+
+    run: int
+    source_file: str
+    source_sha256: str
+    source_format: str
+    rows: int
+    steps: int
+    duration: float
+    rate: float
+    normal_force: float
+    drive_speed: float
+    content_sha256: str
+
+
+def write_file(record: Record, path: Path, progress: Callable[[float], None], *, dated: bool) -> None:
+    """Write one record; read back and compared before the file appears. Raises `LogError`, `OSError`."""
+    with atomic_path(path) as temporary:
+        with _created(temporary, dated) as file:
+            about = _put(file, file, record, None, progress)
+            for key in ("source_file", "source_sha256"):
+                file.attrs[key] = str(about["metadata"].get(key, ""))
+        _check(temporary, path)
+
+
+def write_runs(records: Iterable[Record], path: Path, *, dated: bool) -> tuple[Entry, ...]:
+    """Write every record as a run of one file, one after the other, and an index. Raises `LogError`, `OSError`."""
+    import h5py
+
+    entries: list[Entry] = []
+    with atomic_path(path) as temporary:
+        with _created(temporary, dated) as file:
+            for number, record in enumerate(records, start=1):
+                group = file.create_group(f"run_{number}", track_order=True)
+                about = _put(file, group, record, number, lambda _: None)
+                entries.append(_entry(number, record, about, str(group.attrs[CONTENT])))
+            if not entries:
+                raise LogError(f"{path}: no log is left to write; one at least was expected; see why each was refused")
+            text = h5py.string_dtype()
+            kinds: dict[str, Any] = {"int": np.int64, "float": np.float64, "str": text}
+            kind = np.dtype([(field.name, kinds[_name(field.type)]) for field in fields(Entry)])
+            file.create_dataset(INDEX, data=np.array([astuple(entry) for entry in entries], dtype=kind))
+        _check(temporary, path)
+    return tuple(entries)
+
+
+def read_index(path: str | Path) -> tuple[Entry, ...]:
+    """Return the index of an archive, empty for any other file. Raises `LogError` for a damaged one."""
+    from data_io.hdf5_open import children, opened, signature_at
+    from data_io.source import load
+
+    source = load(Path(path))
+    if signature_at(source.head) is None:
+        return ()
+    with opened(source) as file:
+        table = dict(children(file)).get(INDEX)
+        names = tuple(field.name for field in fields(Entry))
+        if table is None or getattr(table, "dtype", None) is None or table.dtype.names != names:
+            return ()
+        return tuple(Entry(*(_text_of(value) for value in row)) for row in table[()].tolist())
+
+
+def changed_runs(path: str | Path) -> list[str]:
+    """Return the runs of a file of ours whose numbers are not those that were written; [] where all are.
+
+    Raises `LogError` where the file is damaged or not ours.
+    """
+    from data_io.hdf5_open import opened
+    from data_io.source import load
+
+    source = load(Path(path))
+    with opened(source) as file:
+        runs = _runs(file)
+        if not runs:
+            raise source.error("the file holds no checksum of ours; a log or archive written by convert was expected")
+        return [name for name, (told, group) in runs.items() if told != _content_of(group)]
+
+
+def _created(path: Path, dated: bool) -> Any:
+    """Open a new file. Its structure is protected by checksums, which HDF5 writes from format 1.10 on."""
+    import h5py
+
+    file = h5py.File(path, "w", track_order=True, libver=("v110", "v110"))
+    file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
+    file.attrs["created_by"] = f"{_DISTRIBUTION} {metadata.version(_DISTRIBUTION)}"
+    if dated:
+        file.attrs["created"] = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return file
+
+
+def _put(file: Any, place: Any, record: Record, run: int | None, progress: Callable[[float], None]) -> dict[str, Any]:
+    """Write a record below `file` and its account to `place`; return the account. `run`: in place of its own number."""
+    about = about_of(record)
+    if isinstance(record.drive_speed, float):
+        place.attrs.update({"drive_speed": record.drive_speed, "drive_speed_units": "m/s"})
+    place[ABOUT] = json.dumps({"metadata": about["metadata"], "findings": about["findings"]})
+    units, columns = record.units(), record.columns()
+    done, whole = 0, len(record) * len(columns)
+    digest = hashlib.sha256()
+    for step in record.steps:
+        group = file.require_group(f"run_{step.run if run is None else run}").create_group(
+            f"step_{step.number}", track_order=True
+        )
+        group.attrs.update(step.parameters)
+        for name, values in columns.items():
+            part = values[step.start : step.stop]
+            data = group.create_dataset(
+                _link(name), shape=part.shape, dtype=np.float64, chunks=(min(part.size, _CHUNK),), shuffle=True,
+                compression="gzip", compression_opts=_LEVEL, fletcher32=True,
+            )  # fmt: skip
+            for begin in range(0, part.size, _BLOCK):
+                data[begin : begin + _BLOCK] = part[begin : begin + _BLOCK]
+                done += min(part.size - begin, _BLOCK)
+                progress(done / whole)
+            data.attrs["units"] = units[name]
+            if _link(name) != name:
+                data.attrs["name"] = name
+            _feed(digest, name, units[name], part)
+    place.attrs[CONTENT] = digest.hexdigest()
+    return about
+
+
+def _link(name: str) -> str:
+    """Return the name of a column as an HDF5 link, which may not hold a slash nor be a dot."""
+    return name.replace("/", "|") if name != "." else "(.)"
+
+
+def _feed(digest: Any, name: str, unit: str, values: Any) -> None:
+    """Take in a column, an array or a dataset, block by block."""
+    digest.update(f"{name}\0{unit}\0{values.size}\0".encode("utf-8", errors="surrogatepass"))
+    for begin in range(0, values.size, _BLOCK):
+        digest.update(np.ascontiguousarray(values[begin : begin + _BLOCK], dtype="<f8"))
+
+
+def _runs(file: Any) -> dict[str, tuple[str, Any]]:
+    """Return the stored checksum and the group of every run; of a file with one log the whole file stands for it."""
+    if CONTENT in file.attrs:
+        return {"the log": (str(file.attrs[CONTENT]), file)}
+    return {name: (str(group.attrs[CONTENT]), group) for name, group in file.items() if CONTENT in group.attrs}
+
+
+def _content_of(group: Any) -> str:
+    """Return the checksum of the numbers below a run, or below a file with one log, as they are now."""
+    import h5py
+
+    digest = hashlib.sha256()
+
+    def take(item: Any) -> None:
+        for name, inner in item.items():
+            if isinstance(inner, h5py.Group):
+                take(inner)
+            elif name not in (ABOUT, INDEX):
+                _feed(digest, inner.attrs.get("name", name), inner.attrs.get("units", ""), inner)
+
+    take(group)
+    return digest.hexdigest()
+
+
+def _check(written: Path, path: Path) -> None:
+    """Read the file again before it appears under its name."""
+    import h5py
+
+    with h5py.File(written, "r") as file:
+        wrong = [name for name, (told, group) in _runs(file).items() if told != _content_of(group)]
+    if wrong:
+        raise LogError(f"{path}: {', '.join(wrong)} does not read back as it was written; check the disk")
+
+
+def _entry(number: int, record: Record, about: Mapping[str, Any], content: str) -> Entry:
+    told = about["metadata"]
+    speed = float("nan") if record.drive_speed is None else float(np.median(np.abs(record.drive_speed)))
+    return Entry(
+        run=number,
+        source_file=str(told.get("source_file", "")),
+        source_sha256=str(told.get("source_sha256", "")),
+        source_format=str(told.get("source_format", "")),
+        rows=len(record),
+        steps=len(record.steps),
+        duration=float(record.time[-1]),
+        rate=float(1.0 / np.median(np.diff(record.time))),
+        normal_force=float(np.nanmedian(record.normal_force)),
+        drive_speed=speed,
+        content_sha256=content,
+    )
+
+
+def _name(kind: Any) -> str:
+    return kind if isinstance(kind, str) else str(kind.__name__)
+
+
+def _text_of(value: Any) -> Any:
+    return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else value
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Write records so that they read back bit for bit: HDF5 in the project's layout, or CSV with a units row.
 
 CSV_MARK: Final = f"# {FORMAT} "
 """How a CSV of ours begins; the format version follows."""

@@ -21,7 +21,7 @@ import h5py
 import numpy as np
 
 from data_io import LogError, Record, hdf5_open, read_log, write_hdf5
-from data_io.archive import changed_runs
+from data_io.write import changed_runs
 from experiments.machine import describe
 
 ROLES = ("time", "normal_force", "friction_force")

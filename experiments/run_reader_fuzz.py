@@ -27,7 +27,8 @@ from hypothesis.strategies import SearchStrategy
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from data_io import LogError, Record, by_path, read_log, segments, table
+from data_io import LogError, Record, read_log, segments, table
+from data_io import rows as by_path
 from experiments.drawn_logs import ANY, Drawn, broken, tables
 from experiments.lookalikes import ALL, TEXTS, LookAlike, Made, rows
 from experiments.machine import describe

@@ -17,7 +17,7 @@ import random
 import time
 from pathlib import Path
 
-from data_io.errors import LogError
+from data_io.values import LogError
 from identify.studies.batch_store import RESULT, write_document, write_job
 from identify.studies.hand import serve
 from identify.studies.job import End, Job

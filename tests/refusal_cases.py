@@ -23,15 +23,14 @@ import scipy.io
 from data_io import (
     Record,
     Step,
-    archive,
-    digest,
     excel,
     hdf5_open,
+    hdf5_values,
     list_steps,
-    memory,
     read_log,
     rows,
     source,
+    write,
     write_archive,
     write_csv,
     write_hdf5,
@@ -340,8 +339,8 @@ def with_memory(free: int) -> Act:
     """So many bytes are free for a log of 3 x 9 numbers."""
 
     def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
-        patch.setattr(memory, "_SMALL", 0)
-        patch.setattr(memory, "free_memory", lambda: free)
+        patch.setattr(hdf5_values, "_SMALL", 0)
+        patch.setattr(hdf5_values, "free_memory", lambda: free)
         return h5(layout())(folder, patch)
 
     return act
@@ -437,7 +436,7 @@ def vanishing(text: str, gone: bool) -> Act:
             raise OSError(5, "Input/output error")
 
         if gone:
-            patch.setattr(digest.hashlib, "file_digest", failing)
+            patch.setattr(source.hashlib, "file_digest", failing)
         (folder / "log.csv").write_text(text)
         loaded = source.load(folder / "log.csv")
         return loaded.sha256
@@ -454,7 +453,7 @@ def misread(share: bool) -> Act:
 
     def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
         if share:
-            patch.setattr(archive, "_content_of", lambda _: "other")
+            patch.setattr(write, "_content_of", lambda _: "other")
         return write_hdf5(sample(), folder / "log.h5")
 
     return act
@@ -470,7 +469,7 @@ def checksums(ours: bool) -> Act:
             write_hdf5(sample(), folder / "log.h5")
         else:
             h5(layout())(folder, patch)
-        return archive.changed_runs(folder / "log.h5")
+        return write.changed_runs(folder / "log.h5")
 
     return act
 

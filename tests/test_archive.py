@@ -9,7 +9,7 @@ import pytest
 
 from data_io import LogError, Record, Step, read_log, write_archive, write_hdf5
 from data_io.anonymise import anonymous, is_plain_setting, is_usual
-from data_io.archive import changed_runs, read_index
+from data_io.write import changed_runs, read_index
 from identify import examples
 from identify.cli import main as cli
 
@@ -111,7 +111,7 @@ def test_numbers_changed_behind_our_back_are_noticed(tmp_path):
 
 
 def test_what_does_not_read_back_never_appears(tmp_path, monkeypatch):
-    monkeypatch.setattr("data_io.archive._content_of", lambda _: "something else")
+    monkeypatch.setattr("data_io.write._content_of", lambda _: "something else")
     with pytest.raises(LogError, match="does not read back"):
         write_hdf5(read_log(LOGS[1]), tmp_path / "log.h5")
     with pytest.raises(LogError, match="no log is left"):

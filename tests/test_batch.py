@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from batch_case import STUB, Silent, alive, children, kill, put, started, wait_for, write_case
 
-from data_io.errors import LogError
+from data_io.values import LogError
 from experiments.run_batch_faults import Tally
 from experiments.stub_fits import numbers
 from identify.studies.batch_store import complete, locked

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from data_io import by_path, read_log, table
-from data_io.errors import LogError
+from data_io import read_log, rows, table
+from data_io.values import LogError
 
 ROWS = 330_000
 HEADER = b"time (s),Fz (N),Fx (N)\n"
@@ -104,7 +104,7 @@ def test_the_path_changes_nothing(tmp_path, monkeypatch, lines, what):
     monkeypatch.setattr(table, "read_rest", lambda *a: taken.append(read_rest(*a)) or taken[-1])
     by_its_path = told(path)
     assert any(numbers is not None for numbers in taken) is (what in SOUND)
-    monkeypatch.setattr(by_path, "LEAST", 1 << 40)
+    monkeypatch.setattr(rows, "LEAST", 1 << 40)
     assert told(path) == by_its_path
 
 
@@ -117,13 +117,13 @@ def test_a_field_too_many_is_not_dropped_in_silence(tmp_path, monkeypatch, lines
 
 
 def test_a_file_with_words_here_and_there_is_handed_over_once(tmp_path, monkeypatch, lines):
-    rows = list(lines)
+    log_rows = list(lines)
     for at in range(40_000, ROWS, 40_000):
-        rows[at] = b"%.4f,overload,0.8\n" % (0.001 * at)
+        log_rows[at] = b"%.4f,overload,0.8\n" % (0.001 * at)
     path = tmp_path / "log.csv"
-    path.write_bytes(HEADER + b"".join(rows))
-    monkeypatch.setattr(by_path, "LEAST", 1 << 16)
-    read_path, asked = by_path.read_path, []
-    monkeypatch.setattr(by_path, "read_path", lambda *a: asked.append(a[1]) or read_path(*a))
+    path.write_bytes(HEADER + b"".join(log_rows))
+    monkeypatch.setattr(rows, "LEAST", 1 << 16)
+    read_path, asked = rows.read_path, []
+    monkeypatch.setattr(rows, "read_path", lambda *a: asked.append(a[1]) or read_path(*a))
     assert told(path)[0]
     assert len(asked) == 1

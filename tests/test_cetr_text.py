@@ -5,7 +5,9 @@ import gzip
 import numpy as np
 import pytest
 
-from data_io import LogError, cetr_text, delimited, list_steps, read_log
+from data_io import LogError, list_steps, read_log
+from data_io.text import looks_like_text
+from data_io.umt_text import is_cetr
 
 GRAM_FORCE = 9.80665e-3
 
@@ -55,7 +57,7 @@ def codes(record):
 @pytest.mark.parametrize("short", [False, True])
 def test_one_step_in_si(tmp_path, end, short):
     record = read_log(log(tmp_path, run_text(1, step_text(1, 50, short=short)), end=end))
-    assert record.metadata["format"] == cetr_text.NAME and record.metadata["Script file"] == "C:\\rig\\pair.cts"
+    assert record.metadata["format"] == "cetr-text" and record.metadata["Script file"] == "C:\\rig\\pair.cts"
     np.testing.assert_allclose(record.time, np.r_[0.0, 0.0127 + 0.02 * np.arange(49)], atol=1e-12)
     np.testing.assert_allclose(record.friction_force, (10 + np.arange(50)) * GRAM_FORCE, rtol=1e-14)
     np.testing.assert_allclose(record.normal_force, 200 * GRAM_FORCE, rtol=1e-14)
@@ -180,5 +182,5 @@ def test_gz_reads_alike(tmp_path):
 
 def test_readers_tell_themselves_apart(tmp_path):
     head = log(tmp_path, run_text(1, step_text(1, 3))).read_bytes()
-    assert cetr_text.can_read(head) and delimited.can_read(head)
-    assert not cetr_text.can_read(b"T,Fx,Fz\ns,N,N\n0,1,3\n") and not cetr_text.can_read(b"\x89HDF\r\n\x1a\n")
+    assert is_cetr(head) and looks_like_text(head)
+    assert not is_cetr(b"T,Fx,Fz\ns,N,N\n0,1,3\n") and not is_cetr(b"\x89HDF\r\n\x1a\n")

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from data_io import LogError, Record
-from data_io.both_ways import crosstalk, levelled, tilt
-from data_io.correct import Corrections, correct
+from data_io.correct import Corrections, correct, crosstalk, levelled, tilt
 
 RATE = 200.0
 

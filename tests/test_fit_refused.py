@@ -2,7 +2,7 @@
 
 import pytest
 
-from data_io.errors import LogError
+from data_io.values import LogError
 from identify.base.errors import FitError
 from identify.identification import fit
 from identify.scene import Scene

@@ -4,7 +4,8 @@ import h5py
 import numpy as np
 import pytest
 
-from data_io import LogError, checks, read_log
+from data_io import LogError, read_log
+from data_io.record import _SEEN
 
 COLUMNS = {"time": "/daq/t", "friction_force": "/daq/Fx", "normal_force": "/daq/Fz"}
 
@@ -139,4 +140,4 @@ def test_what_was_seen_of_numbers_is_not_believed_of_others(tmp_path):
     np.testing.assert_allclose(record.friction_force[:7], np.arange(7) * 9.80665e-3, rtol=1e-15)
     late = plain(tmp_path / "b.h5", time=5.0 + np.arange(N) / 1000.0)
     assert read_log(late).time[0] == 0.0 and len(read_log(tmp_path / "b.h5", window=(1.0, 2.0))) == 1001
-    assert not checks._SEEN, "it is forgotten with the record that was made of it"
+    assert not _SEEN, "it is forgotten with the record that was made of it"

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_io import LogError, Record, hdf5_open, memory, read_log, write_hdf5
+from data_io import LogError, Record, hdf5_open, hdf5_values, read_log, write_hdf5
 
 NAMED = {"time": "/daq/t", "friction_force": "/daq/Fx", "normal_force": "/daq/Fz"}
 
@@ -173,14 +173,14 @@ def test_a_file_that_claims_more_than_fits_is_refused_before_memory_goes(tmp_pat
 
 
 def test_memory_is_asked_and_small_logs_are_never_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+    monkeypatch.setattr(hdf5_values, "free_memory", lambda: 1000)
     path = good(tmp_path / "log.h5")
     assert len(read_log(path)) == 400
-    monkeypatch.setattr(memory, "_SMALL", 8 * 3 * 400 - 1)
+    monkeypatch.setattr(hdf5_values, "_SMALL", 8 * 3 * 400 - 1)
     with pytest.raises(LogError, match="memory are free"):
         read_log(path)
     assert len(read_log(path, window=(0.5, 20.0))) == 20
-    monkeypatch.setattr(memory, "free_memory", lambda: 2 * 8 * 3 * 400)
+    monkeypatch.setattr(hdf5_values, "free_memory", lambda: 2 * 8 * 3 * 400)
     assert len(read_log(path)) == 400
 
 

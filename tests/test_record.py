@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from data_io import LogError, Record, Step
-from data_io.frozen import LARGEST_FORCE
+from data_io.values import LARGEST_FORCE
 
 
 def ramp(n=20, **changes):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data_io import read_log as read
-from data_io.rounded_clock import evened
+from data_io.clock import evened
 
 EVEN = np.arange(4000) / 800.0
 

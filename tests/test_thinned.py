@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from data_io.thinned import ENOUGH, kept, shown, thinned, thinned_steps
+from data_io.arrays import ENOUGH, kept, shown, thinned, thinned_steps
 
 
 @pytest.mark.parametrize("size", [0, 1, ENOUGH, 2 * ENOUGH - 1])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from data_io.true_runs import longest_run, true_runs
+from data_io.arrays import longest_run, true_runs
 from identify.simulation.drive import Drive
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_io.errors import UnitError
 from data_io.units import kind_of, parse_quantity, to_si
+from data_io.values import UnitError
 
 G = 9.80665  # standard gravity, exact by definition
 

@@ -7,7 +7,7 @@ import zipfile
 import pytest
 
 from data_io import read_log
-from data_io.whereabouts import digest_of, log_is_at
+from data_io.contents import digest_of, log_is_at
 from identify.cli.main import main
 from identify.examples import FOLDER
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from data_io import Finding, LogError, Record, Step, read_log, write_csv, write_hdf5
 from data_io.atomic import atomic_path, atomic_write
-from data_io.frozen import LARGEST_FORCE
+from data_io.values import LARGEST_FORCE
 
 WRITERS = [(write_hdf5, "log.h5"), (write_csv, "log.csv")]
 NOT_KEPT = {"path", "sha256", "format"}  # they say where this file is

@@ -133,7 +133,7 @@ def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) 
     Raises:
         CommandLineError: no log, or no such log. SceneError: no scene file.
     """
-    from data_io.whereabouts import log_is_at
+    from data_io.contents import log_is_at
     from identify.scene.rig import located
     from identify.scene.toml import read_toml
 
@@ -172,7 +172,7 @@ def check_there(path: Path) -> None:
     Raises:
         CommandLineError: no such file, or a folder without logs.
     """
-    from data_io.whereabouts import log_is_at
+    from data_io.contents import log_is_at
 
     if log_is_at(path):
         return

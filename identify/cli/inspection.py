@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from data_io import Record, Step
 from data_io.record import WINDOW_START
-from data_io.thresholds import DEFAULTS, Thresholds
-from data_io.wording import percent
+from data_io.thresholds import DEFAULTS, Thresholds, percent
 from identify.base.wording import columns, programme_text, wrapped
 from identify.cli.common import Terminal
 from identify.cli.scene import only

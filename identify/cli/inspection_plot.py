@@ -10,10 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from data_io.arrays import true_runs
 from data_io.atomic import atomic_path
-from data_io.quality_load import UNLOADED
-from data_io.rest import Rest
-from data_io.true_runs import true_runs
+from data_io.signals import UNLOADED, Rest
 from identify.logs.segment import SLIDING, SLIP
 from identify.report.envelope import envelope
 

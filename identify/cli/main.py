@@ -214,7 +214,7 @@ def _run(given: list[str], json_mode: bool) -> Answer:
 
 def _mendable(error: Exception) -> bool:
     """Whether the user can mend it, and its text is a sentence for the user."""
-    from data_io.errors import LogError, UnitError
+    from data_io.values import LogError, UnitError
 
     return isinstance(error, (CommandLineError, IdentifyError, LogError, UnitError, OSError))
 

@@ -32,7 +32,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, SceneError, LogError: the result or its inputs are not there as they were.
     """
-    from data_io.whereabouts import digest_of
+    from data_io.contents import digest_of
     from identify.cli.progress import Progress
     from identify.estimation.starts import Sources
     from identify.identification import fit
@@ -77,7 +77,7 @@ def check_unedited(path: Path) -> None:
     Raises:
         CommandLineError: it was edited.
     """
-    from data_io.digest import file_sha256
+    from data_io.source import file_sha256
 
     try:
         job = json.loads((path.parent / "job.json").read_text(encoding="utf-8"))
@@ -97,7 +97,7 @@ def unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
     Raises:
         CommandLineError: gone or changed.
     """
-    from data_io.whereabouts import digest_of, log_is_at
+    from data_io.contents import digest_of, log_is_at
 
     if sha256 in moved:
         return moved[sha256]
@@ -114,7 +114,7 @@ def there(path: Path) -> Path:
     Raises:
         CommandLineError: it is not.
     """
-    from data_io.whereabouts import log_is_at
+    from data_io.contents import log_is_at
 
     if not log_is_at(path):
         raise CommandLineError(f"{path}: there is no log; give a file, a folder of them, or a pattern in quotes")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import thinned
+from data_io.arrays import thinned
 from identify.base.outcome import Status
 from identify.base.quantiles import normal
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.rotation import StatedVelocity, stated_velocity
+from data_io.derived_columns import StatedVelocity, stated_velocity
 from data_io.speed_steps import steps_of
 from identify.base.wording import speed_text
 from identify.logs.segment import segment

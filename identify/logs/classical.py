@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import kept, thinned
+from data_io.arrays import kept, thinned
 from identify.logs.log_regime import LogRegime, look
 from identify.logs.regime import Known, Verdict
 from identify.logs.segment import SLIDING, SLIP, STICK, Cycles, Segmentation

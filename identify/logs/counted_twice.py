@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.arrays import kept, thinned_steps
 from data_io.correct import Corrections, correct
-from data_io.thinned import kept, thinned_steps
 from identify.base.errors import FitError
 from identify.scene.values import LogEntry
 

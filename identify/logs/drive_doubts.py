@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.frozen import Finding
+from data_io.arrays import true_runs
 from data_io.motion import motion_of
 from data_io.speed_steps import SAME
-from data_io.true_runs import true_runs
+from data_io.values import Finding
 from identify.base.wording import programme_text, speed_text
 from identify.logs.along_friction import AGREES, velocity_in_head, velocity_text
 from identify.logs.told_drive import ToldDrive, drive_position, told_drive

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import thinned_steps
+from data_io.arrays import thinned_steps
 from identify.logs.taken_apart import taken_apart
 from identify.scene import Scene
 from identify.scene.values import LogEntry

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.frozen import Finding
 from data_io.quality import Quality, Verdict, assess, verdict_of
 from data_io.thresholds import DEFAULTS, Thresholds
+from data_io.values import Finding
 from identify.logs.slip_quality import Part, SlipQuality, look_at_slips
 from identify.logs.suspicions import suspicions
 from identify.logs.told_drive import speed_of

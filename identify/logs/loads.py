@@ -9,7 +9,7 @@ import scipy  # its parts come with their first use: a third of a second of impo
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import kept, thinned
+from data_io.arrays import kept, thinned
 from identify.base.errors import FitError
 from identify.base.quantiles import chi_square, chi_square_exceeded
 from identify.logs.harmonics import harmonics

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from data_io.thinned import thinned_steps
+from data_io.arrays import thinned_steps
 from identify.simulation.drive import Drive, NormalForce
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import kept, thinned, thinned_steps
+from data_io.arrays import kept, thinned, thinned_steps
 from identify.logs.hidden_rhythm import Swing, hidden_rhythm
 from identify.logs.local_fits import line_slope, slope_error
 from identify.logs.segment import SLIDING, STICK, Segmentation

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from data_io import LogTooLargeError, Record
-from data_io.frozen import Finding
 from data_io.record import WINDOW_START
+from data_io.values import Finding
 from identify.scene.values import DriveSpeed, LogEntry
 
 Span = tuple[float, float]

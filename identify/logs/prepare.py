@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import kept
+from data_io.arrays import kept
 from identify.base.errors import FitError
 from identify.logs import window
 from identify.logs.cutting import Account, account

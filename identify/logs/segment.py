@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import kept, thinned_steps
+from data_io.arrays import kept, thinned_steps
 from identify.logs.local_fits import crossing, level, noise_on_lines, slope, span
 from identify.logs.noise import bridged, quantum, spikes, uneven, white_noise
 from identify.logs.slips import SLIDING, SLIP, STICK, Slips, Trace, judge, label, loading_knee, not_slipping

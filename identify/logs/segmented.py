@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.arrays import kept, shown, thinned
 from data_io.correct import Corrected
-from data_io.thinned import kept, shown, thinned
 from identify.base.errors import FitError
 from identify.logs.cutting import cut_and_correct, refuse_too_few
 from identify.logs.log_regime import changes_speed, of_strokes

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from data_io.thinned import kept
+from data_io.arrays import kept
 from identify.logs.segment import Segmentation
 
 Array = NDArray[np.float64]

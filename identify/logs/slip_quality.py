@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.frozen import Finding
-from data_io.thresholds import Thresholds
-from data_io.wording import percent
+from data_io.thresholds import Thresholds, percent
+from data_io.values import Finding
 from identify.logs.segment import Segmentation
 from identify.logs.sharpness import Sharpness, harmonic_share, sharpness
 from identify.logs.still_loading import ENDS_LOADING, REMEDY, still_loading

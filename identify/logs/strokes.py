@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.thinned import thinned
+from data_io.arrays import thinned
 from identify.logs.noise import bridged, white_noise
 from identify.logs.zigzag import smooth
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.frozen import Finding
-from data_io.thinned import kept, thinned
+from data_io.arrays import kept, thinned
 from data_io.thresholds import DEFAULTS, Thresholds
+from data_io.values import Finding
 from identify.logs.segment import Segmentation, segment
 from identify.logs.spectrum import Spectrum
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import kept, thinned_steps
+from data_io.arrays import kept, thinned_steps
 from identify.logs.manner import Manner, moving_pieces
 from identify.logs.segment import STICK, Segmentation
 from identify.logs.zigzag import running_means

@@ -8,7 +8,7 @@ from math import log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import thinned_steps
+from data_io.arrays import thinned_steps
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
 
+from data_io.contents import log_is_at
 from data_io.thresholds import DEFAULTS, Thresholds
-from data_io.whereabouts import log_is_at
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL

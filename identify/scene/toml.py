@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from data_io import list_steps
-from data_io.errors import LogError
 from data_io.thresholds import Thresholds
+from data_io.values import LogError
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.thinned import thinned
+from data_io.arrays import thinned
 from identify.base.errors import SimulationError
 from identify.logs.log_data import Grid, Guess, LogData
 from identify.model.model import ELONGATION, TIME, Model

@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from data_io.digest import file_sha256
-from data_io.errors import LogError, UnitError
+from data_io.source import file_sha256
+from data_io.values import LogError, UnitError
 from identify.base.errors import IdentifyError
 from identify.base.outcome import places_of
 from identify.studies.batch_store import is_full, write_job

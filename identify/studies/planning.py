@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from data_io.digest import file_sha256
+from data_io.source import file_sha256
 from identify.base.errors import SceneError
 from identify.base.progress import Progress, to_nobody
 from identify.scene import Scene

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from data_io.wording import percent
+from data_io.thresholds import percent
 from identify.cli.outlets import SPELLED
 
 ROOT = Path(__file__).parents[2]

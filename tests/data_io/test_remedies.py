@@ -11,7 +11,7 @@ import shlex
 import pytest
 
 from data_io import LogError, read_log
-from data_io.errors import UnitError
+from data_io.values import UnitError
 from tests.refusal_cases import CASES
 
 MENTIONED = r"(?<!unless )(?<!where no column is the time give )"

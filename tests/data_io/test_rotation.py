@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data_io import read_log
-from data_io.rotation import stated_velocity
+from data_io.derived_columns import stated_velocity
 
 CASES = Path(__file__).parents[1] / "cases"
 

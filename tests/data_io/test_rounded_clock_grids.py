@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from data_io import LogError, read_log
-from data_io.rounded_clock import evened
+from data_io.clock import evened
 
 
 @pytest.mark.parametrize("start", [20.0, 5000.0, 90000.0])

@@ -1,11 +1,30 @@
-"""Small frozen values that a record is made of: findings, steps, a mapping that cannot change."""
+"""Small frozen values that everything here is made of: errors, findings, steps, a mapping that cannot change."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Errors of the data room that a user can mend: what was found, what was expected, what to do.
+
+
+class LogError(Exception):
+    """A log cannot be read, written or accepted as a record; the text is the whole sentence, path included."""
+
+
+class LogTooLargeError(LogError):
+    """The columns of a log do not fit into memory."""
+
+
+class UnitError(ValueError):
+    """A quantity or unit cannot be understood; the text is the whole sentence."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Small frozen values that a record is made of: findings, steps, a mapping that cannot change.
 
 FloatArray = npt.NDArray[np.float64]
 Scalar = str | int | float | bool
@@ -88,3 +107,14 @@ class Step:
     def __post_init__(self) -> None:
         plain = {str(key).replace("\0", ""): str(value).replace("\0", "") for key, value in self.parameters.items()}
         object.__setattr__(self, "parameters", Frozen({key: value for key, value in plain.items() if key}))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Names that must not meet twice.
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """Return the name, with a number behind it where it is already taken."""
+    if name not in taken:
+        return name
+    return next(other for i in range(2, len(taken) + 3) if (other := f"{name} ({i})") not in taken)

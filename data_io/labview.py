@@ -1,0 +1,353 @@
+"""Files of National Instruments: LabVIEW measurement files, TDMS (npTDMS, optional extra `tdms`), and text."""
+
+import io
+import logging
+import math
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from data_io.clock import read_date, seconds_apart
+from data_io.columns import Name, match_names, parse_name, shown, with_unit
+from data_io.contents import Contents, Part
+from data_io.layout import Head, is_row, line_at
+from data_io.own_clocks import with_clocks_of_channels, with_even_clock
+from data_io.segments import Lines, Segment
+from data_io.source import Request, Source
+from data_io.table import Table, read_below, read_tables
+from data_io.text import looks_like_text, split, to_number
+from data_io.values import Finding, FloatArray
+
+# LabVIEW measurement files (.lvm).
+
+_LVM: Final = b"LabVIEW Measurement"
+_BREAK = re.compile(r"\*\*\*End_of_Header\*\*\*|Channels\b")
+_TAG = re.compile(
+    r"(?:LabVIEW Measurement|[XY]_Dimension|[XY]_Unit_Label|X0|Delta_X|Samples|Channels|Date|Test_\w*|Time[\t,]+\d)"
+)
+
+
+def is_lvm(head: bytes) -> bool:
+    """Tell an .lvm by its first words."""
+    return looks_like_text(head) and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(_LVM)
+
+
+def read_lvm(source: Source, request: Request) -> Contents:
+    """Read a LabVIEW measurement file, versions 1 and 2 of the writer. Raises `LogError`.
+
+    Layout: `key TAB value` lines, `***End_of_Header***`, per segment `Channels`, `Date`, `Time`, `X0`, `Delta_X`,
+    again `***End_of_Header***`, names that begin with X_Value, rows. Each segment is a step.
+    Quirks: the clock is the column X_Value, or with `X_Columns No` an empty first field and X0 + Delta_X * row; each
+    channel has an X0, a Delta_X and a time of its start, and where they differ a clock of its own; `Decimal_Separator`
+    may be a comma; units stand as suffix of the name (fx_N); a last column Comment, mostly empty.
+    """
+    tables, _ = read_tables(source, request, breaks=_BREAK, never=_TAG)
+    items = _items(tables[0].preamble)
+    parts = [_lvm_part(table, {**items, **_items(table.preamble)}, i) for i, table in enumerate(tables, start=1)]
+    metadata = {key: values[0] for key, values in items.items() if values and values[0]}
+    return Contents(parts, metadata, [remark for table in tables for remark in table.remarks])
+
+
+def _lvm_part(table: Table, items: dict[str, list[str]], number: int) -> Part:
+    started = read_date(f"{(items.get('Time') or [''])[0]} {(items.get('Date') or [''])[0]}")
+    starts, intervals = _starts(items), _numbers(items.get("Delta_X", ()))
+    clocks: dict[int, int] = {}
+    several = max(len(set(starts)), len(set(intervals)), len(set(_numbers(items.get("X0", ()))))) > 1
+    if several and (items.get("X_Columns") or ["One"])[0] == "Multi":
+        table = _started_apart(table, starts)
+    elif several:
+        table, clocks = _clocks_of_channels(table, items, starts, intervals)
+    index = table.header.roles.get("time")
+    column = None if index is None else table.columns.get(index)
+    if (column is None or not np.isfinite(column).any()) and intervals and intervals[0] > 0:
+        table = with_even_clock(table, _first(items.get("X0", ()), 0.0), intervals[0], "X_Value")
+    header = table.header
+    dimension = (items.get("X_Dimension") or ["Time"])[0]
+    for index in (header.roles.get("time"), *header.passed_over.get("time", ())):
+        if index is not None and not header.names[index].unit and dimension == "Time":
+            header = with_unit(header, index, "s")
+    return Part(1, number, header, table.columns, started=started, clocks=clocks)
+
+
+def _starts(items: dict[str, list[str]]) -> list[float]:
+    """When each channel was started [s], from the first one on; nothing where X counts from a date of its own."""
+    if (items.get("Time_Pref") or ["Relative"])[0] == "Absolute":
+        return []
+    told = zip((t for t in items.get("Time", ()) if t), (d for d in items.get("Date", ()) if d), strict=False)
+    return seconds_apart([f"{time} {date}" for time, date in told])
+
+
+def _started_apart(table: Table, starts: Sequence[float]) -> Table:
+    """Return a table whose X_Value columns count from the start of the first channel, not each from its own."""
+    clocks = [i for i, name in enumerate(table.header.names) if name.key == "xvalue"]
+    moved = {i: table.columns[i] + start for i, start in zip(clocks, starts, strict=False) if i in table.columns}
+    return replace(table, columns={**table.columns, **moved})
+
+
+def _clocks_of_channels(
+    table: Table, items: dict[str, list[str]], starts: Sequence[float], intervals: Sequence[float]
+) -> tuple[Table, dict[int, int]]:
+    """Return the table with a clock for every channel, made of what its head says, and which clock is whose."""
+    names = table.header.names
+    channels = {i: v for i, v in table.columns.items() if names[i].key not in ("xvalue", "comment")}
+    begins = _numbers(items.get("X0", ())) or [0.0]
+    begins = [begins[min(i, len(begins) - 1)] + (starts[min(i, len(starts) - 1)] if starts else 0.0)
+              for i in range(len(channels))]  # fmt: skip
+    header, columns, clocks = with_clocks_of_channels(table.header, channels, begins, intervals)
+    return replace(table, header=header, columns=columns), clocks
+
+
+def _items(lines: Sequence[str]) -> dict[str, list[str]]:
+    """Return what `key TAB value TAB value` lines say; a comma may stand for the tab."""
+    split = (re.split(r"[\t,]", line) if "\t" not in line else line.split("\t") for line in lines)
+    return {fields[0].strip(): [field.strip() for field in fields[1:]] for fields in split if fields[0].strip()}
+
+
+def _numbers(fields: Sequence[str]) -> list[float]:
+    found = (to_number(field, "," if "," in field else ".") for field in fields if field)
+    return [number for number in found if number is not None and math.isfinite(number)]
+
+
+def _first(fields: Sequence[str], otherwise: float) -> float:
+    return next(iter(_numbers(fields)), otherwise)
+
+
+# National Instruments text with a head of pairs for each channel: `Channel name,"Force",Channel name,"Input 1"`.
+
+_CHANNEL_NAMES: Final = re.compile(rb"(?:^|[\r\n])\"?Channel name\"?([,;\t])", re.IGNORECASE)
+_KEYS: Final = ("channel name", "unit", "interval", "timestamp")
+_LONGEST_HEAD: Final = 50
+
+
+def is_ni_channels(head: bytes) -> bool:
+    """Tell by a line of channel names in pairs with their key."""
+    return looks_like_text(head) and _CHANNEL_NAMES.search(head) is not None
+
+
+def read_ni_channels(source: Source, request: Request) -> Contents:
+    """Read the channels that NI programmes write beside each other. Raises `LogError`.
+
+    Layout: lines `Timestamp`, `Interval`, `Channel name`, `Unit`, each key once for every channel; rows with a time
+    [s] before each value, or values alone at the interval. Signals are mostly in volts, which need a scale:
+    `--columns friction_force=Force --units "friction_force=2.5 N/V"`.
+    """
+    found = _CHANNEL_NAMES.search(source.head)
+    assert found is not None
+    delimiter = found[1].decode()
+    with source.open() as handle:
+        lines = Lines(source, request, handle)
+        top = lines.segment()
+        told, place, width = _head(source, top.text, delimiter)
+        channels = told.get("channel name", [])
+        if width not in (len(channels), 2 * len(channels)):
+            raise source.error(
+                f"rows of {width} fields were found below {len(channels)} channel names; one field for each, or a time "
+                "and a value for each, were expected; export again"
+            )
+        names = _names(channels, told.get("unit", []), pairs=width == 2 * len(channels))
+        head = Head(match_names(names, request.columns), place, delimiter, width)
+        rest = Segment(top.text[place:].encode(), top.text.count("\n", 0, place) + 1, top.at_end)
+        table = read_below(source, request, lines, rest, head)
+    header, columns = head.header, dict(table.columns)
+    starts = seconds_apart(told.get("timestamp", []))
+    clocks: dict[int, int] = {}
+    if width == 2 * len(channels):
+        for channel, start in enumerate(starts):
+            if start and 2 * channel in columns:
+                columns[2 * channel] = columns[2 * channel] + start
+    else:
+        intervals = [to_number(field, ".") or 0.0 for field in told.get("interval", [])]
+        header, columns, clocks = with_clocks_of_channels(header, columns, starts, intervals)
+    about = {key: ", ".join(values) for key, values in told.items()}
+    return Contents([Part(1, 1, header, columns, clocks=clocks)], about, table.remarks)
+
+
+def _head(source: Source, text: str, delimiter: str) -> tuple[dict[str, list[str]], int, int]:
+    """Return what stands for each channel by key, where the rows begin, and their number of fields."""
+    told: dict[str, list[str]] = {}
+    position = 0
+    for _ in range(_LONGEST_HEAD):
+        line, after = line_at(text, position)
+        fields = split(line, delimiter)
+        if "channel name" in told and is_row(fields) and fields[0].lower() not in _KEYS:
+            return told, position, len(fields)
+        if fields and fields[0].strip('\ufeff"').lower() in _KEYS:
+            told[fields[0].strip('\ufeff"').lower()] = fields[1::2]
+        position = after
+    raise source.error(
+        f"no rows of numbers were found within {_LONGEST_HEAD} lines of channel names; they were expected; export again"
+    )
+
+
+def _names(channels: Sequence[str], units: Sequence[str], *, pairs: bool) -> tuple[Name, ...]:
+    names = []
+    for place, channel in enumerate(channels):
+        if pairs:
+            names.append(Name("Time", "Time", "s"))
+        names.append(Name(channel, channel, units[place] or None if place < len(units) else None))
+    return tuple(names)
+
+
+# Text that states its sampling interval above the rows instead of holding a time column, as NI exports do.
+
+_NUMBER: Final = r"((?:[0-9]++(?:[.,][0-9]++)?|[.,][0-9]++)(?:[eE][+-]?[0-9]++)?)"
+_NAME: Final = r"\"?(?:sample |sampling )?interval(?: ?[(\[]s(?:ec)?[)\]])?\"?"
+_LINE: Final = rf"[ \t]*+{_NAME}(?=[ \t,;:=])[ \t]*+[,;:=]?[ \t]*+{_NUMBER}[ \t,;]*+$"
+_INTERVAL_LINE = re.compile(rb"(?:^|[\r\n])" + _LINE.replace("$", r"(?:[\r\n]|$)").encode(), re.IGNORECASE)
+_INTERVAL = re.compile(_LINE, re.IGNORECASE)
+
+
+def is_interval_text(head: bytes) -> bool:
+    """Tell by a line such as `Interval,0.0005`."""
+    return looks_like_text(head) and _INTERVAL_LINE.search(head) is not None
+
+
+def read_interval_text(source: Source, request: Request) -> Contents:
+    """Read delimited text with a line `Interval,0.0005` [s] above the names (National Instruments). Raises `LogError`.
+
+    Quirks: no time column, so the clock is interval * row; signals in volts, which need a scale:
+    `--units "friction_force=2.5 N/V"`. Where there is a time column it is used, not the interval.
+    """
+    tables, footer = read_tables(source, request)
+    findings = [remark for table in tables for remark in table.remarks]
+    parts = []
+    for number, table in enumerate(tables, start=1):
+        told = [match for line in (*tables[0].preamble, *table.preamble) if (match := _INTERVAL.match(line))]
+        interval = float(told[-1][1].replace(",", ".")) if told else 0.0
+        if "time" not in table.header.roles and interval > 0:
+            table = with_even_clock(table, 0.0, interval, "Interval")
+            text = f"the clock was made from the interval of {interval:g} s that the file states"
+            findings.append(Finding("clock_from_interval", "info", text))
+        parts.append(Part(1, number, table.header, table.columns))
+    metadata = {"preamble": "\n".join(tables[0].preamble)} | ({"footer": "\n".join(footer)} if footer else {})
+    return Contents(parts, metadata, list(dict.fromkeys(findings)))
+
+
+# LabVIEW TDMS files, read by npTDMS (optional extra `tdms`).
+
+_TDMS: Final = b"TDSm"
+_SCALE_TYPE: Final = re.compile(r"NI_Scale\[\d+\]_Scale_Type")
+_SCALES: Final = frozenset(
+    ("Polynomial", "Linear", "RTD", "Strain", "Table", "Thermistor", "Thermocouple", "Add", "Subtract")
+)
+"""Scalings that npTDMS applies; others it passes over with a line in its log."""
+_UNITS: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
+_OF_DAMAGE: Final = (
+    ValueError, TypeError, LookupError, OSError, EOFError, ArithmeticError, AttributeError, RuntimeError,
+    NotImplementedError, AssertionError, UnicodeError, struct.error,
+)  # fmt: skip
+"""What npTDMS raises over damaged files."""
+
+
+def is_tdms(head: bytes) -> bool:
+    """Tell a TDMS by its first bytes."""
+    return head.startswith(_TDMS)
+
+
+def read_tdms(source: Source, request: Request) -> Contents:
+    """Read the groups of a TDMS that hold a friction force, each as a run. Raises `LogError`.
+
+    Layout: channels in groups, their unit in a property, their clock as start and increment (waveforms) or as a channel
+    of times; channels may start apart or have other rates. Quirks: integers as the converter gave them, with several
+    scalings to be applied in order: npTDMS does so, a kind that it does not know is refused, and integers without any
+    have no unit but the one that --units gives.
+    """
+    try:
+        import nptdms
+    except ImportError as error:
+        raise source.error(
+            "a LabVIEW TDMS file needs the package npTDMS, which is not installed; install it with pip install "
+            '"npTDMS", '
+            "or export the file as .lvm or text"
+        ) from error
+    try:
+        target: Any = str(source.path) if source.packing is None else io.BytesIO(source.data)
+        with _heard() as heard, nptdms.TdmsFile.open(target) as file:
+            groups = [group for group in file.groups() if any(len(channel) for channel in group.channels())]
+            parts = [_tdms_part(source, request, group, dict(file.properties)) for group in groups]
+            about = {str(key): str(value) for key, value in file.properties.items()}
+    except MemoryError as error:
+        raise source.error(
+            "the channels of the TDMS file do not fit into memory; fewer were expected; export the ones that are "
+            "needed, "
+            "or a part of the time, from LabVIEW"
+        ) from error
+    except _OF_DAMAGE as error:
+        reason = " ".join(str(error).split())
+        raise source.error(f"the TDMS file is damaged ({reason:.100}); copy it again") from error
+    if not parts:
+        why = f" ({heard[0]:.100})" if heard else ""
+        raise source.error(
+            f"the TDMS file holds no channel with samples{why}; forces were expected; copy it again, or record it again"
+        )
+    told = [part for part in parts if "friction_force" in part.header.roles] or parts
+    findings = [
+        Finding("damaged_parts", "warning", f"parts of the file could not be read: {text:.200}") for text in heard
+    ]
+    return Contents([replace(part, run=run) for run, part in enumerate(told, start=1)], about, findings)
+
+
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """What npTDMS writes to its log of a file that it reads as far as it can."""
+    said: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            said.append(record.getMessage())
+
+    handler, above = Handler(logging.WARNING), logging.getLogger("nptdms")
+    loggers = [
+        above,
+        *(logging.getLogger(name) for name in logging.Logger.manager.loggerDict if name.startswith("nptdms.")),
+    ]
+    kept = [(logger, list(logger.handlers), logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [handler], False
+    try:
+        yield said
+    finally:
+        for logger, handlers, propagate in kept:
+            logger.handlers, logger.propagate = handlers, propagate
+
+
+def _tdms_part(source: Source, request: Request, group: Any, of_file: dict[str, Any]) -> Part:
+    names: list[Name] = []
+    columns: dict[int, FloatArray] = {}
+    starts: list[float] = []
+    intervals: list[float] = []
+    first: Any = None
+    channels = [channel for channel in group.channels() if len(channel) and channel.dtype.kind in "fiu"]
+    longest = max((len(channel) for channel in channels), default=0)
+    for channel in channels:
+        properties = {**of_file, **group.properties, **channel.properties}
+        scales = [str(value) for key, value in properties.items() if _SCALE_TYPE.fullmatch(key)]
+        if unknown := [scale for scale in scales if scale not in _SCALES]:
+            raise source.error(
+                f"channel {shown([channel.name])} holds numbers with a scaling of the kind {unknown[0]!r:.40}, which "
+                "is "
+                "not known; scaled numbers were expected; export the file as text from LabVIEW"
+            )
+        values = np.full(longest, np.nan)
+        values[: len(channel)] = channel[:]
+        said = parse_name(channel.name)
+        unit = next((str(properties[key]) for key in _UNITS if properties.get(key)), None) or said.unit
+        if channel.dtype.kind in "iu" and not scales:
+            unit = None  # counts of a converter: they may be anything
+        columns[len(names)] = values
+        names.append(Name(channel.name, said.name, unit))
+        start = properties.get("wf_start_time")
+        first = start if first is None else first
+        apart = 0.0 if start is None or first is None else (start - first) / np.timedelta64(1, "s")
+        starts.append(float(apart) + float(properties.get("wf_start_offset", 0.0)))
+        intervals.append(float(properties.get("wf_increment", 0.0)))
+    header = match_names(tuple(names), request.columns)
+    clocks: dict[int, int] = {}
+    if "time" not in header.roles and intervals and min(intervals) > 0:
+        header, columns, clocks = with_clocks_of_channels(header, columns, starts, intervals)
+    return Part(1, 1, header, columns, {"group": str(group.name)}, clocks=clocks)
