@@ -39,8 +39,8 @@ from identify.base import native  # noqa: E402
 from identify.effects import MAIN  # noqa: E402
 from identify.model.model import Model, assemble  # noqa: E402
 from identify.simulation import stepper  # noqa: E402
-from identify.simulation.methods import HIGH  # noqa: E402
 from identify.simulation.simulate import run  # noqa: E402
+from identify.simulation.steppers import HIGH  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -44,8 +44,15 @@ from identify.base.errors import SceneError, SimulationError  # noqa: E402
 from identify.effects import ALL as EFFECTS  # noqa: E402
 from identify.effects import MAIN  # noqa: E402
 from identify.effects.quantities import Effect  # noqa: E402
-from identify.simulation.methods import HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF  # noqa: E402
-from identify.simulation.steppers import Method  # noqa: E402
+from identify.simulation.steppers import (  # noqa: E402
+    HIGH,
+    LINEAR,
+    LOW,
+    MIDDLE,
+    OUTSIDE,
+    STIFF,
+    Method,
+)
 from identify.simulation.trajectory import Trajectory, distance  # noqa: E402
 
 Array = NDArray[np.float64]

@@ -22,9 +22,9 @@ from identify.base.errors import SceneError, SimulationError
 from identify.effects import MAIN
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.machine import Machine
-from identify.simulation.methods import STIFF
 from identify.simulation.plan import admit, plan, scales
 from identify.simulation.simulate import phases
+from identify.simulation.steppers import STIFF
 from identify.simulation.trajectory import Trajectory, inside
 
 Array = NDArray[np.float64]

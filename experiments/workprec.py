@@ -16,10 +16,10 @@ from identify.base.errors import SimulationError
 from identify.model.model import Model, assemble
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.machine import Machine
-from identify.simulation.methods import Method
 from identify.simulation.phases import Phase
 from identify.simulation.plan import only, scales
 from identify.simulation.simulate import phases, run
+from identify.simulation.steppers import Method
 from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]

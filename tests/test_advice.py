@@ -19,7 +19,7 @@ from identify.prediction.probability import alike, document, stick_slip_probabil
 from identify.prediction.solutions import solution_set
 from identify.prediction.sources import stated
 from identify.prediction.stabilising import Search, stabilising_changes
-from identify.report.advice_table import advice_table
+from identify.report.depth import advice_table
 from identify.report.report_tables import Cell
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")

@@ -22,8 +22,7 @@ from identify.studies.comparison_files import write_comparison
 from identify.studies.comparison_page import Answers, write_batch_report
 from identify.studies.fits import read_fits
 from identify.studies.labels import CompareError, Question, cell, latex, usual, visible
-from identify.studies.operating_points import NOTHING, GroupAnswer, group_answers, probability
-from identify.studies.points import common
+from identify.studies.operating_points import NOTHING, GroupAnswer, common, group_answers, probability
 from identify.studies.reporting import items
 from tests.comparing_case import document, write_fit, write_study
 

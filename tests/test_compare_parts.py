@@ -14,8 +14,7 @@ from identify.studies.comparison_files import all_sheets
 from identify.studies.comparison_page import answered, render
 from identify.studies.fits import count, read_fits
 from identify.studies.labels import CompareError, Question
-from identify.studies.operating_points import NOTHING, group_answers
-from identify.studies.points import common
+from identify.studies.operating_points import NOTHING, common, group_answers
 from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
 from tests.comparing_case import NAMES, document, write_fit
 

@@ -148,7 +148,7 @@ def test_the_advice_of_a_fit_knows_the_speed_that_a_column_told(monkeypatch, tmp
         seen.append(scene.logs[0].drive_speed)
         raise InterruptedError
 
-    monkeypatch.setattr("identify.cli.counsel.with_counsel", counsel)
+    monkeypatch.setattr("identify.cli.operating.with_counsel", counsel)
     with pytest.raises(InterruptedError):
         fit_and_report(scene_of(), tmp_path / "out", Terminal(io.StringIO(), io.StringIO()))
     assert seen == [1e-3]

@@ -11,8 +11,8 @@ from experiments.energy import balance
 from experiments.verdicts import difference, judge, motion
 from identify.model.model import assemble
 from identify.simulation.machine import CREEP
-from identify.simulation.methods import STIFF
 from identify.simulation.simulate import run
+from identify.simulation.steppers import STIFF
 
 # Seed of the scene: what was wrong there.
 FOUND = {

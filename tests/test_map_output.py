@@ -64,7 +64,7 @@ def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, par
 
 def test_labels_stand_apart_and_the_star_says_whose_it_is(speed_and_stiffness):
     from identify.report.draw_map import map_figure
-    from identify.report.map_contours import ROOM
+    from identify.report.map_parts import ROOM
 
     seen = tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
     made = speed_and_stiffness

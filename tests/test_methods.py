@@ -15,11 +15,10 @@ from identify.base import tableaus
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, assemble
 from identify.simulation.bursts import trial
-from identify.simulation.methods import ALL, HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF
 from identify.simulation.plan import ACCURACY, accuracy_for, plan, scales
 from identify.simulation.simulate import run
-from identify.simulation.situated import Situated
-from identify.simulation.steppers import Method
+from identify.simulation.stepper import Situated
+from identify.simulation.steppers import ALL, HIGH, LINEAR, LOW, MIDDLE, OUTSIDE, STIFF, Method
 from identify.simulation.trajectory import distance
 
 P = np.array([PAIR[name] for name in MODEL.parameter_names])

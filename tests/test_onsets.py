@@ -14,9 +14,9 @@ from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation import stepper
-from identify.simulation.methods import LOW
 from identify.simulation.resting import bounds
 from identify.simulation.simulate import run
+from identify.simulation.steppers import LOW
 
 
 @pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])

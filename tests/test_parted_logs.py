@@ -12,7 +12,7 @@ from data_io import Record, write_csv
 from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
 from identify.base.outcome import numbers_of, places_of
-from identify.cli import counsel
+from identify.cli import operating as counsel
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records
 from identify.prediction import sources as tested

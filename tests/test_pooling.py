@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from scipy.stats import studentized_range
 
 from experiments.pooling_draws import Plan, draw
-from identify.studies.joint import Together
+from identify.studies.joint import Together, outliers
 from identify.studies.mixed import (
     RUN,
     SUBJECT,
@@ -20,7 +20,6 @@ from identify.studies.mixed import (
     fit_mixed,
     indicators,
 )
-from identify.studies.outliers import outliers
 from identify.studies.pooled import DIFFERENT, NOT_TESTED, NOT_TOLD_APART, below, critical, pool, predictive
 
 

@@ -18,14 +18,14 @@ from identify.base.outcome import Status
 from identify.diagnosis.choice import Choice, Reason, document_of
 from identify.effects import ALL
 from identify.report import write_report
-from identify.report.document import as_json
-from identify.report.envelope import envelope, extremes
 from identify.report.finished import Fit
 from identify.report.quantity_text import DASH, decimals, ends_text, number, quantity, speed
 from identify.report.report_figures import Picture, pictures
 from identify.report.report_page import LARGEST, render_page
 from identify.report.report_views import parameter_views
 from identify.report.report_wording import PLAIN_SYMBOLS, plain_symbol, solver_words
+from identify.report.stored_result import as_json
+from identify.report.style import envelope, extremes
 from tests.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from identify.report.draw_force import draw_force
-from identify.report.draw_profile import draw_profile
+from identify.report.force_figure import draw_force
 from identify.report.report_page import render_page
+from identify.report.uncertainty_figures import draw_profile
 from tests.browser import CHROMIUM, Browser
 from tests.fake_fit import fake_fit
 

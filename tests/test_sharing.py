@@ -18,7 +18,7 @@ from identify.cli.main import main
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock
 from identify.identification import find, fit
-from identify.report.log_outlook import outlooks_of
+from identify.report.log_document import outlooks_of
 from identify.scene import Scene
 from identify.shooting.layout import kept_parameters
 

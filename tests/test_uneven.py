@@ -15,9 +15,8 @@ from identify import fit
 from identify.base.errors import FitError
 from identify.logs.scene_records import with_records
 from identify.report import write_report
-from identify.report.document import plain
-from identify.studies.fits import FitEntry
-from identify.studies.quantities import values
+from identify.report.stored_result import plain
+from identify.studies.fits import FitEntry, values
 from identify.uneven.answer import UnevenEstimator
 from identify.uneven.estimator import maximise
 from identify.uneven.events import sticks_of

@@ -17,7 +17,7 @@ from identify.cli.common import (
     quantity,
 )
 from identify.cli.interrupt import ends_by_itself
-from identify.cli.shortened import shortened
+from identify.cli.outlets import shortened
 
 if TYPE_CHECKING:
     from identify.studies.planning import Plan

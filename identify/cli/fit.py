@@ -186,8 +186,8 @@ def fit_and_report(
 ) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.base.compiled import keep
-    from identify.cli.counsel import with_counsel
     from identify.cli.folder import result_folder
+    from identify.cli.operating import with_counsel
     from identify.cli.progress import Progress
     from identify.identification import fit
     from identify.report import write_report

@@ -75,7 +75,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         draw(seen, plot)
         terminal.say(f"plot: {plot}")
     if unread:
-        from identify.report.document import plain
+        from identify.report.stored_result import plain
 
         message = f"{len(unread)} of {len(listed)} logs cannot be read; {unread[0]}"
         document_of_error = {"schema": 1, "status": "error", "message": message, "logs": logs}

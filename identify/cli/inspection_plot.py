@@ -14,7 +14,7 @@ from data_io.arrays import true_runs
 from data_io.atomic import atomic_path
 from data_io.signals import UNLOADED, Rest
 from identify.logs.segment import SLIDING, SLIP
-from identify.report.envelope import envelope
+from identify.report.style import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,8 +24,7 @@ from identify.cli.common import (
     standard_terminal,
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
-from identify.cli.outlets import outlets
-from identify.cli.shortened import shortened
+from identify.cli.outlets import outlets, shortened
 
 STOPPED = "interrupted; no half-written result is left behind"
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
@@ -238,7 +237,7 @@ def _print_document(answer: Answer, json_mode: bool) -> None:
     if json_mode and answer.code in (DEFECT, WRONG_INPUT, INTERRUPTED):
         print(json.dumps(answer.document, ensure_ascii=spelled_out))
     elif json_mode:
-        from identify.report.document import plain
+        from identify.report.stored_result import plain
 
         document = {"schema": 1, **plain(answer.document)}
         print(json.dumps(document, ensure_ascii=spelled_out, allow_nan=False))

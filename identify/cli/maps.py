@@ -30,7 +30,7 @@ from identify.report.report_wording import OUTCOMES
 from identify.scene.tables import nearest
 
 if TYPE_CHECKING:
-    from identify.cli.point import Point
+    from identify.cli.points import Point
     from identify.prediction.chart import Chart
     from identify.prediction.sources import Tested
 

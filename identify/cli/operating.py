@@ -3,17 +3,57 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+from identify.base.errors import SimulationError
+from identify.base.outcome import numbers_of
 from identify.base.wording import wrapped
-from identify.cli.common import Answer, CommandLineError, Terminal, picture
-from identify.cli.further import asked_further
-from identify.cli.groups import one_pair
-from identify.cli.point import Point
-from identify.cli.points import operating_points, tested_range
+from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
+from identify.cli.points import Point, one_pair, operating_points, points_of, tested_range
 from identify.prediction.predict import OperatingPoint, predict, predictions
-from identify.prediction.sources import Tested
+from identify.prediction.probability import probability_document
+from identify.prediction.sources import Tested, groups_of
+from identify.prediction.stabilising import stabilising_changes
+from identify.report.finished import Fit
+from identify.scene import Scene
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the calculators say beyond the outlook where it is asked for: advice, and how sure the answers are.
+# ----------------------------------------------------------------------------------------------------------------------
+
+Further = Callable[[Point, Tested | None], dict[str, Any]]
+MOST_DRAWS = 100_000
+
+
+def asked_further(arguments: Namespace) -> Further:
+    """A function of an operating point and the tested range that gives {"sureness": …, "advice": …}, as asked for.
+
+    Raises:
+        CommandLineError: a margin or a number of draws without meaning.
+    """
+    margin = None if arguments.advice is None else quantity(arguments.advice, "", "--advice")
+    if margin is not None and not 0.0 < margin < 10.0:
+        raise CommandLineError(f'--advice is {arguments.advice!r}; expected a share above zero: write --advice "20 %"')
+    draws = arguments.draws
+    if draws is not None and not 1 <= draws <= MOST_DRAWS:
+        raise CommandLineError(f"--draws is {draws}; expected 1 to {MOST_DRAWS}: write --draws 400")
+
+    def further(point: Point, tested: Tested | None) -> dict[str, Any]:
+        from identify.prediction.probability import probability_document
+        from identify.prediction.stabilising import stabilising_changes
+
+        found: dict[str, Any] = {}
+        at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
+        if draws is not None:
+            found["sureness"] = probability_document(*at, draws)
+        if margin is not None:
+            found["advice"] = stabilising_changes(*at, tested, margin)
+        return found
+
+    return further
+
 
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
@@ -81,3 +121,45 @@ def _of_pair(points: Sequence[Point]) -> list[dict[str, Any]]:
         return [{"text": f"no answer: {points[0].untold}"} for _ in points]
     at = [OperatingPoint(p.values, p.drive_speed, p.normal_force, p.covariance) for p in points]
     return predictions(points[0].model, at, points[0].names)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a finished fit says beyond its numbers: how sure its answers are, and what to change, at one of its logs.
+# ----------------------------------------------------------------------------------------------------------------------
+
+DRAWS = 100  # some milliseconds each
+
+
+def with_counsel(scene: Scene, fit: Fit) -> Fit:
+    """The fit with "sureness" and "advice" among the derived quantities of the fastest log that sticks and slips (the
+    nearest to where stick-slip ends), else of the fastest; as it was where there is no answer."""
+    result, logs = fit.result, list(fit.result["logs"])
+    answered = [i for i, log in enumerate(logs) if "stability" in (log.get("derived") or {})]
+    if not fit.converged or not answered:
+        return fit
+    chosen = max(answered, key=lambda i: (_sticks(logs[i]["derived"]), abs(logs[i]["drive_speed_m_per_s"] or 0.0)))
+    point = _point(scene, result, chosen)
+    if point is None:
+        return fit
+    at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
+    try:
+        further = {
+            "sureness": probability_document(*at, DRAWS),
+            "advice": stabilising_changes(*at, Tested.of_result(result)),
+        }
+    except SimulationError:
+        return fit  # the answers of the logs say why
+    logs[chosen] = {**logs[chosen], "derived": {**logs[chosen]["derived"], **further}}
+    return replace(fit, result={**result, "logs": logs})
+
+
+def _sticks(derived: Mapping[str, Any]) -> bool:
+    return bool(derived["amplitude"]["drop"]["value"] is not None)
+
+
+def _point(scene: Scene, result: Mapping[str, Any], place: int) -> Point | None:
+    """The operating point of a log of the result (from 0), None where it has none."""
+    number, groups = numbers_of(result["logs"])[place], groups_of(result, place)
+    speed = abs(result["logs"][place]["drive_speed_m_per_s"] or 0.0)
+    here = [p for p in points_of(scene, result) if p.log == number and p.groups == groups and not p.untold]
+    return next((p for p in here if abs(p.drive_speed - speed) <= 1e-9 * speed), None)

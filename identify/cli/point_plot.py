@@ -20,7 +20,7 @@ from identify.prediction.solutions import SolutionSet, solution_set
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from identify.cli.point import Point
+    from identify.cli.points import Point
 
 MM = 1e3
 

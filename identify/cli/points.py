@@ -4,25 +4,126 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.outcome import places_of
 from identify.cli.common import CommandLineError, quantity
-from identify.cli.groups import of_groups
-from identify.cli.point import Point
 from identify.diagnosis.selection_numbers import choose_from_numbers
 from identify.prediction.cycle import check_calculable
-from identify.prediction.sources import Pair, Tested, groups_of, pair_of, pooled_result, stated, ties_of, with_tied
+from identify.prediction.map_axes import Site
+from identify.prediction.sources import (
+    Groups,
+    Pair,
+    Tested,
+    groups_of,
+    named,
+    pair_of,
+    pooled_result,
+    stated,
+    ties_of,
+    with_tied,
+)
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
 from identify.scene.tables import check_ranges, nearest
+from identify.scene.values import EACH_LOG
+
+if TYPE_CHECKING:
+    from identify.model.model import Model
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Operating points of several groups: those that --group asks for, and options that show one pair alone.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def of_groups(asked: Sequence[str], points: list[Point]) -> list[Point]:
+    """The points of the groups that --group names, each as VALUE or LABEL=VALUE; all of them where it names none.
+
+    Raises:
+        CommandLineError: a group that no log belongs to.
+    """
+    kept = points
+    for item in asked:
+        kept = [p for p in kept if item in [t for per, value in p.groups for t in (value, f"{per}={value}")]]
+    if kept:
+        return kept
+    known = listed_groups(points)
+    raise CommandLineError(
+        f"--group names {' and '.join(map(repr, asked))}; the logs are of {known}: name one of these"
+        if known
+        else f"--group names {asked[0]!r}, but no parameter differs between groups of logs here: leave it out"
+    )
+
+
+def one_pair(points: Sequence[Point], option: str) -> list[Point]:
+    """The points that have values, for an option that shows a single pair.
+
+    Raises:
+        CommandLineError: points of several groups, or none with values.
+    """
+    told = [p for p in points if not p.untold]
+    if not told:
+        raise CommandLineError(f"{option} has nothing to show: {points[0].untold}")
+    if len({p.groups for p in told}) > 1:
+        per, value = told[0].groups[0]
+        choice = f'--group "{value}"' if per == EACH_LOG else f'--group "{per}={value}"'
+        raise CommandLineError(
+            f"{option} shows one pair, and the parameters differ between {listed_groups(told)}: choose one, as by "
+            f"{choice}"
+        )
+    return told
+
+
+def listed_groups(points: Sequence[Point]) -> str:
+    """The groups of these points in words, each once."""
+    return "; ".join(dict.fromkeys(named(p.groups) for p in points if p.groups))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# One operating point of a pair, as calculators and maps of the command line take it.
+# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
+
+    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it; groups: of the log,
+    by what the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; log: its
+    number in the scene (from 0).
+    """
+
+    name: str
+    model: Model
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    covariance: Array | None
+    names: tuple[str, ...]
+    area: float | None = None
+    area_exponent: float = 0.0
+    groups: Groups = ()
+    untold: str = ""
+    log: int = 0
+
+    @property
+    def title(self) -> str:
+        """Its name, with its group where there are several."""
+        return f"{self.name} ({named(self.groups)})" if self.groups else self.name
+
+    @property
+    def site(self) -> Site:
+        """The point as maps take it; `area` [m^2] is the contact's nominal one under its normal force."""
+        return Site(self.model, self.values, self.drive_speed, self.normal_force, self.area, self.area_exponent)
+
+
 POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
 
 

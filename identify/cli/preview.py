@@ -33,7 +33,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from identify.estimation.preview import preview
     from identify.logs.drives import with_drives
     from identify.logs.scene_records import with_records
-    from identify.report.draw_preview import draw_preview
+    from identify.report.force_figure import draw_preview
     from identify.report.quantity_text import quantity
     from identify.report.style import drawing_style
     from identify.scene.variant import scene_with

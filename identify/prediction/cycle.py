@@ -17,7 +17,7 @@ from identify.model.model import ELONGATION, SPEED, Model, assemble
 from identify.prediction.slip import SlipIntegrator, SlipMotion
 from identify.simulation.phases import stick
 from identify.simulation.plan import scales
-from identify.simulation.situated import Situated
+from identify.simulation.stepper import Situated
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One stick, fast: when the drive overcomes the grip, and how that moves with start, parameters and rig.

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from data_io.atomic import atomic_path
 from identify.prediction.continuation import Continuation
 from identify.report.draw_map import DPI, SLIDES, STICKS
-from identify.report.map_regions import LEGENDS, REGIONS
-from identify.report.map_view import FONT, ticks_in_powers
+from identify.report.map_parts import FONT, LEGENDS, REGIONS, ticks_in_powers
 from identify.report.quantity_text import scale_for
 from identify.report.style import ARREST, ONSET, drawing_style
 

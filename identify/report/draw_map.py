@@ -18,9 +18,7 @@ from data_io.atomic import atomic_path
 from identify.prediction.chart import Boundary, Chart
 from identify.prediction.chart_bands import Known, bands, closed_plane, region
 from identify.prediction.sources import Tested
-from identify.report.map_contours import amplitudes, falls
-from identify.report.map_regions import regions
-from identify.report.map_view import FONT, View, ticks_in_powers
+from identify.report.map_parts import FONT, View, amplitudes, falls, regions, ticks_in_powers
 from identify.report.style import drawing_style
 
 Array = NDArray[np.float64]

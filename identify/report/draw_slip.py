@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from identify.base.outcome import LogCurves, SlipDetail
-from identify.report.envelope import extremes
 from identify.report.quantity_text import scale_for
 from identify.report.style import (
     ARREST,
@@ -19,11 +18,12 @@ from identify.report.style import (
     QUIET,
     SLIDING,
     Drawing,
+    extremes,
     frame,
     headroom,
     padded,
 )
-from identify.report.table_csv import Columns
+from identify.report.text_tables import Columns
 
 MOST_POINTS = 500
 HEIGHT = 4.7  # of both figures [inch], so that they stand well beside each other

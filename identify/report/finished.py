@@ -18,7 +18,7 @@ from identify.prediction.sources import pair_of
 from identify.report.first_screen import first_screen
 from identify.report.stored_result import read_result, scene_of
 from identify.report.summary import summary
-from identify.report.table_csv import classical_rows
+from identify.report.text_tables import classical_rows
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
 from identify.scene.tables import quantity
@@ -134,7 +134,7 @@ class Fit:
         self._check_log(log)
         import matplotlib.pyplot  # noqa: F401 - lets a notebook show figures
 
-        from identify.report.draw_force import draw_force
+        from identify.report.force_figure import draw_force
         from identify.report.style import drawing_style
 
         with drawing_style():

@@ -8,10 +8,10 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from identify.report.document import plain
 from identify.report.quantity_text import finite
 from identify.report.report_tables import classical_tables, definitions
 from identify.report.report_views import banner, last_iterate_rows, parameter_views
+from identify.report.stored_result import plain
 from identify.report.summary import accuracy_text, tolerances_text
 
 SCOPED = "stickslip"  # class of the element that the styles of the fragment are bound to

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from identify.base.outcome import LogCurves, SlipDetail
-from identify.report.document import as_json, plain
+from identify.report.stored_result import as_json, plain
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit

@@ -1,15 +1,97 @@
-"""What a result says of one log: where it is, its classical table, its quality."""
+"""What a result says of one log: its classical table, its quality, and what its pair does at its speed."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.record import WINDOW_START, within
 from identify.base.outcome import Status
+from identify.base.quantiles import NORMAL
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import classical_table
 from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.prediction.predict import OperatingPoint, predictions
+from identify.prediction.sources import with_tied
+from identify.scene.values import Tie
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Stability and amplitude of the fitted pair, at the speed and load of every log and with its own parameters.
+# ----------------------------------------------------------------------------------------------------------------------
+
+Array = NDArray[np.float64]
+
+
+def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Any]]:
+    """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer."""
+    if found.status is not Status.CONVERGED or found.attempt is None or found.covariance is None:
+        return [{} for _ in prepared]
+    unknowns = found.unknowns
+    free = np.flatnonzero(unknowns.free)
+    names, ties = [unknowns.names[i] for i in free], _ties(unknowns)
+    points: list[OperatingPoint | str] = []
+    for number, log in enumerate(prepared):
+        mine = of_log(number, log, found)
+        if isinstance(mine, str):
+            points.append(mine)
+            continue
+        theta, covariance = mine
+        p = unknowns.values(theta, log.data.base)
+        slope = np.where(unknowns.logarithmic, p, 1.0)[free]
+        values = dict(zip(unknowns.names, p.tolist(), strict=True))
+        told, covariance = with_tied(names, covariance * np.outer(slope, slope), ties)
+        points.append(OperatingPoint(values, log.data.drive_speed, log.mean_load, covariance))
+    told = (*names, *ties)
+    if found.sure is not None and found.sure.of_groups:  # what points have in common is only shared within a pair
+        return [
+            {"text": point} if isinstance(point, str) else predictions(unknowns.model, [point], told)[0]
+            for point in points
+        ]
+    return predictions(unknowns.model, [point for point in points if not isinstance(point, str)], told)
+
+
+def _ties(unknowns: Unknowns) -> dict[str, Tie]:
+    """The tied parameters by name, as far as their errors go: a factor, or none where they differ by an offset."""
+    return {
+        unknowns.names[i]: Tie(unknowns.names[to], factor=base if unknowns.logarithmic[i] else 1.0)
+        for i, to, base in unknowns.ties
+    }
+
+
+def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] | str:
+    """Theta (n_p,) of one log and the covariance (f, f) of its free parameters, its own group's among them; a sentence
+    where the log took no part and its group has no values."""
+    attempt, sure, names = found.attempt, found.sure, found.unknowns.names
+    assert attempt is not None and found.covariance is not None
+    free = np.flatnonzero(found.unknowns.free)
+    theta, covariance = attempt.solved.theta, found.covariance.copy()
+    verdicts = {e.name: e.verdict for e in found.estimates}
+    if sure is not None and sure.of_groups:
+        if number in attempt.logs:
+            theta = attempt.solved.guesses[attempt.logs.index(number)].theta(theta)
+        theta, order = theta.copy(), np.arange(free.size)
+        for i, index in enumerate(free.tolist()):
+            if not found.unknowns.grouped[index]:
+                continue
+            group = log.data.groups[index] or f"log {number + 1}"
+            share = next((s for s in sure.shares if (s.index, s.group) == (index, group)), None)
+            if share is None:
+                return f"No answer: this log took no part, and no other log tells {names[index]} of {group}."
+            theta[index] = share.theta
+            if share.place >= 0:
+                order[i] = free.size + share.place
+                verdicts[names[index]] = next(e.verdict for other, e in sure.of_groups if other == share)
+        covariance = sure.joint[np.ix_(order, order)].copy()
+    # What these data do not tell has no variance to carry on: the curvature at one point says nothing of it.
+    open_ = np.array([verdicts.get(names[index]) == "not identifiable" for index in free.tolist()], dtype=bool)
+    covariance[open_, open_] = np.inf
+    return theta, covariance
+
 
 
 def log_document(
@@ -123,3 +205,49 @@ def _untold_tremor(log: Prepared) -> tuple[str, str]:
             "cut the log to where the load is calmer (window), drive faster",
         )
     return "faster than the drive pulls: at the onset of a slip it is counted as unknown", "drive faster"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The creep velocity D/t_cr of every pair of a fit, below which the contact ages while it slides.
+# ----------------------------------------------------------------------------------------------------------------------
+
+VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
+
+
+def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Any]:
+    """ "v_cr" of the first group and "v_cr (V08)" of the others, as numbers of the result; empty without one."""
+    unknowns, names = found.unknowns, found.unknowns.names
+    if found.attempt is None or found.covariance is None or not {"D", "t_cr"} <= set(names):
+        return {}
+    both = [int(unknowns.source[names.index(name)]) for name in ("D", "t_cr")]
+    out: dict[str, Any] = {}
+    seen = set()
+    for number in found.attempt.logs:
+        groups = prepared[number].data.groups
+        mine = [groups[i] or f"log {number + 1}" for i in both if unknowns.grouped[i]]
+        group = ", ".join(dict.fromkeys(mine))
+        if group not in seen:
+            out[f"v_cr ({group})" if out else "v_cr"] = _of(number, prepared[number], found, group)
+            seen.add(group)
+    return out
+
+
+def _of(number: int, log: Prepared, found: Findings, group: str) -> dict[str, Any]:
+    unknowns, names = found.unknowns, found.unknowns.names
+    known = of_log(number, log, found)
+    assert not isinstance(known, str), "a log that took part has values"
+    theta, covariance = known
+    p = unknowns.values(theta, log.data.base)
+    value = float(p[names.index("D")] / p[names.index("t_cr")])
+    free = np.flatnonzero(unknowns.free)
+    d, t = (free == unknowns.source[names.index(name)] for name in ("D", "t_cr"))
+    entry: dict[str, Any] = {"value": value, "unit": "m/s", "validity": VALIDITY} | ({"group": group} if group else {})
+    variance = np.diag(covariance)
+    open_ = [name for name, at in (("D", d), ("t_cr", t)) if not np.all(np.isfinite(variance[at]))]
+    if open_:
+        reason = f"interval open: these data do not tell {' and '.join(open_)}"
+        return entry | {"interval": [None, None], "reason": reason}
+    slope = d.astype(float) - t.astype(float)
+    moved = slope != 0.0
+    half = NORMAL * math.sqrt(float(slope[moved] @ covariance[np.ix_(moved, moved)] @ slope[moved]))
+    return entry | {"interval": [value * math.exp(-half), value * math.exp(half) if half < 700.0 else None]}

@@ -10,16 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.report.draw_correlation import draw_correlation
-from identify.report.draw_cycles import draw_cycles
-from identify.report.draw_force import draw_force
-from identify.report.draw_measured import draw_measured
-from identify.report.draw_profile import draw_profile
+from identify.report.cycle_figures import draw_cycles, draw_measured, draw_uneven
 from identify.report.draw_slip import draw_phase_plane, draw_slip
-from identify.report.draw_uneven import draw_uneven
+from identify.report.force_figure import draw_force
 from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import Drawing, drawing_style, printable
-from identify.report.table_csv import Columns
+from identify.report.text_tables import Columns
+from identify.report.uncertainty_figures import draw_correlation, draw_profile
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_io.atomic import atomic_path, atomic_write
-from identify.report.document import as_json
-from identify.report.latex_table import latex_table
-from identify.report.table_csv import classical_csv, figure_csv
+from identify.report.stored_result import as_json
+from identify.report.text_tables import classical_csv, figure_csv, latex_table
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit

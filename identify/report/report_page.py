@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from identify.report.advice_table import advice_table
 from identify.report.answers import answer_table, of_record, said_once, sentences
 from identify.report.depth import (
     accuracy_rows,
+    advice_table,
     combination_table,
     comparison_table,
     direction_lines,
     interval_table,
 )
-from identify.report.document import plain
 from identify.report.first_screen import first_screen_views, templates
 from identify.report.quantity_text import finite, quantity
 from identify.report.report_figures import Picture
 from identify.report.report_tables import Cell, effects_table, held_table, sensitivity_table
 from identify.report.report_views import log_views
 from identify.report.report_wording import EFFECTS_CHOSEN, TIMING_WORDS, with_group
-from identify.report.svg import inline_svg
+from identify.report.stored_result import plain
+from identify.report.style import inline_svg
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit

@@ -9,7 +9,7 @@ from typing import Any
 
 from identify.report.quantity_text import DASH, finite, number, quantity, scale_for, split_key
 from identify.report.report_wording import RECORD_WORDS, plain_symbol
-from identify.report.table_csv import classical_rows, column_names
+from identify.report.text_tables import classical_rows, column_names
 
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60

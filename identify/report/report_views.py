@@ -16,7 +16,10 @@ from identify.report.quantity_text import (
     number,
     places_for,
     quantity,
+    said_once,
     scale_for,
+    scatter,
+    shown_error,
     speed,
 )
 from identify.report.report_wording import (
@@ -31,8 +34,6 @@ from identify.report.report_wording import (
     solver_words,
     with_group,
 )
-from identify.report.said_once import said_once
-from identify.report.shown_error import scatter, shown_error
 from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
 from identify.report.uneven_words import headline as headline_of
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,7 +14,98 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from identify.report.table_csv import Columns
+from identify.report.text_tables import Columns
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Long signals for a small picture: lowest and highest value per stretch, so that no peak is lost.
+# ----------------------------------------------------------------------------------------------------------------------
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """A signal over b stretches. All shape (b,): time [s] of the middle, lowest and highest value.
+
+    `per_stretch` is the number of samples in a stretch; 1 means that these are the samples themselves.
+    """
+
+    time: Array
+    lower: Array
+    upper: Array
+    per_stretch: int
+
+    @property
+    def exact(self) -> bool:
+        """Whether nothing was thinned out."""
+        return self.per_stretch == 1
+
+
+def envelope(time: Array, values: Array, stretches: int) -> Envelope:
+    """The envelope of values (n,) at time (n,) in at most `stretches` stretches of equally many samples.
+
+    NaN is passed over; a stretch of nothing but NaN stays NaN. Up to 2 * stretches samples are kept as they are:
+    an envelope of so many stretches would be no shorter.
+    """
+    count = len(values)
+    if count <= 2 * stretches:
+        return Envelope(np.asarray(time, float), np.asarray(values, float), np.asarray(values, float), 1)
+    size = -(-count // stretches)
+    starts = np.arange(0, count, size)
+    last = np.minimum(starts + size, count) - 1
+    lower, upper = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+    return Envelope((time[starts] + time[last]) / 2, lower, upper, size)
+
+
+def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
+    """Rising indices of the lowest and the highest of values (n,) in each stretch: at most 2 * stretches of them.
+
+    All indices of finite values where there are no more than that. Points drawn at these indices keep every outlier.
+    """
+    finite = np.flatnonzero(np.isfinite(values))
+    if len(finite) <= 2 * stretches:
+        return finite
+    size = -(-len(finite) // stretches)
+    padded = np.concatenate([finite, np.full(-len(finite) % size, finite[-1])]).reshape(-1, size)
+    rows = np.arange(len(padded))
+    lowest, highest = np.argmin(values[padded], axis=1), np.argmax(values[padded], axis=1)
+    return np.unique(np.concatenate([padded[rows, lowest], padded[rows, highest]]))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Matplotlib's SVG made fit to stand inside an HTML page: small, self-contained, ids of its own.
+# ----------------------------------------------------------------------------------------------------------------------
+
+FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif"
+_TAG = re.compile(r"<[^>]*>")
+_LONG_NUMBER = re.compile(r"(-?\d+\.\d\d)\d+")
+_FONT = re.compile(r"'DejaVu Sans'(?:, *sans-serif)?")
+
+
+def inline_svg(text: str, prefix: str) -> str:
+    """The <svg> element of an SVG file for use inside HTML.
+
+    Prolog, metadata and name-space addresses go (HTML implies them); `prefix` keeps the ids of several
+    figures in one page apart; coordinates are cut to a hundredth of a point; width and height become
+    the page's business. Texts stay as they are. ValueError where there is no viewBox.
+    """
+    body = text[text.index("<svg") :]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r"<!--.*?-->", "", body, flags=re.DOTALL)
+    head, rest = body.split(">", 1)
+    box = re.search(r'viewBox="([^"]*)"', head)
+    if box is None:
+        raise ValueError("this SVG has no viewBox, so it cannot be scaled to the page")
+
+    def tidy(tag: re.Match[str]) -> str:
+        kept = re.sub(r'\bid="', f'id="{prefix}-', tag[0])
+        kept = kept.replace('href="#', f'href="#{prefix}-').replace("url(#", f"url(#{prefix}-")
+        kept = _FONT.sub(FONTS, _LONG_NUMBER.sub(r"\1", kept))
+        return re.sub(r"\s*\n\s*", " ", kept)
+
+    rest = re.sub(r">\s*\n\s*<", ">\n<", _TAG.sub(tidy, rest))
+    return f'<svg viewBox="{box.group(1)}" aria-hidden="true" focusable="false">{rest.rstrip()}'
+
 
 # Okabe and Ito's colours.
 MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"

@@ -19,7 +19,7 @@ from identify.base.tableaus import RK4, step
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
 from identify.simulation.phases import stick as rest
 from identify.simulation.resting import swing
-from identify.simulation.situated import Situated
+from identify.simulation.stepper import Situated
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -20,7 +20,7 @@ from identify.simulation.phases import Stick, rest
 from identify.simulation.plan import Steadiness, steadiness
 from identify.simulation.resting import Resting
 from identify.simulation.simulate import run
-from identify.simulation.situated import Situated
+from identify.simulation.stepper import Situated
 from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from identify.model.model import SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
-from identify.simulation.methods import Method
-from identify.simulation.steppers import Expression, Scale
+from identify.simulation.steppers import Expression, Method, Scale
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One trial step of a model as a compiled function: the state after it, its error, and the guards of its mode.

@@ -9,10 +9,9 @@ from identify.model.model import ELONGATION, SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
 from identify.simulation import resting
 from identify.simulation.bursts import SHORTEST
-from identify.simulation.methods import Method
 from identify.simulation.plan import Plan, Scales, growth
-from identify.simulation.situated import Situated
-from identify.simulation.stepper import Stepper, borrowed, give_back
+from identify.simulation.stepper import Situated, Stepper, borrowed, give_back
+from identify.simulation.steppers import Method
 
 Array = NDArray[np.float64]
 

@@ -20,10 +20,9 @@ from identify.model.model import ELONGATION, SPEED, Model
 from identify.model.modes import GUARDS, GuardName, ModeName
 from identify.simulation.bursts import MODES, N_GUARDS, Stop
 from identify.simulation.machine import Machine
-from identify.simulation.methods import Method
 from identify.simulation.resting import Resting
-from identify.simulation.situated import Situated
-from identify.simulation.stepper import Stepper
+from identify.simulation.stepper import Situated, Stepper
+from identify.simulation.steppers import Method
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where a simulation starts: what the scene says of its states, the others in keeping with it.

@@ -17,8 +17,8 @@ from identify.effects.quantities import Parameter
 from identify.model.model import BASE_STATES, ELONGATION, INPUTS, SPEED, Model
 from identify.model.modes import ModeName, sliding_modes
 from identify.simulation.bursts import takes
-from identify.simulation.methods import HIGH, LINEAR, LOW, MIDDLE, STIFF, Method
 from identify.simulation.resting import swing
+from identify.simulation.steppers import HIGH, LINEAR, LOW, MIDDLE, STIFF, Method
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Steady sliding of the composed model: the state in which nothing changes while the mass goes as fast as the drive.

@@ -20,7 +20,7 @@ from identify.base.compiled import Compiled, compiled
 from identify.base.errors import SimulationError
 from identify.model.model import Model
 from identify.model.modes import ModeName
-from identify.simulation.situated import Situated
+from identify.simulation.stepper import Situated
 
 Array = NDArray[np.float64]
 

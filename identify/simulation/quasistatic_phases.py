@@ -32,7 +32,7 @@ from identify.simulation.quasistatic import (
     stage_function,
 )
 from identify.simulation.resting import courses, swing
-from identify.simulation.situated import Situated
+from identify.simulation.stepper import Situated
 from identify.simulation.trajectory import Second, Trajectory
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from identify.base.compiled import compiled
 from identify.base.roots import Course, first_zero
 from identify.model.model import Model
-from identify.simulation.situated import Situated
+from identify.simulation.stepper import Situated
 
 Array = NDArray[np.float64]
 

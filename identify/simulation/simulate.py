@@ -19,11 +19,11 @@ from identify.model.modes import ModeName
 from identify.scene.tables import quantity
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.machine import Machine
-from identify.simulation.methods import Method
 from identify.simulation.phases import MAX_STEPS, Phase, initial_states, rest, slide
 from identify.simulation.plan import ACCURACY, SAFETY, Plan, accuracy_for, admit, only, plan, scales
 from identify.simulation.quasistatic_phases import balanced
-from identify.simulation.situated import Situated
+from identify.simulation.stepper import Situated
+from identify.simulation.steppers import Method
 from identify.simulation.trajectory import Second, Trajectory
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
+from identify.base import tableaus
 from identify.base.tableaus import Tableau, step, weighted
 
 Expression = Any  # a CasADi SX or MX
@@ -326,3 +327,20 @@ class Explicit(Method):
             coarse = largest((after - x) + h * weighted(other, stages), tolerated)
             norm = norm**2 / ca.sqrt(norm**2 + 0.01 * coarse**2 + NOTHING)
         return after, norm
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The table of integration methods. A new one is one file here and one line in ALL.
+# ----------------------------------------------------------------------------------------------------------------------
+
+LOW = Explicit.of(tableaus.BOGACKI_SHAMPINE, "explicit, low order", "Bogacki and Shampine 1989")
+MIDDLE = Explicit.of(tableaus.DORMAND_PRINCE, "explicit, middle order", "Dormand and Prince 1980")
+HIGH = Explicit.of(tableaus.DOP853, "explicit, high order", "Hairer, Norsett and Wanner I, II.10")
+STIFF = Radau()
+LINEAR = Exponential()
+OUTSIDE = Cvodes()
+
+ALL: tuple[Method, ...] = (LOW, MIDDLE, HIGH, STIFF, LINEAR, OUTSIDE)
+NAMES: tuple[str, ...] = tuple(method.name for method in ALL)
+
+__all__ = ["ALL", "HIGH", "LINEAR", "LOW", "MIDDLE", "NAMES", "OUTSIDE", "STIFF", "Method"]

@@ -17,9 +17,8 @@ from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
 from identify.scene.tables import quantity
 from identify.simulation.bursts import within
-from identify.simulation.methods import Method
 from identify.simulation.phases import Phase, Slide
-from identify.simulation.steppers import Expression
+from identify.simulation.steppers import Expression, Method
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from identify.scene.values import EACH_LOG
-from identify.studies.fits import FitEntry, shared_labels
+from identify.studies.fits import FitEntry, Quantity, Values, shared_labels, values
+from identify.studies.joint import outliers
 from identify.studies.labels import CompareError, Question, Taken, take
 from identify.studies.mixed import PoolingError
-from identify.studies.outliers import outliers
 from identify.studies.pooled import Pooled, pool
-from identify.studies.quantities import Quantity, Values, values
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A fit with parameters that differ between its logs, taken apart: what each group tells, and what all its logs share.

@@ -19,8 +19,7 @@ from identify.studies.compare import Comparison, compare
 from identify.studies.comparison_figures import curves, forest
 from identify.studies.fits import PAGE, FitEntry, count, read_fits
 from identify.studies.labels import CompareError, Question, usual, visible
-from identify.studies.operating_points import GroupAnswer, group_answers
-from identify.studies.points import Common, common
+from identify.studies.operating_points import Common, GroupAnswer, common, group_answers
 from identify.studies.reporting import items
 
 

@@ -19,10 +19,10 @@ from identify.report.quantity_text import (
 )
 from identify.report.report_wording import MEANINGS, OUTCOMES, plain_symbol
 from identify.studies.compare import Comparison, PooledQuantity
+from identify.studies.fits import Quantity
 from identify.studies.labels import SHOWN, visible
 from identify.studies.operating_points import Figure, GroupAnswer
 from identify.studies.pooled import DIFFERENT, NOT_TESTED, Difference
-from identify.studies.quantities import Quantity
 from identify.studies.reporting import Item
 
 REASON = 400  # characters of a reason that are shown

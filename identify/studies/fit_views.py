@@ -10,9 +10,18 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from identify.report.quantity_text import DASH, Scale, decimals, finite, number, places_for, scale_for
+from identify.report.quantity_text import (
+    DASH,
+    Scale,
+    decimals,
+    finite,
+    number,
+    places_for,
+    scale_for,
+    scatter,
+    shown_error,
+)
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
-from identify.report.shown_error import scatter, shown_error
 from identify.studies.compare import Comparison
 from identify.studies.comparison_figures import excerpt, thumbnail
 from identify.studies.comparison_views import REASON, Cell, Table, table

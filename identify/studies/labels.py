@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identify.base.errors import IdentifyError
-from identify.studies.fits import FitEntry, natural
+from identify.studies.fits import FitEntry, natural, tells, verdicts
 from identify.studies.mixed import Setting
-from identify.studies.quantities import tells, verdicts
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Text from logs and labels made harmless: for pages, tables of spreadsheets, LaTeX; numbers stay numbers.

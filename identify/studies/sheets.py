@@ -13,8 +13,7 @@ from identify.report.quantity_text import finite
 from identify.studies.compare import Comparison, PooledQuantity
 from identify.studies.fits import FitEntry
 from identify.studies.labels import cell
-from identify.studies.operating_points import Curve, Figure, GroupAnswer
-from identify.studies.points import Common
+from identify.studies.operating_points import Common, Curve, Figure, GroupAnswer
 from identify.studies.pooled import Mean
 from identify.studies.reporting import Item
 

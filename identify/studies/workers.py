@@ -23,7 +23,7 @@ from identify.studies.job import CRASHED, TIMED_OUT, End, Job
 # The grip on one fitting process: started when needed, killed at the time limit, replaced when it died.
 # ----------------------------------------------------------------------------------------------------------------------
 
-MODULE = "identify.studies.hand"
+MODULE = "identify.studies.making"
 START_LIMIT = 300.0  # s, to load the libraries from a slow disk
 # One process per core, so one thread per process: whatever library brings its own threads.
 ONE_THREAD = (

@@ -6,7 +6,7 @@ import pytest
 
 from data_io import read_log
 from identify.cli import main as cli
-from identify.report.document import as_json
+from identify.report.stored_result import as_json
 from identify.scene import Scene
 from identify.simulation.simulate import simulate
 from tests.fake_fit import EFFECTS, RIG, TRUTH, fit_of_a_scene

@@ -9,7 +9,7 @@ import pytest
 
 import identify
 from identify import Fit, FitError, Scene, SceneError, simulate
-from identify.report.document import as_json
+from identify.report.stored_result import as_json
 from tests.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene
 
 

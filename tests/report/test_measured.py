@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.report.draw_cycles import draw_cycles
-from identify.report.draw_measured import draw_measured
+from identify.report.cycle_figures import draw_cycles, draw_measured
 from identify.report.report_files import write_report
 from tests.fake_fit import failed, fake_fit, without_cycles
 

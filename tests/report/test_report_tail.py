@@ -5,10 +5,10 @@ import re
 import pytest
 
 from identify.report.answers import answer_table, said_once, sentences
-from identify.report.draw_correlation import draw_correlation
-from identify.report.latex_table import latex_table
 from identify.report.report_page import render_page
 from identify.report.report_tables import Cell
+from identify.report.text_tables import latex_table
+from identify.report.uncertainty_figures import draw_correlation
 from tests.fake_fit import failed, fake_fit, with_verdicts
 
 

@@ -1,0 +1,256 @@
+"""The cycles of all logs, fitted, measured and uneven ones: how they scatter, and what they follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from identify.base.outcome import LogCurves
+from identify.report.quantity_text import number, scale_for
+from identify.report.style import (
+    ARREST,
+    BEHIND,
+    FITTED,
+    ONSET,
+    QUIET,
+    RESIDUAL,
+    SHADE,
+    SLIDING,
+    WIDE,
+    Drawing,
+    extremes,
+    frame,
+    headroom,
+)
+
+FEWEST = 3  # cycles that a log must show
+BINS = 14
+COLOURS = (ONSET, SLIDING, FITTED, ARREST, RESIDUAL, QUIET)
+
+Array = NDArray[np.float64]
+
+
+def draw_measured(logs: Sequence[LogCurves]) -> Drawing | None:
+    """Histograms of strength, drop and hold time, strength against hold time, mean coefficient against drive speed.
+
+    Strength: friction over normal force at the onset; hold time: from an arrest to the next onset. None where no log
+    shows `FEWEST` cycles.
+    """
+    seen = [(number, log, _cycles(log)) for number, log in enumerate(logs, 1) if len(log.cycles) >= FEWEST]
+    if not seen:
+        return None
+    figure = Figure(figsize=(WIDE, 2.3))
+    grid = figure.add_gridspec(1, 5, left=0.045, right=0.992, top=0.86, bottom=0.21, wspace=0.34)
+    axes = [figure.add_subplot(grid[0, column]) for column in range(5)]
+    for place, (column, unit, name) in enumerate(((0, "", "strength"), (1, "N", "drop"), (2, "s", "hold time"))):
+        _histogram(axes[place], [cycles[:, column] for _, _, cycles in seen], unit, name)
+    for place, (log, _, cycles) in enumerate(seen):
+        colour = COLOURS[place % len(COLOURS)]
+        axes[3].plot(cycles[:, 2], cycles[:, 0], ".", color=colour, markersize=4, label=f"log {log}")
+    _logarithmic(axes[3])
+    frame(axes[3], "hold time (s)", "", "strength (1)")
+    axes[3].legend(fontsize=6.5, handletextpad=0.1, borderaxespad=0.1)
+    speeds = np.array([abs(log.drive_speed) for _, log, _ in seen])
+    means = np.array([_mean_coefficient(log) for _, log, _ in seen])
+    axes[4].plot(1e3 * speeds, means, "o", color=SLIDING, markersize=4)
+    if np.all(speeds > 0.0):
+        _logarithmic(axes[4])
+    frame(axes[4], "drive speed (mm/s)", "", "mean coefficient (1)")
+    together = np.concatenate([np.column_stack([np.full(len(c), n), c]) for n, _, c in seen])
+    return Drawing(
+        name="measured",
+        figure=figure,
+        alt=f"How the {len(together)} measured cycles of {len(seen)} logs scatter, and what strength and mean follow.",
+        caption="The cycles as measured, without a model. Strength: friction over normal force at the onset; hold "
+        "time: from an arrest to the next onset. A strength that rises with the hold time is contact ageing; one that "
+        "scatters at equal hold times is a surface that differs from place to place.",
+        wide=True,
+        tables={
+            "measured_cycles": dict(zip(("log", "strength", "drop_N", "hold_s"), together.T, strict=True)),
+            "measured_means": {"drive_speed_m_per_s": speeds, "mean_coefficient": means},
+        },
+    )
+
+
+def _cycles(log: LogCurves) -> Array:
+    """Strength, drop [N] and hold time [s] (NaN of the first) of every cycle, (c, 3)."""
+    onset, arrest, peak, valley, _ = log.cycles.T
+    load = np.interp(onset, log.time, log.normal_force)
+    return np.column_stack([peak / load, peak - valley, np.append(np.nan, onset[1:] - arrest[:-1])])
+
+
+def _mean_coefficient(log: LogCurves) -> float:
+    """Friction over normal force, mean from the first onset to the last."""
+    inside = log.used & (log.time >= log.cycles[0, 0]) & (log.time <= log.cycles[-1, 0])
+    return float(np.nanmean(log.friction_force[inside] / log.normal_force[inside])) if inside.any() else np.nan
+
+
+def _logarithmic(axes: Axes) -> None:
+    """A logarithmic x axis with plain numbers: the style of the report takes no formulas."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(numticks=5))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _histogram(axes: Axes, values: Sequence[Array], unit: str, name: str) -> None:
+    finite = [part[np.isfinite(part)] for part in values]
+    scale = scale_for(float(np.median(np.concatenate(finite))), unit)
+    axes.hist(
+        [part / scale.factor for part in finite],
+        bins=BINS,
+        stacked=True,
+        color=[COLOURS[place % len(COLOURS)] for place in range(len(finite))],
+    )
+    frame(axes, f"{name} ({scale.unit or '1'})", "", "cycles")
+    axes.locator_params(axis="y", nbins=4, integer=True)
+    axes.locator_params(axis="x", nbins=4)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Uneven records: onsets and the slow level along a record with its odd slips, and strength against rest.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def draw_uneven(result: Mapping[str, Any]) -> Iterator[tuple[int, Drawing]]:
+    """One figure per log that the estimator of uneven records took, with the number of the log (from 1)."""
+    curve = result.get("strength_against_rest") or {}
+    for table in result.get("uneven_cycles") or ():
+        yield int(table["log"]), _draw(table, curve)
+
+
+def _draw(table: Mapping[str, Any], curve: Mapping[str, Any]) -> Drawing:
+    names = ("cycle", "onset_s", "rest_s", "onset", "drop", "strength", "level", "odd")
+    column = {name: np.array([np.nan if v is None else v for v in table[name]], dtype=np.float64) for name in names}
+    odd = column["odd"] > 0.9
+    figure = Figure(figsize=(WIDE, 3.0))
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.9, 1.0), left=0.06, right=0.992, top=0.9, bottom=0.16, wspace=0.18)
+    along = figure.add_subplot(grid[0, 0])
+    time = column["onset_s"]
+    along.vlines(time, column["onset"] - column["drop"], column["onset"], color=BEHIND, linewidth=0.8)
+    along.plot(time, column["onset"], "o", color=ONSET, markersize=3.4, label="onset")
+    along.plot(time, column["onset"] - column["drop"], "o", color=ARREST, markersize=2.6, label="arrest")
+    along.plot(time, column["level"], color=FITTED, linewidth=1.1, label="slow level")
+    if odd.any():
+        along.plot(time[odd], column["onset"][odd], "x", color="black", markersize=8, label="odd slip")
+        for number, x, y in zip(column["cycle"][odd], time[odd], column["onset"][odd], strict=True):
+            along.annotate(f"{number:.0f}", (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7.5)
+    headroom(along, 0.12)
+    along.legend(loc="upper left", ncols=4)
+    frame(along, "time (s)", "", "friction over load")
+    against = figure.add_subplot(grid[0, 1])
+    if "rest_s" in curve:
+        against.fill_between(curve["rest_s"], curve["lower"], curve["upper"], color=SHADE, linewidth=0)
+        against.plot(curve["rest_s"], curve["strength"], color=FITTED, label="usual strength, 95 % band")
+        against.legend(loc="upper right")
+    against.plot(column["rest_s"], column["strength"], "o", color=ONSET, markersize=3.2)
+    _from_zero(against)
+    frame(against, "rest before the slip (s)", "", "strength over load")
+    return Drawing(
+        name=f"log_{table['log']}_uneven",
+        figure=figure,
+        alt=f"Onsets, arrests and slow level of the {time.size} cycles of log {table['log']}, and their strengths "
+        "against the rest before them.",
+        caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow; odd "
+        "slips are numbered: their level changed by more than the wander explains. Right: strength of every stick "
+        "(onset above the slow level) against its rest; line and band: the usual strength, within the rests seen. A "
+        "stick is long because the spot was strong, so the points rise more steeply than the line.",
+        wide=True,
+        tables={f"log_{table['log']}_uneven": column},
+    )
+
+
+def _from_zero(axes: Axes) -> None:
+    headroom(axes, 0.1)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlim(left=0.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Cycle-to-cycle scatter of one log: onset force, drop, period and misfit by cycle.
+# ----------------------------------------------------------------------------------------------------------------------
+
+MOST_POINTS = 600
+
+
+def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Drawing:
+    """Scatter by cycle of log number `position` (from 1); the log has at least one cycle.
+
+    Args:
+        accepted: the cycles are those of the fitted motion, else as they were measured.
+    """
+    onset, arrest, peak, valley, misfit = curves.cycles.T
+    count = len(onset)
+    what = "of the motion as fitted" if accepted else "as measured"
+    period = np.append(np.diff(onset), np.nan)
+    panels: list[tuple[Array, str, str, str]] = [
+        (peak, "N", "onset force", ONSET),
+        (peak - valley, "N", "drop", ARREST),
+        (period, "s", "period", SLIDING),
+    ]
+    if np.isfinite(misfit).any():
+        panels.append((misfit, "", "misfit z", FITTED))
+    figure = Figure(figsize=(WIDE, 2.0))
+    grid = figure.add_gridspec(1, len(panels), left=0.045, right=0.992, top=0.86, bottom=0.215, wspace=0.24)
+    for column, (values, unit, name, colour) in enumerate(panels):
+        axes = figure.add_subplot(grid[0, column])
+        _scatter(axes, values, unit, name, colour)
+        axes.set_xlim(0, count + 1)
+    return Drawing(
+        name=f"log_{position}_cycles",
+        figure=figure,
+        alt=f"Onset force, drop, period and misfit of each of the {count} cycles of log {position}.",
+        caption=f"Scatter from cycle to cycle {what}; line and band: mean ± standard deviation. "
+        "A fit of one set of parameters takes all cycles as alike: "
+        "scatter or a trend far above the noise says that the friction itself changed."
+        + (" Misfit z: how far a cycle's residual is from pure noise, in its standard deviations." * (len(panels) > 3)),
+        wide=True,
+        tables={
+            f"log_{position}_cycles": {
+                "cycle": np.arange(1, count + 1),
+                "onset_s": onset,
+                "arrest_s": arrest,
+                "onset_force_N": peak,
+                "arrest_force_N": valley,
+                "drop_N": peak - valley,
+                "period_s": period,
+                "misfit_z": misfit,
+            }
+        },
+    )
+
+
+def _scatter(axes: Axes, values: Array, unit: str, name: str, colour: str) -> None:
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        axes.text(0.5, 0.5, "no complete cycle", ha="center", va="center", transform=axes.transAxes, color=QUIET)
+        frame(axes, "cycle", "", name)
+        return
+    scale = scale_for(float(np.median(finite)), unit)
+    mean, spread = float(finite.mean()) / scale.factor, float(finite.std(ddof=min(1, len(finite) - 1))) / scale.factor
+    if unit:
+        axes.axhspan(mean - spread, mean + spread, color=SHADE, linewidth=0)
+        axes.axhline(mean, color=QUIET, linewidth=0.8)
+    else:
+        axes.axhline(0, color=QUIET, linewidth=0.8)
+    chosen = extremes(values, MOST_POINTS // 2)
+    axes.plot(
+        chosen + 1, values[chosen] / scale.factor, color=colour, linestyle="none", marker="o", markersize=3.2, alpha=0.9
+    )
+    low, high = axes.get_ylim()
+    narrowest = 0.04 * abs(mean)
+    if unit and high - low < narrowest:  # scatter far below the level is shown as small, not blown up
+        axes.set_ylim(mean - narrowest / 2, mean + narrowest / 2)
+    headroom(axes, 0.04)
+    frame(axes, "cycle", "", f"{name} ({scale.unit or '1'})")
+    if unit and mean:
+        note = f"SD {number(100 * spread / abs(mean), 2)} %"
+        axes.set_title(note, loc="right", fontweight="normal", color=QUIET, y=1.0, pad=5)
+    axes.locator_params(axis="y", nbins=4)
+    axes.locator_params(axis="x", nbins=6, integer=True)
