@@ -28,10 +28,9 @@ from identify.estimation.estimator import Estimated, EstimationTask, Estimator
 from identify.estimation.search import alike
 from identify.estimation.starts import Sources
 from identify.estimation.strategies import Trace, Trial, tracing
-from identify.logs.drives import with_drives
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
-from identify.logs.scene_records import with_records
+from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, user_start
 from identify.report.depth_document import accuracy_document
 from identify.report.finished import Fit

@@ -14,8 +14,7 @@ from identify.base.errors import FitError
 from identify.base.outcome import Status
 from identify.cli.common import Terminal
 from identify.cli.fit import fit_and_report
-from identify.logs.drives import with_drives
-from identify.logs.scene_records import with_records
+from identify.logs.scene_records import with_drives, with_records
 from identify.report.finished import Fit
 from identify.studies.job import BatchError
 from identify.studies.planning import plan

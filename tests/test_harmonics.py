@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.fft import dct, idct
 
-from identify.logs.harmonics import harmonics
 from identify.logs.loads import _standing_out, _white, smooth
+from identify.logs.spectrum import harmonics
 
 NOISE = 5e-3
 

@@ -17,8 +17,8 @@ from identify.estimation.attempt import Clock, solve_from
 from identify.estimation.search import search
 from identify.logs import manner
 from identify.logs import prepare as preparing
-from identify.logs.hidden_rhythm import hidden_rhythm
 from identify.logs.prepare import prepare, settled_part
+from identify.logs.spectrum import hidden_rhythm
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.simulation.simulate import run

@@ -20,10 +20,10 @@ from identify.estimation.attempt import Clock, solve_from
 from identify.identification import find, fit
 from identify.logs import loads
 from identify.logs.loads import as_far_as_told, calmed, smooth
-from identify.logs.local_fits import noise_on_lines
 from identify.logs.log_data import Guess, LogData, Pull
 from identify.logs.prepare import UNEQUAL, prepare
 from identify.logs.segment import segment
+from identify.logs.slips import noise_on_lines
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.report.log_document import _quality, load_trembles

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.logs.passage import first_passage
+from identify.logs.loads import first_passage
 
 STEP, LATER = 5e-4, 0.06
 

@@ -32,9 +32,7 @@ from identify.estimation.certainty import certainty
 from identify.estimation.covariance import information
 from identify.estimation.examined import _another_start, information_at
 from identify.estimation.goodness_of_fit import Gate
-from identify.logs.gaps import _unrecorded, gaps_apart
-from identify.logs.one_way import strokes_apart
-from identify.logs.parting import name_of, parts_of
+from identify.logs.parting import _unrecorded, gaps_apart, name_of, parts_of, strokes_apart
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble

@@ -15,9 +15,9 @@ from identify.base.progress import to_nobody
 from identify.diagnosis import second_look
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
+from identify.logs.judgement import suspicions
 from identify.logs.prepare import prepare
 from identify.logs.segment import segment
-from identify.logs.suspicions import suspicions
 from identify.logs.unknowns import from_scene
 
 PLACE = 2  # the log at 1 mm/s

@@ -9,7 +9,7 @@ import pytest
 from data_io import LogError, Record
 from data_io.thresholds import LIMITS, Thresholds
 from identify.logs.judgement import judge
-from identify.logs.sharpness import harmonic_share, sharpness
+from identify.logs.slip_quality import harmonic_share, sharpness
 from tests.verdict_cases import CASES, RATE, N, made, saw, sensor_lag
 
 LIMIT = {limit.name: limit for limit in LIMITS}

@@ -55,7 +55,6 @@ def asked_further(arguments: Namespace) -> Further:
     return further
 
 
-
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     """Say one part ("stability" or "amplitude") of the outlook of every operating point; plot it where asked.
 

@@ -31,8 +31,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from identify.cli.progress import Progress
     from identify.diagnosis.selection import LOOKED_AT
     from identify.estimation.preview import preview
-    from identify.logs.drives import with_drives
-    from identify.logs.scene_records import with_records
+    from identify.logs.scene_records import with_drives, with_records
     from identify.report.force_figure import draw_preview
     from identify.report.quantity_text import quantity
     from identify.report.style import drawing_style

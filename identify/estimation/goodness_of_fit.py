@@ -16,8 +16,8 @@ from data_io.arrays import thinned
 from identify.base.outcome import Status
 from identify.base.quantiles import normal
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered
-from identify.logs.hidden_rhythm import Swing, hidden_rhythm
 from identify.logs.log_data import Guess, LogData
+from identify.logs.spectrum import Swing, hidden_rhythm
 from identify.logs.unknowns import Unknowns
 from identify.logs.zigzag import running_means
 from identify.model.model import SPEED

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.base.wording import speed_text
 from identify.effects import MAIN
-from identify.logs.along_friction import velocity_in_head, velocity_text
 from identify.logs.judgement import judge
 from identify.logs.log_regime import LogRegime, drive_of, joined
 from identify.logs.log_regime import look as look_at
 from identify.logs.regime import Regime, Verdict
 from identify.logs.slip_quality import Part
+from identify.logs.strokes import velocity_in_head, velocity_text
 from identify.logs.told_drive import ToldDrive, told_drive
 from identify.scene.toml import to_fill_in
 

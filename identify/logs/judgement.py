@@ -10,12 +10,115 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.arrays import kept, thinned
 from data_io.quality import Quality, Verdict, assess, verdict_of
 from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.values import Finding
+from identify.logs.segment import Segmentation, segment
 from identify.logs.slip_quality import Part, SlipQuality, look_at_slips
-from identify.logs.suspicions import suspicions
+from identify.logs.spectrum import Spectrum
 from identify.logs.told_drive import speed_of
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is probably wrong with a log although it can be read: units, columns, sampling.
+
+Array = NDArray[np.float64]
+
+ENOUGH = 1 << 12  # forces that tell how large they are
+SWAPPED = 3  # slips of the normal force, where the friction force has none
+STILL = 0.05  # of its level: a force that ranges less is no friction force with slips
+SLOWEST, FASTEST = 2.2, 14.0  # samples per period of an oscillation that is sampled too slowly
+LINE = 0.35  # share of the power that such a line holds at least
+LARGE = 0.05  # of the force: standard deviation of an oscillation worth a word
+WANTED = 25.0  # samples of a slip to ask for; a slip is at most about half a period
+
+
+def suspicions(record: Record, phases: Sequence[Segmentation], thresholds: Thresholds = DEFAULTS) -> list[Finding]:
+    """Findings beyond the quality gate, each with what to do.
+
+    Args:
+        phases: the segmentation of each step of the record.
+        thresholds: where they begin.
+    """
+    found = [strange_coefficient(record, thresholds), _swapped(record, phases)]
+    if not any(p.count for p in phases):
+        found += [
+            _too_slow(record.time[s.start : s.stop], record.friction_force[s.start : s.stop], thresholds)
+            for s in record.steps
+        ]
+    return [finding for finding in found if finding is not None]
+
+
+def strange_coefficient(record: Record, thresholds: Thresholds = DEFAULTS) -> Finding | None:
+    """A ratio of friction and normal force that no contact has."""
+    loaded = np.isfinite(record.normal_force) & np.isfinite(record.friction_force) & (record.normal_force > 0)
+    if not loaded.any():
+        return None
+    forces = record.friction_force, record.normal_force
+    friction, normal = (thinned(kept(values, loaded), ENOUGH) for values in forces)
+    ratio = float(np.quantile(np.abs(friction) / normal, 0.9))
+    severity = thresholds.severity("coefficient_highest", ratio) or thresholds.severity("coefficient_lowest", ratio)
+    if severity is None or ratio == 0.0:
+        return None
+    word = f"{ratio:.3g} times"
+    return Finding(
+        "strange_coefficient",
+        severity,
+        f"friction is {word} the normal force; a coefficient of 0.01 to 10 was expected: is mN named N, or a column "
+        "another one? Say it with --units friction_force=mN or --columns",
+    )
+
+
+def _swapped(record: Record, phases: Sequence[Segmentation]) -> Finding | None:
+    """Slips of the normal force where the friction force hardly moves; a load that ripples beside friction that rests
+    and slides is none."""
+    normal, friction = record.normal_force, record.friction_force
+    if not np.isfinite(normal).any() or not np.isfinite(friction).any():
+        return None
+    swing = _swing(friction)
+    if swing > _swing(normal) or (swing > STILL and any(p.count for p in phases)):
+        return None
+    seen = [segment(record.time[s.start : s.stop], normal[s.start : s.stop]) for s in record.steps]
+    count = max(p.count for p in seen)
+    if count < SWAPPED:
+        return None
+    return Finding(
+        "forces_swapped",
+        "warning",
+        f"the normal force sticks and slips ({count} slips) and the friction force does not: are the two swapped? "
+        "Say it with --columns normal_force=…,friction_force=…",
+    )
+
+
+def _swing(force: Array) -> float:
+    """How far a force ranges, without its outer tenths, over its level."""
+    low, middle, high = np.quantile(np.abs(thinned(kept(force, np.isfinite(force)), ENOUGH)), [0.1, 0.5, 0.9])
+    return float((high - low) / middle) if middle > 0.0 else np.inf
+
+
+def _too_slow(time: Array, force: Array, thresholds: Thresholds) -> Finding | None:
+    """An oscillation of few samples per period, of which stick and slip cannot be told apart."""
+    seen = Spectrum.of(time, force)
+    if seen is None:
+        return None
+    level = float(np.median(np.abs(force[np.isfinite(force)])))
+    peak, samples = seen.peak, seen.samples
+    if seen.share(peak) < LINE or np.sqrt(seen.variance) < LARGE * level or not SLOWEST <= samples <= FASTEST:
+        return None
+    return Finding(
+        "sampled_too_slowly",
+        thresholds.severity("samples_per_cycle", samples) or "info",
+        f"the force swings {peak:.3g} times per second, with {samples:.1f} samples in each swing: too few to tell "
+        f"stick from slip (all is called sliding); sample at {_rounded(2.0 * WANTED * peak):g} Hz or more",
+    )
+
+
+def _rounded(rate: float) -> float:
+    return float(next((r for r in (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000) if r >= rate), rate))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The verdict on a log: accept, accept with warnings, or reject, with the reasons; from clock, forces and slips.
 
 FORCES_SWAPPED = "forces_swapped"
 NO_ZERO = "residual_force"  # no zero error of a sensor, where its column holds another force

@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.arrays import kept
 from identify.base.errors import FitError
-from identify.logs import window
-from identify.logs.cutting import Account, account
 from identify.logs.judgement import Judgement, judge
 from identify.logs.loads import Course, as_far_as_told, as_modelled
 from identify.logs.log_data import LogData, Pull
-from identify.logs.manner import FEW, Manner, manner_of, moving_pieces
+from identify.logs.manner import FEW, Manner, manner_of, moving_pieces, window_of_course, window_of_cycles
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
-from identify.logs.segment import SLIDING, STICK, Segmentation
-from identify.logs.segmented import Segmented, followed, segmented
+from identify.logs.segment import ENDS_LOADING, REMEDY, SLIDING, STICK, Segmentation
+from identify.logs.segmented import Account, Segmented, account, followed, segmented
 from identify.logs.slip_quality import Part
-from identify.logs.still_loading import ENDS_LOADING, REMEDY
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
@@ -225,8 +222,8 @@ def _window(log: Segmented, manner: Manner) -> tuple[float, float]:
     """Begin and end of what is fitted [s]."""
     time, force, found, noise = log.time, log.measured, log.found, log.noise
     if manner.name == "cycles":
-        return window.of_cycles(time, force, found, noise, log.entry.skip_cycles, log.half_period)
-    return window.of_a_course(time, force, found, noise, manner, log.drive, log.half_period)
+        return window_of_cycles(time, force, found, noise, log.entry.skip_cycles, log.half_period)
+    return window_of_course(time, force, found, noise, manner, log.drive, log.half_period)
 
 
 def _load(
@@ -325,7 +322,7 @@ def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -
         )
         falls = np.empty(0)
         if manner.name == "cycles" and found.count >= FEW:
-            begin, end = window.of_cycles(time, force, found, noise, 0, half_period)
+            begin, end = window_of_cycles(time, force, found, noise, 0, half_period)
             falls = found.cycles.fall
         elif manner.name != "cycles" and manner.settled is not None:
             begin, end, manner = manner.settled, float(time[-1]), replace(manner, name="sliding")

@@ -3,18 +3,145 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from data_io import LogError, LogTooLargeError, Record, read_log
+from data_io.arrays import kept, thinned_steps
+from data_io.correct import Corrections, correct
 from data_io.motion import check_drive
+from data_io.record import WINDOW_START
+from data_io.speed_steps import Programme
+from data_io.values import Finding
 from identify.base.errors import FitError
-from identify.logs.counted_twice import refuse_counted_twice
-from identify.logs.drive_doubts import held_against_column
-from identify.logs.partly_read import read_partly
-from identify.logs.told_drive import drive_position
+from identify.base.wording import programme_text
+from identify.logs.told_drive import ToldDrive, drive_position, held_against_column, told_drive
 from identify.scene import Scene
-from identify.scene.values import LogEntry
+from identify.scene.values import DriveSpeed, LogEntry
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Samples that two logs of a scene share: each would count twice, and the intervals would be too narrow.
+
+Array = NDArray[np.float64]
+
+FEW = 8  # samples that two logs may share: windows that meet share those on their edge
+LOOKED_AT = 1000  # samples that are compared first: logs that differ, differ there already
+SAME_TIME = 1e-3  # of a step: what rounding makes of the clock of a copy
+
+
+def refuse_counted_twice(entries: Sequence[LogEntry], records: Sequence[Record]) -> None:
+    """Refuse logs that share samples: one listed twice, a copy under another name, windows that overlap.
+
+    A sample is known by the clock of its file and its friction force, so that the name of the file, its format and
+    what the scene says of the log do not matter.
+
+    Raises:
+        FitError: the two logs, and what to do.
+    """
+    used = [_Used.of(entry, record) for entry, record in zip(entries, records, strict=True)]
+    for (i, one), (j, other) in combinations(enumerate(used), 2):
+        times = _shared(one, other)
+        if times.size > FEW:
+            raise FitError(
+                f"log {i + 1} ({entries[i].path.name}) and log {j + 1} ({entries[j].path.name}) hold the same "
+                f"{times.size} samples from {times[0]:.6g} to {times[-1]:.6g} s, which would count twice; expected "
+                "every sample once: remove one of the two logs, or give them windows that do not overlap"
+            )
+
+
+@dataclass(frozen=True)
+class _Used:
+    """What counts of a log: time [s] by the clock of its file and friction force [N], each (n,)."""
+
+    time: Array
+    force: Array
+
+    @staticmethod
+    def of(entry: LogEntry, record: Record) -> _Used:
+        used = correct(record, Corrections(window=entry.window, exclude=entry.exclude)).used
+        used = used & np.isfinite(record.friction_force)
+        begin = float(record.metadata.get("file_time_start", 0.0))
+        time = kept(record.time, used)
+        return _Used(time + begin if begin else time, kept(record.friction_force, used))
+
+
+def _shared(one: _Used, other: _Used) -> Array:
+    """The times [s] of the samples that both have; none where a single one of the same time differs."""
+    if min(one.time.size, other.time.size) <= FEW:
+        return np.empty(0)
+    near = SAME_TIME * float(np.median(thinned_steps(other.time)))
+    first, last = np.searchsorted(one.time, [other.time[0] - near, other.time[-1] + near])
+    for rows in (slice(first, last, max((last - first) // LOOKED_AT, 1)), slice(first, last)):
+        time, force = one.time[rows], one.force[rows]
+        after = np.clip(np.searchsorted(other.time, time), 1, other.time.size - 1)
+        at = after - (time - other.time[after - 1] < other.time[after] - time)
+        together = np.abs(other.time[at] - time) <= near
+        if np.any(other.force[at][together] != force[together]):
+            return np.empty(0)
+    return time[together]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A log larger than memory: of its file only what the scene uses is read, and the times of its entry follow.
+
+Span = tuple[float, float]
+
+
+def read_partly(entry: LogEntry, refused: LogTooLargeError, read: Callable[[Span], Record]) -> tuple[LogEntry, Record]:
+    """The record of what an entry uses of its log, and the entry with its times from the begin of that record on.
+
+    Args:
+        refused: what was raised when the whole log was read.
+        read: reads the rows within (start, stop) [s] from the first row of the log on.
+
+    Raises:
+        LogTooLargeError: the entry has no window, or its part is too large as well.
+    """
+    if entry.window is None:
+        raise refused
+    used = [entry.window, *(tare for tare in (entry.tare, entry.normal_tare) if isinstance(tare, tuple))]
+    first, last = min(start for start, _ in used), max(stop for _, stop in used)
+    record = read((first, last))
+    begin = float(record.metadata.get(WINDOW_START, 0.0))
+    told = Finding(
+        "read_in_part",
+        "info",
+        f"the log is larger than memory: {begin:.6g} to {begin + record.time[-1]:.6g} s of it were read; times count "
+        "from there on",
+    )
+    return _later(entry, begin), replace(record, findings=(*record.findings, told))
+
+
+def _later(entry: LogEntry, begin: float) -> LogEntry:
+    """An entry whose times count from `begin` [s] on."""
+
+    def shifted(span: Any) -> Any:
+        return (span[0] - begin, span[1] - begin) if isinstance(span, tuple) else span
+
+    return replace(
+        entry,
+        window=shifted(entry.window),
+        exclude=tuple(shifted(span) for span in entry.exclude if span[1] > begin),
+        tare=shifted(entry.tare),
+        normal_tare=shifted(entry.normal_tare),
+        drive_speed=_drive_from(entry.drive_speed, begin),
+    )
+
+
+def _drive_from(drive: DriveSpeed | None, begin: float) -> DriveSpeed | None:
+    if not isinstance(drive, tuple):
+        return drive
+    before = max((start for start, _ in drive if start <= begin), default=-math.inf)
+    return tuple((max(start - begin, 0.0), speed) for start, speed in drive if start >= before)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The records of a scene: every log read as the scene states it.
 
 
 def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:
@@ -85,3 +212,46 @@ def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
     position = None if stated is None else drive_position(record)
     doubts = [] if stated is None or position is None else check_drive(record, stated, position)
     return entry, replace(record, findings=(*record.findings, *doubts)) if doubts else record
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The drive of a log whose scene says nothing of it: the programme of its own column.
+
+
+def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[Scene, list[str]]:
+    """The scene in which every log has a drive speed, and a sentence for each that its own column told.
+
+    Args:
+        records: of the logs, in their order; None reads those whose drive the scene leaves out.
+
+    Raises:
+        FitError: a log without a drive speed whose columns do not tell it. LogError: one that cannot be read.
+    """
+    logs, said = list(scene.logs), []
+    for i, entry in enumerate(scene.logs):
+        if scene.rig_for(entry).drive_speed is not None:
+            continue
+        whole, record = (entry, records[i]) if records is not None and i < len(records) else read_entry(scene, i)
+        if whole != entry:
+            raise FitError(
+                f"{entry.path.name} has no drive speed and is larger than memory, so that its columns are not searched "
+                'for it; give drive_speed = "… mm/s" in its [[logs]] or under [rig]'
+            )
+        told = told_drive(record, scene.rig_for(entry).stiffness, entry.window)
+        programme = _sure(told, entry)
+        speed = programme if len(programme) > 1 else programme[0][1]
+        logs[i] = replace(entry, drive_speed=speed)
+        said.append(f"{entry.path.name}: the drive speed was taken from {told.place}: {programme_text(programme)}.")
+    return (replace(scene, logs=tuple(logs)) if said else scene), said
+
+
+def _sure(told: ToldDrive, entry: LogEntry) -> Programme:
+    remedy = 'give drive_speed = "… mm/s" in its [[logs]] or under [rig]'
+    if told.programme is None:
+        raise FitError(f"{entry.path.name} has no drive speed, and {told.trouble}; {remedy}")
+    if not told.named:
+        raise FitError(
+            f"{entry.path.name} has no drive speed; {told.source} it would be {programme_text(told.programme)}, but no "
+            f"name says that this is the drive; {remedy}"
+        )
+    return told.programme

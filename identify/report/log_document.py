@@ -93,7 +93,6 @@ def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] |
     return theta, covariance
 
 
-
 def log_document(
     index: int, log: Prepared, found: Findings, answer: dict[str, Any], part_of: int | None
 ) -> dict[str, Any]:

@@ -20,9 +20,9 @@ from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Clock
 from identify.estimation.covariance import Estimate
 from identify.estimation.tolerances import added_by_tolerances
-from identify.logs.drive_doubts import DISAGREES
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
+from identify.logs.told_drive import DISAGREES
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.report.depth_document import depth_document, noise_note, profile_ends, ridge_note

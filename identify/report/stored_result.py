@@ -48,7 +48,6 @@ def as_json(result: Mapping[str, Any]) -> str:
     return json.dumps(plain(result), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
-
 def read_result(path: Path) -> dict[str, Any]:
     """The document of a stored result.
 

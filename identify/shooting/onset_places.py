@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
-from identify.logs.local_fits import line_slope, slope_error
 from identify.logs.log_data import LogData
+from identify.logs.slips import line_slope, slope_error
 from identify.model.model import Model
 from identify.simulation.drive import NormalForce
 from identify.simulation.phases import Stick, rest

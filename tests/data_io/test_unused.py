@@ -10,7 +10,7 @@ import pytest
 
 from data_io import LogError, Record, read_log
 from identify.cli import main as cli
-from identify.logs.gaps import gaps_apart
+from identify.logs.parting import gaps_apart
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import read_entry, unused
 from identify.logs.told_drive import told_drive
