@@ -25,7 +25,7 @@ from identify.scene.tables import (
     check_ranges,
     check_rig_bounds,
 )
-from identify.scene.toml import known_effects, read_parts, read_toml
+from identify.scene.toml import known_effects, read_parts, read_toml, with_rig_file
 from identify.scene.values import Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 from identify.scene.words import document_of
 
@@ -222,7 +222,7 @@ class Scene:
 
 
 def _build(document: Mapping[str, Any], folder: Path, name: str, source: Path | None) -> Scene:
-    parts = read_parts(document, folder)
+    parts = read_parts(with_rig_file(document, folder), folder)
     return Scene(
         name=parts.name or name,
         effects=parts.effects,

@@ -17,7 +17,7 @@ from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene.parameters import declared_by, read_parameters
-from identify.scene.rig import RIG, read_log_entry, read_rig, with_listed
+from identify.scene.rig import RIG, located, read_log_entry, read_rig, with_listed
 from identify.scene.tables import Table, nearest, quantity, share
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
 
@@ -74,9 +74,32 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     except OSError as error:
         raise SceneError(f"the scene file cannot be read ({error.strerror}); check its permissions") from None
     _refuse_long_integers(document)
+    document = with_rig_file(document, path.parent)
     for override in overrides:
         put(document, override)
     return document
+
+
+def with_rig_file(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables with `rig = "RIG.toml"` replaced by what that file holds; its path is relative to the folder.
+
+    Raises:
+        SceneError: no such file, or no TOML.
+    """
+    named = document.get("rig")
+    if not isinstance(named, str):
+        return dict(document)
+    try:
+        rig = tomllib.loads(located(folder, named).read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise SceneError(
+            f"rig = {named!r} cannot be read ({error.strerror}); give the path of a file that stickslip rig wrote, "
+            "relative to the scene file, or a [rig] table"
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"rig = {named!r} is not valid TOML ({error}); mend that line") from None
+    _refuse_long_integers(rig)
+    return {**document, "rig": rig}
 
 
 def _refuse_long_integers(value: Any) -> None:
