@@ -12,10 +12,12 @@ from data_io import Record
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL, student
 from identify.base.wording import speed_text, three_figures
-from identify.bench.ringdown import RingDown, ring_downs
+from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, RingDown, ring_downs
 from identify.bench.slips import slip_frequency
 from identify.logs.draft import Piece, look
 from identify.logs.local_fits import line_slope
+from identify.logs.log_regime import LogRegime
+from identify.logs.regime import Regime
 from identify.logs.told_drive import told_drive
 
 Array = NDArray[np.float64]
@@ -78,30 +80,39 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
     Raises:
         IdentifyError: no drive speed, or no straight rise.
     """
-    told = look(Piece(path, None, record))
-    verdicts = [(stroke, verdict) for stroke, verdict in zip(told.seen.strokes, told.seen.verdicts, strict=True)]
+    seen = look(Piece(path, None, record)).seen
+    swung = [] if on_skin else _slips(record, path.name, seen)
+    harmonic = seen.regime is Regime.NEAR_HARMONIC  # the mass slides nearly all the time: its rises are no sticks
+    if harmonic and swung:
+        return swung
     drive = told_drive(record).speed if speed is None else speed
     if not drive:
         raise IdentifyError(
-            f"{path.name} does not tell its drive speed, which turns the slope of a stick into a stiffness; give "
-            f'--drive-speed "{path.name}=0.1 mm/s"'
+            f"{path.name}: no tap rings down in it, and it does not tell its drive speed, which turns the slope of a "
+            f'stick into a stiffness; for a pull give --drive-speed "{path.name}=0.1 mm/s"; a tap needs '
+            f"{FEWEST_SWINGS:.0f} swings above the noise with {FEWEST_SAMPLES:.0f} samples each: sample faster"
         )
-    slopes = np.abs(np.concatenate([verdict.found.stick_slopes for _, verdict in verdicts] or [np.empty(0)]))
+    slopes = np.abs(np.concatenate([verdict.found.stick_slopes for verdict in seen.verdicts] or [np.empty(0)]))
     if slopes.size >= 2:
         slope, error = float(np.median(slopes)), _error_of_median(slopes)
         shown = f"{slopes.size} sticks rise at {three_figures(slope)} N/s"
     else:
         slope, error = _ramp(record.time, record.friction_force, path.name)
         shown = f"a ramp rises at {three_figures(slope)} N/s"
-    kind = "series" if on_skin else "stiffness"
     source = f"{path.name}: {shown} at {speed_text(drive)}{', on skin' if on_skin else ''}"
-    out = [Measured(kind, slope / drive, error, source, by_speed=True)]
-    for stroke, verdict in () if on_skin else verdicts:
-        rows = slice(stroke.start, stroke.stop)
-        swung = slip_frequency(record.time[rows], stroke.direction * record.friction_force[rows], verdict.found)
+    return [Measured("series" if on_skin else "stiffness", slope / drive, error, source, by_speed=True), *swung]
+
+
+def _slips(record: Record, name: str, seen: LogRegime) -> list[Measured]:
+    """The natural frequency within the slips of each stroke that resolves them."""
+    out = []
+    for stroke, verdict in zip(seen.strokes, seen.verdicts, strict=True):
+        rows, typical = slice(stroke.start, stroke.stop), verdict.found.stick_slope
+        force = stroke.direction * record.friction_force[rows]
+        swung = None if typical is None else slip_frequency(record.time[rows], force, verdict.found, typical[0])
         if swung is not None:
             frequency, own = swung
-            shown = f"{path.name}: slips swing at {three_figures(frequency / (2 * np.pi))} Hz"
+            shown = f"{name}: slips swing at {three_figures(frequency / (2 * np.pi))} Hz"
             out.append(Measured("frequency", frequency, float(np.hypot(own, SLIP_MODEL)), shown))
     return out
 

@@ -23,18 +23,25 @@ RESOLVED = 16.0  # samples from the peak of a slip to its valley
 MOST = 60  # slips that are fitted
 EDGE = 0.08  # of a slip at either end: there the contact ages, and onsets are rounded
 GROUPS = 10  # of the jackknife
+INERTIAL = (
+    0.1  # of the way of a slip, that the drive moves on in it: in slower records friction gives way too gradually
+)
 
 
-def slip_frequency(time: Array, force: Array, found: Segmentation) -> tuple[float, float] | None:
-    """Natural frequency [rad/s] and its relative standard error; None where fewer than six slips are resolved.
+def slip_frequency(time: Array, force: Array, found: Segmentation, slope: float) -> tuple[float, float] | None:
+    """Natural frequency [rad/s] and its relative standard error; None where fewer than six slips are resolved, or they
+    are not inertial.
 
     Args:
-        time (n,) [s]; force (n,) [N], its sign that of sliding forward; found: sticks and slips in it.
+        time (n,) [s]; force (n,) [N], its sign that of sliding forward; found: sticks and slips in it; slope: of the
+            sticks [N/s].
     """
     cycles = found.cycles
     if cycles.count < FEWEST or found.samples_per_slip < RESOLVED:
         return None
     lasts = cycles.arrest - cycles.onset
+    if slope * float(np.median(lasts)) < INERTIAL * float(np.median(cycles.drop)):
+        return None
     usual = np.flatnonzero(np.abs(lasts / np.median(lasts) - 1.0) < 0.5)
     chosen = usual[np.unique(np.linspace(0, usual.size - 1, min(usual.size, MOST)).round().astype(int))]
     slips = [

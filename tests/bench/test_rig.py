@@ -1,0 +1,125 @@
+"""`stickslip rig`: what taps, pulls and added masses tell of a rig, known from the closed form of a damped swing."""
+
+import json
+
+import numpy as np
+import pytest
+
+from data_io import Record, write_csv
+from experiments.run_rig_study import pulled, tapped
+from identify import Scene, SceneError
+from identify.base.errors import IdentifyError
+from identify.bench.calibration import calibrated
+from identify.bench.records import Measured, rings
+from identify.bench.ringdown import ring_downs
+from identify.cli import main as cli
+
+RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
+OMEGA, ZETA = np.sqrt(1470.0 / 0.2), 0.05
+
+
+def swing(rate=500.0, noise=0.0, zeta=ZETA, frequency=OMEGA, seconds=3.0):
+    """A ring-down as the closed form has it, at rest before it."""
+    time = np.arange(int(seconds * rate)) / rate
+    t = np.clip(time - 0.5, 0.0, None)
+    force = np.exp(-zeta * frequency * t) * np.sin(frequency * np.sqrt(1 - zeta**2) * t) + 0.1 + 0.02 * time
+    return time, force + noise * np.random.default_rng(0).standard_normal(time.size)
+
+
+def test_a_damped_swing_is_found_to_the_last_digits():
+    (tap,) = ring_downs(*swing(noise=1e-7))
+    assert tap.frequency == pytest.approx(OMEGA, rel=1e-6) and tap.zeta == pytest.approx(ZETA, rel=1e-5)
+
+
+def test_errors_are_those_of_repeats():
+    """Over new noise, deviations over their errors scatter by one."""
+    random, off = np.random.default_rng(1), []
+    time, clean = swing(rate=200.0)
+    for _ in range(60):
+        (tap,) = ring_downs(time, clean + 0.01 * random.standard_normal(time.size))
+        off.append((np.log(tap.frequency / OMEGA) / tap.frequency_error, np.log(tap.zeta / ZETA) / tap.zeta_error))
+    assert np.all(np.abs(np.std(off, axis=0) - 1.0) < 0.3), np.std(off, axis=0)
+
+
+def test_a_lag_of_the_load_cell_changes_nothing_that_is_told():
+    taps = ring_downs(*_columns(tapped(RIG, 0.01, 500.0, 0.003, np.random.default_rng(2))))
+    assert len(taps) == 3
+    for tap in taps:
+        assert tap.frequency == pytest.approx(OMEGA, rel=4 * tap.frequency_error)
+        assert tap.zeta == pytest.approx(ZETA, rel=4 * tap.zeta_error)
+
+
+def _columns(record):
+    return record.time, record.friction_force
+
+
+def test_what_does_not_ring_down_is_no_tap_and_a_swing_of_few_samples_is_refused():
+    time = np.arange(3000) / 500.0
+    random = np.random.default_rng(3)
+    assert ring_downs(time, random.standard_normal(time.size)) == []
+    assert ring_downs(time, np.sin(OMEGA * time) + 0.01 * random.standard_normal(time.size)) == []  # goes on
+    with pytest.raises(IdentifyError, match=r"3.3 samples per swing.*sample at 900 Hz or more"):
+        ring_downs(*swing(rate=150.0, frequency=2 * np.pi * 45.0, zeta=0.01, noise=1e-3))
+
+
+def test_mass_and_stiffness_follow_from_two_taps_one_with_a_known_mass():
+    """k = added w0^2 w1^2/(w0^2 - w1^2), and the error of the added mass is that of both."""
+    heavier = np.sqrt(1470.0 / 0.25)
+    measured = [
+        Measured("frequency", OMEGA, 1e-6, "bare"),
+        Measured("frequency", heavier, 1e-6, "with 50 g", added=0.05),
+        Measured("zeta", ZETA, 0.01, "bare"),
+    ]
+    rig = calibrated(measured, 0.01, 0.005)
+    assert rig.mass.value == pytest.approx(0.2, rel=1e-6) and rig.stiffness.value == pytest.approx(1470.0, rel=1e-6)
+    assert rig.mass.tolerance == pytest.approx(0.005, rel=1e-2) and rig.zeta.tolerance == pytest.approx(0.01)
+    with pytest.raises(IdentifyError, match="a heavier rig rings slower"):
+        calibrated([measured[0], Measured("frequency", 1.1 * OMEGA, 1e-4, "with 50 g", added=0.05)], 0.01, 0.005)
+    alone = calibrated(measured[:1], 0.01, 0.005)
+    assert alone.mass is None and alone.missing == ("mass", "stiffness", "zeta")
+
+
+def test_the_skin_is_told_apart_in_series_and_records_that_disagree_widen_the_intervals():
+    series = 1.0 / (1.0 / 1470.0 + 1.0 / 4400.0)
+    measured = [
+        Measured("stiffness", 1470.0, 1e-3, "block", by_speed=True),
+        Measured("series", series, 1e-3, "skin", by_speed=True),
+    ]
+    rig = calibrated(measured, 0.0, 0.005)
+    assert rig.skin_stiffness.value == pytest.approx(4400.0, rel=1e-5) and rig.agreement.widening == 1.0
+    # An error of the speed is common to both sticks, and their difference knows it: the ratio k_skin/k does not move.
+    loose = calibrated(measured, 0.01, 0.005)
+    assert loose.skin_stiffness.tolerance == pytest.approx(np.hypot(rig.skin_stiffness.tolerance, 0.01), rel=0.05)
+    off = calibrated([*measured, Measured("stiffness", 1600.0, 1e-3, "another block")], 0.0, 0.005)
+    assert off.agreement.widening > 10.0 and "block" in off.agreement.worst
+
+
+def test_taps_and_a_pull_become_the_priors_of_a_scene(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    random = np.random.default_rng(5)
+    write_csv(tapped(RIG, 0.002, 500.0, 0.003, random), tmp_path / "tap.csv")
+    write_csv(pulled(RIG, 0.002, 100.0, 0.003, random), tmp_path / "pull.csv")
+    assert cli.main(["rig", "tap.csv", "pull.csv", "--out", "RIG.toml", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    document = {"effects": ["inertia", "hysteresis_damping"], "rig": "RIG.toml"}
+    document["logs"] = [{"path": "a.csv", "drive_speed": "1 mm/s"}]
+    rig = Scene.from_document(document, tmp_path).rig
+    assert rig.tolerances["mass"] == pytest.approx(told["mass"]["tolerance"], rel=0.01)
+    assert abs(np.log(rig.mass / 0.2)) < 3 * rig.tolerances["mass"] and 0.01 <= rig.tolerances["stiffness"] < 0.015
+    assert rig.zeta == pytest.approx(ZETA, rel=4 * rig.tolerances["damping"])
+    (tmp_path / "scene.toml").write_text('effects = ["inertia", "hysteresis_damping"]\nrig = "RIG.toml"\n')
+    again = Scene.from_toml(tmp_path / "scene.toml", ["rig.drive_speed=1 mm/s", "rig.mass=0.3 kg"]).rig
+    assert again.mass == 0.3 and again.stiffness == rig.stiffness
+    assert cli.main(["rig", "tap.csv", "--out", "RIG.toml"]) == 2, "it may hold edits"
+    with pytest.raises(SceneError, match="stickslip rig wrote"):
+        Scene.from_document(document | {"rig": "no.toml"}, tmp_path)
+
+
+def test_one_tap_alone_leaves_mass_and_stiffness_to_fill_in(tmp_path, capsys):
+    time, force = swing(noise=1e-3)
+    write_csv(Record(time, np.ones(time.size), force), tmp_path / "tap.csv")
+    assert cli.main(["rig", str(tmp_path / "tap.csv"), "--out", str(tmp_path / "r.toml")]) == 0
+    assert "with it a slow pull on a rigid block" in " ".join(capsys.readouterr().out.split())
+    text = (tmp_path / "r.toml").read_text()
+    assert 'mass = "TODO kg"' in text and "zeta = { value = 0.05" in text
+    assert rings(Record(time, np.ones(time.size), force), "tap.csv")[0].kind == "frequency"
