@@ -15,9 +15,9 @@ from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, RingDown, ring_downs
 from identify.bench.slips import slip_frequency
 from identify.logs.draft import Piece, look
-from identify.logs.local_fits import line_slope
 from identify.logs.log_regime import LogRegime
 from identify.logs.regime import Regime
+from identify.logs.slips import line_slope
 from identify.logs.told_drive import told_drive
 
 Array = NDArray[np.float64]
