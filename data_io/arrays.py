@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from data_io.values import FloatArray
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Fewer of many values: what a median or a quantile of a long log needs, and no copy of what is whole.
 
 ENOUGH: Final = 1 << 14  # a median of so many is as good as one of all: its error is 1 % of their spread
@@ -40,7 +39,6 @@ def shown(values: FloatArray, which: npt.NDArray[np.bool_]) -> FloatArray:
     return values if which.all() else np.where(which, values, np.nan)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Runs of true values in a row of flags.
 
 
@@ -57,7 +55,6 @@ def longest_run(flags: Sequence[bool] | np.ndarray[Any, Any]) -> int:
     return int(np.max(runs[:, 1] - runs[:, 0], initial=0))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The step of the grid on which all values of a sensor lie, told from the values alone.
 
 _REPEATS: Final = 8

@@ -14,7 +14,6 @@ from data_io.record import rising
 from data_io.source import Source
 from data_io.values import LONGEST_GAP, Finding, FloatArray
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Time stamps that were written on a grid (decimals, ticks of a timer, single precision): an even clock, rounded.
 
 _FEWEST: Final = 50  # rows from which an even clock is told from a few odd steps
@@ -86,7 +85,6 @@ def _tick(change: FloatArray) -> float:
     return tick if float(np.max(np.abs(counts - np.round(counts)))) < _NEAR else 0.0
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # One rising clock from the clocks of the steps: gaps in a clock, repeated stamps, restarts, starting times.
 
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")

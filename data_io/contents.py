@@ -14,7 +14,6 @@ from data_io.source import Request, Source, file_sha256, members, sha256_of_seve
 from data_io.units import to_si
 from data_io.values import COLUMN_ROLES, Finding, FloatArray, LogError, Scalar, UnitError
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Steps as readers find them, and the choice among runs and steps that the user makes.
 
 
@@ -110,7 +109,6 @@ def _listed(numbers: Sequence[int] | Sequence[str]) -> str:
     return ", ".join(map(str, numbers[:20])) + (", ..." if len(numbers) > 20 else "")
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What steps a log holds, before anybody chooses: numbers, rows, durations, parameters, columns.
 
 MOST_NAMED: Final = 8
@@ -180,7 +178,6 @@ def _duration(part: Part, request: Request) -> tuple[float | None, int]:
         return None, 0
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Several files that are one test: strokes or steps exported one by one, found by folder or pattern.
 
 _PATTERN: Final = re.compile(r"[*?\[]")
@@ -282,7 +279,6 @@ def _natural(name: str) -> list[tuple[int, str]]:
     return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in re.split(r"(\d{1,18})", name)]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Whether a log lies where a path says (a file, a folder, a pattern, a file in an archive), and its SHA-256.
 
 

@@ -17,7 +17,6 @@ from data_io.source import Request, Source
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
 from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, UnitError, free_name
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What the user's window and exclude leave unused may hold whatever it likes: it goes before anything is checked.
 
 Span = tuple[float, float]
@@ -59,7 +58,6 @@ def _first_row(true: npt.NDArray[np.bool_]) -> int:
     return int(np.argmax(true)) if true.any() else true.size
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A role that a column got by its name alone, while another column does the job: asked, with both named.
 
 _AXIS: Final = re.compile(r"(f|force|kraft)[xy]|[xy](force|kraft)?")
@@ -158,9 +156,6 @@ def _unit_of_friction(request: Request, part: Part) -> str:
     name = part.header.names[part.header.roles["friction_force"]]
     return request.units.get("friction_force") or request.units.get(name.name) or name.unit or ""
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# One step in SI: which raw column is which, units, rows without a time, channels; a sentence where one is missing.
 
 _VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
 _CHANNEL_KINDS: Final = ("length", "speed", "force", "time")

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from data_io.record import Record, zero_of_times
 from data_io.values import Finding, FloatArray, LogError
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Crosstalk and tilt from the two directions of a reciprocating test: what does not change sign with the motion.
 
 FEWEST: Final = 20
@@ -111,9 +110,6 @@ def _mean_of_pairs(strokes: list[tuple[int, float]]) -> BothWays | None:
     error = float(np.std(pairs, ddof=1) / np.sqrt(len(pairs))) if len(pairs) > 1 else None
     return BothWays(float(np.mean(pairs)), error, len(pairs))
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Cut and correct a record as the user says: every change is a line of the account, and the raw forces are kept.
 
 Span = tuple[float, float]
 STROKES: Final = "strokes"

@@ -13,7 +13,6 @@ from data_io.source import Request
 from data_io.units import SI_UNIT, factor
 from data_io.values import Finding, FloatArray, UnitError
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Columns that a log holds in another form: friction force as coefficient times load, time as distance over speed.
 
 
@@ -95,7 +94,6 @@ def _with_column(part: Part, role: str, name: Name, values: FloatArray) -> Part:
     return replace(part, header=header, columns={**part.columns, index: values})
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Rotary modules: the speed at the contact is 2 pi rpm / 60 times the radius of the track; and stated speeds.
 
 Module = Literal["linear", "rotary"]

@@ -17,7 +17,6 @@ from data_io.record import Seen, remember
 from data_io.source import LEAST_SUSPECT, Source
 from data_io.values import LARGEST_FORCE, FloatArray, LogTooLargeError
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How much memory a log may take, asked before it is read.
 
 _SHARE: Final = 0.5
@@ -91,7 +90,6 @@ def _of_process() -> int | None:
     return limit
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Columns that lie within one HDF5 dataset: of a matrix by number (`/data:1`), of a compound by name (`/table:Fx`).
 
 _NAMES: Final = ("columns", "column_names", "names", "labels", "channels", "channel_names", "fields", "header")
@@ -191,7 +189,6 @@ def _unit(dataset: Any, place: int, count: int) -> dict[str, Any]:
     return {} if told is None else {"units": told[place]}
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Numbers of an HDF5 dataset, all of them or some rows; plain ones are looked at while they are in the cache.
 
 _BLOCK: Final = 1 << 24

@@ -12,7 +12,6 @@ from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, 
 from data_io.units import kind_of, split_cell, unit_word
 from data_io.values import Finding
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Where a table of numbers begins: its header row, the units row below it, and how its rows are delimited.
 
 WIDE: Final = r" {2,}|\t+"
@@ -245,7 +244,6 @@ def _misfit(text: str, start: int, row: str, delimiter: str, names: int) -> str:
     return where + "as many were expected; repair the header or export again"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The decimal mark of a block of rows: point or comma, told from the other mark that may stand between thousands.
 
 _LOOKED_AT: Final = 200
@@ -303,7 +301,6 @@ def _check_thousands(source: Source, name: str, column: Sequence[str], *, sure: 
         )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The last row of a log that does not end its last line: whole, or cut off in the middle of a number?
 
 LOOKED_AT: Final = 5000

@@ -57,8 +57,8 @@ def read_log(
     normal_force: a constant load [N] or "3 N", instead of a column. channels: names of the other columns to keep; None
     keeps all. rate: the sampling rate [Hz] or "4 Hz" of a log whose rows follow each other evenly: it makes the clock,
     whatever the file has for one. window: the (start, stop) [s] to keep, counted from the first row of what is read
-    (the step, or the run) as in a
-    scene, whatever the clock of the file shows there; of an HDF5 file nothing else is read.
+    (the step, or the run) as in a scene, whatever the clock of the file shows there; of an HDF5 file nothing else is
+    read.
     exclude: stretches [s] that nobody uses, counted likewise: what holds no force there is left out, the rest stays.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
@@ -67,11 +67,17 @@ def read_log(
     a step; stroke: only this one.
     """
     path = Path(path)
-    request = replace(
-        _request(path, step, run, units, columns, normal_force, channels, progress),
-        window=_checked_window(path, window),
-        exclude=tuple((float(start), float(stop)) for start, stop in exclude),
-        rate=_rate(path, rate),
+    request = Request(
+        step,
+        run,
+        dict(units or {}),
+        _checked_columns(path, columns),
+        _above_zero(path, normal_force, "N", "normal force"),
+        None if channels is None else tuple(channels),
+        progress,
+        _checked_window(path, window),
+        tuple((float(start), float(stop)) for start, stop in exclude),
+        _above_zero(path, rate, "Hz", "sampling rate"),
     )
     record = _read_series(path, request) if is_series(path) else _read_one(path, request)
     if strokes or stroke is not None:
@@ -108,8 +114,12 @@ def list_steps(
     table of numbers, or no such step, is found.
     """
     path = Path(path)
-    request = _request(path, None, None, units, columns, normal_force, None, no_progress)
-    request = replace(request, rate=_rate(path, rate))
+    request = Request(
+        units=dict(units or {}),
+        columns=_checked_columns(path, columns),
+        normal_force=_above_zero(path, normal_force, "N", "normal force"),
+        rate=_above_zero(path, rate, "Hz", "sampling rate"),
+    )
     if is_series(path):
         contents = joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)])
     else:
@@ -160,40 +170,19 @@ def _has_lines(source: Source) -> bool:
     return b"\n" in first or b"\r" in first
 
 
-def _request(
-    path: Path,
-    step: int | None,
-    run: int | None,
-    units: Mapping[str, str] | None,
-    columns: Mapping[str, str] | None,
-    normal_force: float | str | None,
-    channels: Sequence[str] | None,
-    progress: Callable[[float], None],
-) -> Request:
-    _check_roles(path, columns or {})
-    force = _load_force(path, normal_force)
-    chosen = None if channels is None else tuple(channels)
-    return Request(step, run, dict(units or {}), dict(columns or {}), force, chosen, progress=progress)
-
-
 def _part_of(request: Request, number: int, count: int) -> Request:
     """Return the request for one of several files: all its steps, its share of the progress."""
-    return replace(
-        request,
-        step=None,
-        run=None,
-        window=None,
-        exclude=(),
-        progress=lambda share: request.progress((number + share) / count),
-    )
+    own = replace(request, step=None, run=None, window=None, exclude=())
+    return replace(own, progress=lambda share: request.progress((number + share) / count))
 
 
-def _check_roles(path: Path, columns: Mapping[str, str]) -> None:
-    for role in columns:
+def _checked_columns(path: Path, columns: Mapping[str, str] | None) -> dict[str, str]:
+    for role in columns or {}:
         if role not in ROLES:
             near = difflib.get_close_matches(role, ROLES, n=1)
             hint = f"did you mean {near[0]}?" if near else "use one of these"
             raise LogError(f"{path}: a column was named for {role!r}; {', '.join(ROLES)} were expected; {hint}")
+    return dict(columns or {})
 
 
 def _checked_window(path: Path, window: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -205,25 +194,14 @@ def _checked_window(path: Path, window: tuple[float, float] | None) -> tuple[flo
     return start, stop
 
 
-def _rate(path: Path, given: float | str | None) -> float | None:
+def _above_zero(path: Path, given: float | str | None, unit: str, name: str) -> float | None:
+    """Return a load or a rate that the user gave in SI; None where none was given."""
     if given is None:
         return None
     try:
-        rate = parse_quantity(given, "Hz")
+        value = parse_quantity(given, unit)
     except UnitError as error:
-        raise LogError(f"{path}: the sampling rate given: {error}") from error
-    if not (math.isfinite(rate) and rate > 0):
-        raise LogError(f"{path}: a sampling rate of {given} was given; one above 0 Hz was expected; correct it")
-    return rate
-
-
-def _load_force(path: Path, given: float | str | None) -> float | None:
-    if given is None:
-        return None
-    try:
-        force = parse_quantity(given, "N")
-    except UnitError as error:
-        raise LogError(f"{path}: the normal force given: {error}") from error
-    if not (math.isfinite(force) and force > 0):
-        raise LogError(f"{path}: a normal force of {given} was given; a load above 0 N was expected; correct it")
-    return force
+        raise LogError(f"{path}: the {name} given: {error}") from error
+    if not (math.isfinite(value) and value > 0):
+        raise LogError(f"{path}: a {name} of {given} was given; one above 0 {unit} was expected; correct it")
+    return value

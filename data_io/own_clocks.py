@@ -15,7 +15,6 @@ from data_io.table import Table
 from data_io.units import factor
 from data_io.values import LONGEST_GAP, Finding, FloatArray, UnitError
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Even clocks for logs without a time column: the interval stands above the rows, or the user gave the rate.
 
 CLOCK: Final = "X_Value"
@@ -76,7 +75,6 @@ def with_clock_of_rate(source: Source, request: Request, contents: Contents) -> 
     return replace(contents, parts=parts, findings=findings)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Columns that bring a clock of their own: forces sampled apart are put on one clock, tables side by side are told.
 #
 # Loggers write a time column beside every channel (NI, LabVIEW with `X_Columns Multi`, spreadsheets pasted together).

@@ -12,7 +12,6 @@ from data_io.signals import FEWEST, UNLOADED, Load, Rest, Rests, Signal, find_re
 from data_io.thresholds import DEFAULTS, Thresholds, percent
 from data_io.values import Finding, FloatArray
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How a record was sampled: rate, jitter, dropouts, rate switches; step by step, pauses between steps aside.
 
 _EVEN: Final = 1e-3
@@ -161,7 +160,6 @@ def _findings(sampling: Sampling, rows: int, limits: Thresholds) -> list[Finding
     return notes
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The quality gate: what a record's clock and force channels look like, in numbers and in sentences.
 #
 # Knows sampling and sensors only; whether a slip holds enough samples is for those who know slips.

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What makes a column fit for a record: checks that return it frozen, or raise what `fail` makes of a sentence.
 
 BLOCK: Final = 1 << 16
@@ -204,9 +203,6 @@ def _longest_between(
     here = held[np.argmax(time[lasts[held]] - time[firsts[held]])] if held.size else 0
     return float(time[min(firsts[here], time.size - 1)]), float(time[max(lasts[here], 0)])
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Record: one run of a tribometer as frozen SI columns; refuses what a fit could not trust.
 
 WINDOW_START: Final = "window_start"
 """Metadata of a record that is a part of a log: how long the log had run before its first row [s]."""

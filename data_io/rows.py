@@ -375,7 +375,6 @@ def _slow_column(
     return np.array([np.nan if value is None else value for value in parsed], dtype=np.float64)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The rest of a long file handed to pandas by its path: from version 3.1 on pandas reads it in several threads.
 
 LEAST: Final = 1 << 23

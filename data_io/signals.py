@@ -11,7 +11,6 @@ from data_io.record import Record
 from data_io.thresholds import Thresholds, percent
 from data_io.values import Finding, FloatArray
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The friction signal itself: dead, clipped, coarse, repeated; each as a number and a sentence.
 
 _CLIPPED_RUN: Final = 10
@@ -114,7 +113,6 @@ def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> tuple
     return int(np.count_nonzero(same)) / max(int(np.count_nonzero(pair)), 1), evenly
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The normal force: its level, drift and ripple, rows without load, a sensor at its end.
 
 UNLOADED: Final = 0.1
@@ -198,7 +196,6 @@ def _findings(load: Load, limits: Thresholds) -> list[Finding]:
     return notes
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Where a log shows the drive at rest: before it starts and after it has stopped, and what the sensor shows there.
 
 FEWEST: Final = 20

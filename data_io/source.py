@@ -15,7 +15,6 @@ from typing import IO, Final, cast
 
 from data_io.values import Later, LogError
 
-# ----------------------------------------------------------------------------------------------------------------------
 # SHA-256 of files, by which a log is told from another.
 
 
@@ -30,7 +29,6 @@ def sha256_of_several(digests: Iterable[str]) -> str:
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Packed logs (gz, zip): unpacked as a stream that refuses what no log is, before memory or time goes.
 
 _GZIP: Final = b"\x1f\x8b"
@@ -141,9 +139,6 @@ def _damaged(path: Path, packing: Packing | None, error: Exception) -> LogError:
     kind = "packed file" if packing is None else f"{packing.kind} file"
     return LogError(f"{path}: the {kind} is damaged or locked ({error!s:.80}); copy or export it again")
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A log file: opened read-only, hashed once, unpacked as a stream where it is packed.
 
 HEAD: Final = 65536
 """Bytes that a reader sees when it is asked whether it can read a file."""

@@ -26,7 +26,6 @@ from data_io.source import Request, Source
 from data_io.text import BLANKS, DELIMITERS, TEXT_LINE, decode, is_number_like, other_encoding, over_midnight, split
 from data_io.values import Finding, FloatArray
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A table of numbers while it is read piece by piece, and when it is whole.
 
 _MOST_REMARKS: Final = 20
@@ -140,7 +139,6 @@ def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -
     return frozenset(twins | {index for index in named if index is not None})
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Walking the words of a text log: where a table begins, where words stand between its rows, where it ends.
 
 MOST_TABLES: Final = 5000
@@ -371,10 +369,6 @@ def _why_no_header(above: list[str], width: int, request: Request) -> str:
         f"were expected; number them, as in --columns time=1,friction_force=2{load} --units "
         f'time=s,friction_force=N{load_unit}; a constant load is given with --normal-force "3 N"'
     )
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Tables of numbers inside a text: header rows, the blocks below them, and the text that stands between.
 
 
 def read_tables(

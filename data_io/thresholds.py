@@ -8,7 +8,6 @@ from typing import Final, Literal
 
 from data_io.values import Frozen, LogError, Severity
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Numbers as people say them.
 
 MOST_PERCENT: Final = 10.0
@@ -22,10 +21,6 @@ def percent(share: float, digits: int = 0, *, signed: bool = False, of: str = ""
         times = "many times" if "e" in size or "inf" in size else f"{size} times"
         return f"{times} {of}".rstrip()
     return f"{100 * share:{'+' if signed else ''}z.{digits}f} %" + (f" of {of}" if of else "")
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The thresholds of the quality gate: one visible table, each number documented and open to override.
 
 
 @dataclass(frozen=True)

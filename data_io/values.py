@@ -7,7 +7,6 @@ from typing import Any, Final, Literal, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Errors of the data room that a user can mend: what was found, what was expected, what to do.
 
 
@@ -23,7 +22,6 @@ class UnitError(ValueError):
     """A quantity or unit cannot be understood; the text is the whole sentence."""
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Small frozen values that a record is made of: findings, steps, a mapping that cannot change.
 
 FloatArray = npt.NDArray[np.float64]
@@ -109,7 +107,6 @@ class Step:
         object.__setattr__(self, "parameters", Frozen({key: value for key, value in plain.items() if key}))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Names that must not meet twice.
 
 

@@ -18,7 +18,6 @@ from data_io.record import Record
 from data_io.source import no_progress
 from data_io.values import SEVERITIES, Finding, LogError, Scalar, Step
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The JSON account in our own files of what is no column: read back with every value of the kind it must be.
 
 
@@ -54,7 +53,6 @@ def read_account(text: str) -> Account:
     return account
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The account of a record as our files keep it: the file it came from keeps its name and hash, not its folder.
 
 
@@ -74,7 +72,6 @@ def _plain(value: Scalar) -> Scalar:
     return value.item() if isinstance(value, np.generic) else value
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The HDF5 layout of this project: one log in a file, or many in an archive with an index; checked as it is written.
 #
 # `/run_1/step_1/{time,normal_force,friction_force,...}`, float64, compressed, each dataset with its `units`. In
@@ -291,9 +288,6 @@ def _name(kind: Any) -> str:
 def _text_of(value: Any) -> Any:
     return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else value
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Write records so that they read back bit for bit: HDF5 in the project's layout, or CSV with a units row.
 
 CSV_MARK: Final = f"# {FORMAT} "
 """How a CSV of ours begins; the format version follows."""

@@ -19,7 +19,6 @@ from identify.logs.slip_quality import Part, SlipQuality, look_at_slips
 from identify.logs.spectrum import Spectrum
 from identify.logs.told_drive import speed_of
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What is probably wrong with a log although it can be read: units, columns, sampling.
 
 Array = NDArray[np.float64]
@@ -116,9 +115,6 @@ def _too_slow(time: Array, force: Array, thresholds: Thresholds) -> Finding | No
 def _rounded(rate: float) -> float:
     return float(next((r for r in (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000) if r >= rate), rate))
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The verdict on a log: accept, accept with warnings, or reject, with the reasons; from clock, forces and slips.
 
 FORCES_SWAPPED = "forces_swapped"
 NO_ZERO = "residual_force"  # no zero error of a sensor, where its column holds another force

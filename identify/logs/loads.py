@@ -16,7 +16,6 @@ from identify.logs.log_data import LogData
 from identify.logs.spectrum import harmonics
 from identify.simulation.drive import NormalForce
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Where a tremor stands when something that rises slowly first reaches it.
 #
 # A pull that loads a stick meets a grip that trembles in one of its dips, the first that is deep enough: at the onset
@@ -48,9 +47,6 @@ def first_passage(tremor: Array, step: float, rise: float, later: float, survive
     ends = np.average([tremor[whole], tremor[whole + after]], axis=1, weights=reached[whole])
     return float(ends[0]), float(ends[1])
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The measured normal force as the model takes it: its course, as many knots as it needs, or its mean.
 
 Bools = NDArray[np.bool_]
 

@@ -16,9 +16,6 @@ from identify.logs.spectrum import Swing, hidden_rhythm
 from identify.logs.zigzag import running_means
 from identify.simulation.drive import Drive
 
-# ----------------------------------------------------------------------------------------------------------------------
-# How a log moves, from its data: in cycles of stick and slip, steadily, or in a course of its own (holds, speeds).
-
 Array = NDArray[np.float64]
 Name = Literal["cycles", "course", "sliding"]
 
@@ -157,7 +154,6 @@ def _starts_loaded(time: Array, force: Array, noise: float, drive: Drive) -> boo
     return bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:SEEN_RISE]) > loaded - STUCK * noise)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The part of a record that the estimator takes: from where its first loading is a straight line on.
 
 Indices = NDArray[np.int64]

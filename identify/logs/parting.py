@@ -17,7 +17,6 @@ from identify.scene import Scene
 from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A scene with every log replaced by the parts that some rule makes of it.
 
 
@@ -37,7 +36,6 @@ def taken_apart(
     return replace(scene, logs=tuple(entries)), kept
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A log in which the drive turns becomes one log per stroke: the model slides one way, and each stroke has its sign.
 
 STROKE = "stroke"  # the label of each: a scene may have parameters of their own for them
@@ -111,7 +109,6 @@ def _drive(scene: Scene, entry: LogEntry, record: Record) -> Drive | None:
     return Drive.of(tuple(told))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A log with a stretch that hides a slip, excluded or not recorded, becomes one log before it and one after it.
 #
 # Nobody knows what happened in between, and a fit that carried the motion through would invent it.
@@ -193,10 +190,6 @@ def _bridged(entry: LogEntry, record: Record, drive: Drive, stiffness: float, fi
     rise = abs(float(f[after].mean() - f[before].mean()))
     allowed = max(SURE * noise * np.sqrt(2.0 / BESIDE), SHARE * expected)
     return bool(abs(rise - expected) <= allowed)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Logs that no single motion one way describes, in parts: strokes to and fro, and what excluded stretches part.
 
 
 def parted(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[Record]]:

@@ -24,7 +24,6 @@ from identify.logs.told_drive import ToldDrive, drive_position, held_against_col
 from identify.scene import Scene
 from identify.scene.values import DriveSpeed, LogEntry
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Samples that two logs of a scene share: each would count twice, and the intervals would be too narrow.
 
 Array = NDArray[np.float64]
@@ -86,7 +85,6 @@ def _shared(one: _Used, other: _Used) -> Array:
     return time[together]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A log larger than memory: of its file only what the scene uses is read, and the times of its entry follow.
 
 Span = tuple[float, float]
@@ -138,10 +136,6 @@ def _drive_from(drive: DriveSpeed | None, begin: float) -> DriveSpeed | None:
         return drive
     before = max((start for start, _ in drive if start <= begin), default=-math.inf)
     return tuple((max(start - begin, 0.0), speed) for start, speed in drive if start >= before)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The records of a scene: every log read as the scene states it.
 
 
 def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:
@@ -214,7 +208,6 @@ def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
     return entry, replace(record, findings=(*record.findings, *doubts)) if doubts else record
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The drive of a log whose scene says nothing of it: the programme of its own column.
 
 

@@ -30,9 +30,6 @@ from identify.logs.slips import (
 )
 from identify.logs.zigzag import WIDTH_SHARE, find_falls
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Stick and slip phases of a measured force, from the data alone.
-
 __all__ = ["SLIDING", "SLIP", "STICK", "Cycles", "Segmentation", "segment"]
 
 Array = NDArray[np.float64]
@@ -255,7 +252,6 @@ def _cycles(trace: Trace, slips: Slips) -> Cycles:
     return Cycles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Whether a log without a slip ends while its first stick still loads: it was stopped too soon.
 
 END = 0.1  # share of the samples at the end whose slope is asked for

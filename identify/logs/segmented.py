@@ -22,7 +22,6 @@ from identify.logs.strokes import turns_of_sign
 from identify.scene.values import LogEntry, Rig
 from identify.simulation.drive import Drive
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What a scene cuts and corrects of one log, and the account of it.
 
 FEWEST = 8  # samples of a log that can be looked at at all
@@ -104,9 +103,6 @@ def account(entry: LogEntry, raw: Record, corrected: Corrected, sign: int, first
         cuts.append(Cut("skip_cycles" if entry.skip_cycles else "lead", first, begin))
     return Account(tuple(changes), tuple(cuts), raw)
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A log cut, corrected and segmented: its force the right way up, the samples that count, its phases and noise.
 
 Array = NDArray[np.float64]
 

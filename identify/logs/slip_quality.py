@@ -14,7 +14,6 @@ from data_io.thresholds import Thresholds, percent
 from data_io.values import Finding
 from identify.logs.segment import ENDS_LOADING, REMEDY, Segmentation, still_loading
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How sharp the slips of a log are: the lag that a sensor has put on them, and how near the swing is to a sine.
 
 Array = NDArray[np.float64]
@@ -154,9 +153,6 @@ def _lagged_fall(time: Array, begin: Array, duration: Array, lag: Array) -> Arra
     settling = 1 - (1 - end) * np.exp(-np.clip(time - begin - duration, 0.0, None) / lag)
     return np.where(time - begin > duration, settling, rising)
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The part of the quality gate that knows slips: spikes, samples per slip, sensor lag, slope of the sticks, drift.
 
 NAMED = 4  # times of spikes that are listed
 FOR_DRIFT = 6  # cycles from which on a drift can be told

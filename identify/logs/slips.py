@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from identify.base.quantiles import chi_square
 from identify.logs.zigzag import Turns, smooth
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Local fits to a piece of a force record: slopes of rises, levels of peaks, crossings of falls, noise of sticks.
 
 Array = NDArray[np.float64]
@@ -171,9 +170,6 @@ def _about_lines(force: Array, index: NDArray[np.int64], length: int, degree: in
 def _unusual(free: int) -> float:
     return chi_square(1.0 - 1.0 / 5000.0, free) / free
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Which falls of a force are slips, and which samples stick, slip or slide.
 
 Indices = NDArray[np.int64]
 Phase = NDArray[np.int8]

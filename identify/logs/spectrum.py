@@ -8,9 +8,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The spectrum of a stretch of a log about its trend, and the lines in it.
-
 Array = NDArray[np.float64]
 
 FEWEST = 32  # samples of a spectrum
@@ -75,7 +72,6 @@ class Spectrum:
         return float(np.sqrt(2.0 * self.share(frequency) * self.variance))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Stick-slip that looks like steady sliding: a level force that swings as fast as a stick loads, too few samples in each
 # cycle for the cycles to be seen, so that the swing counts as noise.
 #
@@ -147,7 +143,6 @@ def hidden_rhythm(
     return Swing(swing.samples, seen, 2.0 * height)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Rhythms of a record as sums of harmonics, known from what was measured: their course, and how sure it is when.
 #
 # The spectrum of a record repeats it backwards beyond its ends, where a rhythm does no such thing: a course made of the

@@ -18,9 +18,6 @@ from identify.logs.noise import bridged, white_noise
 from identify.logs.segment import segment
 from identify.logs.zigzag import smooth
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Parts of a record that a tribologist tabulates apart: steps of the test, strokes and speeds of the drive.
-
 Array = NDArray[np.float64]
 Drive = float | Sequence[tuple[float, float]] | Array | None
 
@@ -151,7 +148,6 @@ def _constant(speed: Array) -> float | None:
     return middle if float(np.mean(np.abs(np.abs(speed) - middle) > STEADY * middle)) < LEAST_SHARE else None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Whether a column moves along the friction: only such a one is the drive; others are carriages, radii or wear.
 #
 # Three things tell it: the velocity that the head of the log states, strokes in which the friction changes its sign as

@@ -22,9 +22,6 @@ from identify.scene import Scene
 from identify.scene.values import DriveSpeed, LogEntry
 from identify.simulation.drive import Drive
 
-# ----------------------------------------------------------------------------------------------------------------------
-# What a log tells of its drive: a speed or a programme of speeds, from which column, or why nothing.
-
 Array = NDArray[np.float64]
 
 SPEED_NAMES = (
@@ -249,7 +246,6 @@ def _unused(record: Record) -> str:
     return UNTOLD
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What the column of a log says against the drive that the scene states: a warning.
 
 DISAGREES = "drive_speed_disagrees"  # the code of the finding
