@@ -24,6 +24,7 @@ from identify.estimation.other_optima import shaken
 from identify.estimation.search import disowned, plenty
 from identify.estimation.starts import Sources
 from identify.estimation.status_words import at_bounds, ended, underivable, untried
+from identify.estimation.stick_strength import with_strengths
 from identify.estimation.strategies import Strategy, attempted
 from identify.logs.loads import calmed
 from identify.logs.prepare import Prepared
@@ -79,7 +80,8 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
 
     def searched(logs: list[Prepared], last: bool) -> _Searched:
         found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
-        return logs, *found
+        scatter = 0.0 if found[0] is None else found[0].prepared[0].data.strength_sd
+        return with_strengths(logs, scatter), *found
 
     with time_limit(SEARCH_SHARE * seconds_left()):
         prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)

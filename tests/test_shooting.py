@@ -17,6 +17,7 @@ from identify.shooting.transcription import lay_out
 
 SMALL = Grid(slip=4, saturated=3, steps=2)
 FINE = Grid(slip=16, saturated=16, steps=4)
+VARIED = [(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-2)]  # standard deviations of the load in fast rhythms, and of strength
 
 
 def _problem(
@@ -27,10 +28,12 @@ def _problem(
     grid=SMALL,
     speeds=(case.SLOW, case.MIDDLE),
     tremor_sd=0.0,
+    strength_sd=0.0,
 ):
     logs = [case.simulated(pair, *speed) for speed in speeds]
     unknowns = case.search_space(pair, free)
     data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd, tremor_sd=tremor_sd) for log in logs]
+    data = [replace(log, strength_sd=strength_sd) for log in data]
     guesses = case.placed(unknowns, logs, data, grid)
     return transcribe(data, guesses, unknowns, grid), logs
 
@@ -56,6 +59,8 @@ def test_every_further_freedom_is_counted():
     assert problem.layout.size - problem.layout.rows == 8 + 2 * len(logs) + cycles
     trembling, _ = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3, tremor_sd=1e-3)
     assert trembling.layout.size - trembling.layout.rows == 8 + 2 * len(logs) + 2 * cycles
+    scattering, _ = _problem(strength_sd=1e-2)
+    assert scattering.layout.size - scattering.layout.rows == 6 + 2 * len(logs) + cycles
 
 
 def test_rows_are_independent():
@@ -68,11 +73,11 @@ def test_rows_are_independent():
     assert np.linalg.svd(twice, compute_uv=False)[-1] < 1e-10, "a redundant row would be seen"
 
 
-@pytest.mark.parametrize("tremor", [0.0, 1e-3], ids=["calm", "trembling"])
+@pytest.mark.parametrize(("tremor", "strength"), VARIED, ids=["calm", "trembling", "sticks differ"])
 @pytest.mark.parametrize("pair", [case.PAIR, MIXED], ids=["saturating", "both types"])
-def test_derivatives_agree_with_central_differences(pair, tremor):
+def test_derivatives_agree_with_central_differences(pair, tremor, strength):
     free = (*case.FRICTION, "mass", "stiffness", "damping")
-    problem, _ = _problem(pair, free=free, load_sd=1e-3, tremor_sd=tremor)
+    problem, _ = _problem(pair, free=free, load_sd=1e-3, tremor_sd=tremor, strength_sd=strength)
     z = _somewhere(problem)
     point = problem.evaluate(z, derivatives=True)
     random, h = np.random.default_rng(5), 1e-6
@@ -101,9 +106,10 @@ def test_hessian_is_that_of_the_linearised_residuals():
         assert direction @ hessian @ direction == pytest.approx(curvature, rel=1e-6)
 
 
-@pytest.mark.parametrize("tremor", [0.0, 1e-3], ids=["calm", "trembling"])
-def test_exact_hessian_agrees_with_differences_of_the_gradient(tremor):
-    problem, _ = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3, tremor_sd=tremor)
+@pytest.mark.parametrize(("tremor", "strength"), VARIED, ids=["calm", "trembling", "sticks differ"])
+def test_exact_hessian_agrees_with_differences_of_the_gradient(tremor, strength):
+    free = (*case.FRICTION, "mass")
+    problem, _ = _problem(MIXED, free=free, load_sd=1e-3, tremor_sd=tremor, strength_sd=strength)
     z, h = _somewhere(problem, 1e-2), 1e-5
     multipliers = 30.0 * np.random.default_rng(7).standard_normal(problem.layout.rows)
 

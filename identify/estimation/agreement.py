@@ -108,10 +108,10 @@ def _of_sources(problem: Problem, z: Array, known: Influence) -> tuple[Array, Ar
     np.add.at(moves, known.log, known.moves)
     np.add.at(covariances, known.log, known.white)
     owner = _owners(layout, logs)
-    x = z * layout.scale
+    off, columns = layout.off_prior(z * layout.scale), layout.beside(known.columns)
     for unknown in np.flatnonzero(np.isfinite(layout.prior_sd)).tolist():
-        column, sd = known.columns[unknown], layout.prior_sd[unknown]
-        moves[owner[unknown]] -= column * (x[unknown] - layout.prior_mean[unknown]) / sd**2
+        column, sd = columns[unknown], layout.prior_sd[unknown]
+        moves[owner[unknown]] -= column * off[unknown] / sd
         covariances[owner[unknown]] += np.outer(column, column) / sd**2
     return moves, covariances
 

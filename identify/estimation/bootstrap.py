@@ -157,6 +157,6 @@ class _Replicates:
         )
         layout = self.problem.layout
         # The priors pull as hard as they did at the answer; their own errors are in the draw.
-        prior = (self.z * layout.scale - layout.prior_mean) / layout.prior_sd**2
+        prior = layout.prior_pull(layout.off_prior(self.z * layout.scale))
         push = -self.push @ drawn - prior * layout.scale
         return self.warm.settle(z, problem=made, multipliers=multipliers, push=push)

@@ -16,6 +16,7 @@ from data_io.arrays import thinned
 from identify.base.outcome import Status
 from identify.base.quantiles import normal
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered
+from identify.estimation.strained import odd_stick, scatter_words, strained_load
 from identify.logs.log_data import Guess, LogData
 from identify.logs.spectrum import Swing, hidden_rhythm
 from identify.logs.unknowns import Unknowns
@@ -296,8 +297,8 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
         elif leaning is not None:
             status, message = Status.MODEL_MISFIT, leaning
     if status is Status.CONVERGED:
-        strained = _strained_load(solved, names)
-        status, message = (status, message) if strained is None else (Status.MODEL_MISFIT, strained)
+        strained = strained_load(solved, names) or odd_stick(solved, names)
+        status, message = (Status.MODEL_MISFIT, strained) if strained else (status, message + scatter_words(solved))
     return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message, levels)
 
 
@@ -332,38 +333,6 @@ def _swinging(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> 
     return (
         f"the misfit is noise on the whole, but where this answer slides, {names[found[0]]} {found[1]}, or leave it out"
     )
-
-
-def _strained_load(solved: Solved, names: Sequence[str]) -> str | None:
-    """Whether the cycles fit only because their normal force was moved further than its measurement allows.
-
-    The misfit of the samples does not see it: what a wrong answer gets wrong from cycle to cycle, the load takes up.
-    """
-    model = solved.problem.layout.unknowns.model
-    remedy = "" if "occlusion" in model.effects else ", or add occlusion to effects"
-    for data, guess, name in zip(solved.problem.logs, solved.guesses, names, strict=True):
-        if not data.normal_force_sd > 0.0 or not guess.deviation.size:
-            continue
-        off = _load_pulls(data, guess)
-        excess = (float(off @ off) - off.size) / np.sqrt(2.0 * off.size)
-        worst = int(np.argmax(np.abs(off)))
-        cycle = np.append(np.arange(guess.deviation.size), guess.slip_parts)[worst]
-        if max(excess, abs(float(off[worst]))) > PER_CYCLE:
-            return (
-                f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
-                f"errors of its measured course (cycle {cycle + 1}): another start may fit, or friction drifts or "
-                f"differs from cycle to cycle; give start values{remedy}"
-            )
-    return None
-
-
-def _load_pulls(data: LogData, guess: Guess) -> Array:
-    """By how many of its standard errors the normal force is off in every part, then at the end of every slip."""
-    slid = guess.slip_deviation.size
-    mean = np.zeros(guess.deviation.size)
-    mean[guess.slip_parts] = data.expected[0]
-    at_onset = (guess.deviation - mean) / data.onset_load_sd_at(guess.loaded_at)
-    return np.append(at_onset, (guess.slip_deviation - data.expected[1]) / data.load_sd_at(guess.slid_at[:slid]))
 
 
 def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:

@@ -78,7 +78,8 @@ def influence(problem: Problem, z: Array, cycles: list[int], *, absorbed: bool =
             column = group[block][:, None] * f + np.arange(f)
             np.add.at(pulled, (family.slots[block, slot][:, None], column), local[block, slot])
     sd = layout.prior_sd
-    prior = columns.T @ (columns / sd[:, None] ** 2)
+    apart = layout.beside(columns)
+    prior = apart.T @ (apart / sd[:, None] ** 2)
     log = np.repeat(np.arange(len(cycles)), cycles)
     covariance = white.sum(axis=0) + prior
     taken = _absorbed(factors, layout, pulled, white, covariance) if absorbed else np.zeros_like(white)

@@ -23,6 +23,8 @@ from identify.estimation.attempt import FIRST, Attempt, Clock, crept, solve_from
 from identify.estimation.events import from_some, join, with_events_mended
 from identify.estimation.goodness_of_fit import PER_CYCLE
 from identify.estimation.starts import Sources, drawn_starts, ranked, starts_of, suggested_starts
+from identify.estimation.stick_strength import with_own_strengths, with_strengths
+from identify.estimation.strained import loads_stand_in
 from identify.estimation.strategies import Strategy, attempted, is_due
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
@@ -308,7 +310,7 @@ def _solved_and_repaired(state: _Progressing, strategy: Strategy, theta: Array) 
     if first is None:
         return None
     state.solved += 1
-    prepared, attempt = problem.prepared, first
+    prepared, attempt = _with_strengths(state, at, first)
     if not _fits(attempt) and not state.unequal:
         prepared, attempt = _events_corrected(state, at, attempt)
         for repair in (_resimulated, _good_logs_first):
@@ -319,6 +321,18 @@ def _solved_and_repaired(state: _Progressing, strategy: Strategy, theta: Array) 
     if not attempt.solved.solution.success:
         state.lost.append(theta)
     return _with_the_others(state, prepared, attempt) if _fits(attempt) else attempt
+
+
+def _with_strengths(state: _Progressing, at: Unknowns, attempt: Attempt) -> tuple[list[Prepared], Attempt]:
+    """The logs and the answer with sticks that differ in strength, where they are told to."""
+    problem = state.problem
+    if (_fits(attempt) and not loads_stand_in(attempt.solved)) or not np.isfinite(attempt.excess):
+        return problem.prepared, attempt
+    problem.progress("solving with a strength of each stick", 0.55)
+    own = attempted(Strategy.STICK_STRENGTHS, lambda: with_own_strengths(attempt, at), attempt, attempt.logs)
+    if not _fits(own):
+        return problem.prepared, attempt
+    return with_strengths(problem.prepared, own.prepared[0].data.strength_sd), own
 
 
 def _events_corrected(state: _Progressing, at: Unknowns, attempt: Attempt) -> tuple[list[Prepared], Attempt]:

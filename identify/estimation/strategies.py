@@ -40,6 +40,7 @@ class Strategy(Enum):
     CALM_LOAD = "smoothed load", "the normal force trembles", "solves with a smoothed load, then with the measured one"
     GROUP_BY_GROUP = "group by group", "parameters differ between groups", "solves each group, then all together"
     # From an attempt that does not fit to one that does.
+    STICK_STRENGTHS = "strength per stick", "cycles misfit, or only their loads explain them", "lets sticks differ"
     EVENTS_CORRECTED = "events corrected", "some cycles misfit", "puts in slips that were missed, takes out others"
     RESIMULATED = "log simulated through", "a few of many cycles misfit", "simulates a misfitting log through instead"
     GOOD_LOGS_FIRST = "good logs first", "the start fits some of the logs only", "solves these, the others join"

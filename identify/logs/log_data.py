@@ -51,9 +51,10 @@ class LogData:
     normal_force_sd [N] (0: exact), over time sd_course (None: the same throughout), tremor_sd [N] of it in fast rhythms
     (0: none), calm: these were taken out, blurred: for the reason that the measurement blurs them, expected [N]: where
     the normal force then lies about its course at the onset and at the end of a slip; loose [N]: by how much more it
-    may be off at an onset, before which the mass may have moved unseen; pull (None: no cycles were seen); the fitted
-    window [s]; groups (n_p): the group of logs it shares each parameter with, "" for none; programme: the drive where
-    it changes its speed within the window (None: drive_speed throughout).
+    may be off at an onset, before which the mass may have moved unseen; strength_sd: of mu_s from stick to stick
+    (0: the same in all); pull (None: no cycles were seen); the fitted window [s]; groups (n_p): the group of logs
+    it shares each parameter with, "" for none; programme: the drive where it changes its speed within the window
+    (None: drive_speed throughout).
     """
 
     time: Array
@@ -73,6 +74,7 @@ class LogData:
     blurred: bool = False
     sd_course: NormalForce | None = None
     loose: float = 0.0
+    strength_sd: float = 0.0
     expected: tuple[float, float] = (0.0, 0.0)
     pull: Pull | None = None
 
@@ -145,7 +147,8 @@ class Guess:
     slip (c, n1 + 1, n_x) nodes from onset to
     saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest; own (n_p,): search variables
     this log has for itself (NaN: shared with the others; empty: all are); tail: what follows the last cycle where that
-    is not a rest up to the end (deviation then goes on, one for each slide).
+    is not a rest up to the end (deviation then goes on, one for each slide); strength: theta of mu_s in every part
+    (empty: as for all).
     """
 
     start: Array
@@ -158,6 +161,7 @@ class Guess:
     own: Array = field(default_factory=lambda: np.empty(0))
     tail: tuple[Stretch, ...] = ()
     slip_deviation: Array = field(default_factory=lambda: np.empty(0))
+    strength: Array = field(default_factory=lambda: np.empty(0))
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log."""

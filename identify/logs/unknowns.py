@@ -102,6 +102,11 @@ class Unknowns:
         with np.errstate(over="ignore"):
             return np.where(self.logarithmic, base * np.exp(theta), base + theta)
 
+    def strength(self, theta: Array) -> float:
+        """|mu_s - mu_k0| at theta (n_p,)."""
+        values = self.values(theta, np.where(self.logarithmic, 1.0, 0.0))
+        return abs(float(values[self.names.index("mu_s")] - values[self.names.index("mu_k0")]))
+
     def theta(self, values: Array, base: Array) -> Array:
         """Theta of parameter values (..., n_p)."""
         with np.errstate(all="ignore"):

@@ -7,6 +7,7 @@ otherwise rows become redundant and the multipliers never converge.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,7 @@ class Places:
     own: Indices
     tail: tuple[StretchPlaces, ...] = ()
     slip_deviation: Indices = field(default_factory=lambda: np.empty(0, np.int64))
+    strength: Indices = field(default_factory=lambda: np.empty(0, np.int64))
 
     @property
     def events(self) -> Indices:
@@ -101,6 +103,7 @@ class Places:
             state(self.own, guess.own) if guess.own.size else guess.own,
             tuple(place.read(stretch, x) for place, stretch in zip(self.tail, guess.tail, strict=True)),
             x[self.slip_deviation],
+            x[self.strength],
         )
 
 
@@ -110,7 +113,8 @@ class Layout:
 
     free (f,) indices of the parameters that are unknown: they are the first f unknowns; scale (n,) size of
     each unknown; start, lower, upper (n,) in physical units; events (e,) indices of the event offsets;
-    prior_mean, prior_sd (n,); places: per log.
+    prior_mean, prior_sd (n,); prior_about (n,): the unknown about which a prior is, beyond its mean, KNOWN where none
+    is; places: per log.
     """
 
     unknowns: Unknowns
@@ -123,6 +127,7 @@ class Layout:
     events: Indices
     prior_mean: Array
     prior_sd: Array
+    prior_about: Indices
     rows: int
     places: tuple[Places, ...]
 
@@ -130,6 +135,38 @@ class Layout:
     def size(self) -> int:
         """Number of unknowns."""
         return self.scale.size
+
+    @cached_property
+    def varied(self) -> Indices:
+        """Unknowns (v,) whose prior is about another unknown."""
+        return np.flatnonzero(self.prior_about >= 0)
+
+    def off_prior(self, x: Array) -> Array:
+        """By how many standard deviations the unknowns x (n,) are off their priors (n,)."""
+        return (self.beside(x) - self.prior_mean) / self.prior_sd
+
+    def beside(self, x: Array) -> Array:
+        """Unknowns x (n, ...), those whose prior is about another one less that one."""
+        if not self.varied.size:
+            return x
+        out = x.copy()
+        out[self.varied] -= x[self.prior_about[self.varied]]
+        return out
+
+    def prior_pull(self, off: Array) -> Array:
+        """Gradient (n,) of half the squares of what `off_prior` gives."""
+        pull = off / self.prior_sd
+        if self.varied.size:
+            np.subtract.at(pull, self.prior_about[self.varied], pull[self.varied])
+        return pull
+
+    @property
+    def prior_bend(self) -> tuple[Array, Array]:
+        """Hessian of the same: its diagonal (n,), and the entries (v,) that join `varied` with what they are about."""
+        diagonal = 1.0 / self.prior_sd**2
+        joins = -diagonal[self.varied]
+        np.subtract.at(diagonal, self.prior_about[self.varied], joins)
+        return diagonal, joins
 
 
 def kept_parameters(layout: Layout) -> Indices:
@@ -169,6 +206,7 @@ class Collector:
         self.upper: list[Array] = [unknowns.upper[free]]
         self.mean: list[Array] = [unknowns.prior_mean[free]]
         self.sd: list[Array] = [unknowns.prior_sd[free]]
+        self.about: list[Indices] = [np.full(free.size, KNOWN)]
         self.count, self.rows = free.size, 0
         self.theta = np.full(len(unknowns.names), KNOWN)
         self.theta[free] = np.arange(free.size)
@@ -186,8 +224,10 @@ class Collector:
         upper: Array | None = None,
         mean: Array | None = None,
         sd: Array | None = None,
+        about: int = KNOWN,
     ) -> Indices:
-        """New unknowns; without bounds, without prior unless given. Returns their indices."""
+        """New unknowns; without bounds, without prior unless given; about: the unknown that is added to the mean of
+        it. Returns their indices."""
         n = start.size
         infinite = np.full(n, np.inf)
         self.start.append(start)
@@ -196,6 +236,7 @@ class Collector:
         self.upper.append(infinite if upper is None else upper)
         self.mean.append(np.zeros(n) if mean is None else mean)
         self.sd.append(infinite if sd is None else sd)
+        self.about.append(np.full(n, about))
         self.count += n
         return np.arange(self.count - n, self.count)
 

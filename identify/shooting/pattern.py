@@ -254,14 +254,16 @@ class Pattern:
         n, m = layout.size, layout.rows
         numbering = _Numbering((m, n), [], [])
         self.families = [Scatter.of(family, numbering) for family in layout.families]
-        self.shape, self.counts = (m, n), numbering.counts
+        self.shape, self.counts, self.about = (m, n), numbering.counts, layout.prior_about
         order, first, places = _in_order(np.concatenate(numbering.jacobian))
         self._jacobian_order = order
         # Parameters that are tied meet in one column: their entries are added up.
         self._jacobian_first = None if np.all(first) else np.flatnonzero(first)
         self._jacobian_rows, self._jacobian_columns = (places % m).astype(np.int32), places // m
         self._jacobian_starts = np.searchsorted(self._jacobian_columns, np.arange(n + 1)).astype(np.int32)
-        order, first, places = _in_order(np.concatenate([*numbering.hessian, (n + 1) * np.arange(n)]))
+        about = layout.prior_about[layout.varied]
+        joins = np.maximum(about, layout.varied) * n + np.minimum(about, layout.varied)
+        order, first, places = _in_order(np.concatenate([*numbering.hessian, (n + 1) * np.arange(n), joins]))
         self._hessian_slot = np.empty(order.size, dtype=np.int64)
         self._hessian_slot[order] = np.cumsum(first) - 1
         self._hessian_rows, self._hessian_columns = (places % n).astype(np.int32), places // n
@@ -272,6 +274,7 @@ class Pattern:
         return (
             self.shape == (layout.rows, layout.size)
             and len(self.families) == len(layout.families)
+            and np.array_equal(self.about, layout.prior_about)
             and all(
                 np.array_equal(mine.slots, family.slots) and np.array_equal(mine.rows, family.rows)
                 for mine, family in zip(self.families, layout.families, strict=True)
@@ -279,8 +282,9 @@ class Pattern:
         )
 
     def entries(self) -> tuple[Array, Array]:
-        """Room for the entries that count, of the Jacobian and, behind them the diagonal (n,), of the Hessian."""
-        return np.empty(self.counts[0]), np.zeros(self.counts[1] + self.shape[1])
+        """Room for the entries that count, of the Jacobian and of the Hessian, behind which come those of the priors
+        (`Layout.prior_bend`)."""
+        return np.empty(self.counts[0]), np.zeros(self._hessian_slot.size)
 
     def jacobian(self, entries: Array, scale: Array) -> sp.csc_matrix:
         """The scaled Jacobian from the entries that count."""
@@ -291,7 +295,7 @@ class Pattern:
         return sp.csc_matrix((data, self._jacobian_rows, self._jacobian_starts), self.shape)
 
     def hessian(self, entries: Array, scale: Array) -> sp.csc_matrix:
-        """The scaled Hessian, upper triangle, from the entries that count and its diagonal."""
+        """The scaled Hessian, upper triangle, from the entries that count and those of the priors."""
         bends = np.bincount(self._hessian_slot, weights=entries, minlength=self._hessian_rows.size)
         data = np.asarray(bends * scale[self._hessian_columns] * scale[self._hessian_rows])
         return sp.csc_matrix((data, self._hessian_rows, self._hessian_starts), (scale.size, scale.size))

@@ -166,12 +166,9 @@ class Problem:
         summed.data += on_cost * point.hessian.data
         return summed
 
-    def _prior(self, x: Array) -> Array:
-        return (x - self.layout.prior_mean) / self.layout.prior_sd
-
     def _values(self, z: Array) -> Point:
         x = z * self.layout.scale
-        rows, cost = np.zeros(self.layout.rows), 0.5 * float(np.sum(self._prior(x) ** 2))
+        rows, cost = np.zeros(self.layout.rows), 0.5 * float(np.sum(self.layout.off_prior(x) ** 2))
         curves = []
         for family, moments in zip(self.layout.families, self.moments, strict=True):
             block_rows, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
@@ -183,11 +180,11 @@ class Problem:
     def _derivatives(self, z: Array) -> Point:
         layout = self.layout
         x, scale = z * layout.scale, layout.scale
-        prior = self._prior(x)
+        prior = layout.off_prior(x)
         rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
-        gradient = prior / layout.prior_sd * scale
+        gradient = layout.prior_pull(prior) * scale
         curves, (in_jacobian, in_hessian) = [], self.pattern.entries()
-        in_hessian[-z.size :] = 1.0 / layout.prior_sd**2
+        in_hessian[self.pattern.counts[1] :] = np.concatenate(layout.prior_bend)
         for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
             slots, curve, pull = family.slot_values(x), np.empty_like(moments.reference), np.empty(family.slots.shape)
             for part in scatter.parts:

@@ -41,6 +41,7 @@ class Footing:
         self.tick = 0.1 * float(np.sqrt(m / k))
         self.held = () if model.clamped is None else (model.clamped,)
         self.own = np.full(len(model.parameters), KNOWN)
+        self.strength_at = model.parameter_names.index("mu_s")
         self.node, self.value, self.offset = np.full(self.n_x, KNOWN), guess.start, NO_OFFSET
         self.load, self.load_value = NO_OFFSET, ZERO
         self.since, self.reaged = log.begin, False
@@ -252,6 +253,7 @@ class _LogWalk(Footing):
         self.events = {name: np.full(guess.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
         self.loads = np.full(guess.parts, KNOWN)
         self.loads_in_slips: list[int] = []
+        self.strengths, self.shared = np.full(guess.parts if log.strength_sd > 0.0 else 0, KNOWN), self.own
         self.sliding_deviation = guess.sliding_deviation
         self.tail: list[StretchPlaces] = []
         self.slip = np.full(guess.slip.shape, KNOWN)
@@ -260,6 +262,7 @@ class _LogWalk(Footing):
     def walk(self) -> Places:
         """Note everything of this log."""
         self._own()
+        self.shared = self.own
         start = self._begin()
         for cycle in range(self.guess.cycles):
             self._load(cycle, self.log.expected[0])
@@ -278,9 +281,10 @@ class _LogWalk(Footing):
             self.loads,
             self.slip,
             self.saturated,
-            self.own,
+            self.shared,
             tuple(self.tail),
             np.array(self.loads_in_slips, dtype=np.int64),
+            self.strengths,
         )
 
     def _begin(self) -> Indices:
@@ -313,6 +317,18 @@ class _LogWalk(Footing):
             self.loads[cycle] = self.c.add(self.guess.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
         self.load = np.array([self.loads[cycle]])
         self.load_value = self.guess.deviation[[cycle]] if sd[0] > 0.0 else ZERO
+        if self.strengths.size:
+            self._strength(cycle)
+
+    def _strength(self, part: int) -> None:
+        """The static friction of this stick, and of the slip after it: about that of all, scattered."""
+        at, unknowns, sd = self.strength_at, self.c.unknowns, np.array([self.log.strength_sd])
+        shared = int(np.where(self.shared >= 0, self.shared, self.c.theta)[self.c.source[at]])
+        mean = self.guess.theta(unknowns.start)[[self.c.source[at]]]
+        value = self.guess.strength[[part]] if self.guess.strength.size else mean
+        self.strengths[part] = self.c.add(value, sd, mean=mean if shared < 0 else ZERO, sd=sd, about=shared)[0]
+        self.own = self.shared.copy()
+        self.own[at] = self.strengths[part]
 
     def _falling(self, cycle: int, span: tuple[float, float], end: int, known_at_end: tuple[int, ...]) -> None:
         """The slip until the bounded state is at its bound, or all of it.
@@ -493,6 +509,7 @@ def lay_out(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, grid:
         np.array(collector.events, dtype=np.int64),
         mean,
         sd,
+        np.concatenate(collector.about),
         collector.rows,
         places,
     )

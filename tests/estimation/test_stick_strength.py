@@ -1,0 +1,80 @@
+"""Strength that differs from stick to stick: its scatter against closed forms, and recovered from another simulator."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from experiments.scattered_records import with_scatter
+from experiments.study_problem import RIG, Case, scene_of
+from identify import fit
+from identify.estimation.stick_strength import _likeliest
+from identify.estimation.strained import odd_stick
+from identify.estimation.strategies import Strategy, tracing
+
+TRUTH = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
+SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
+SCATTER = 0.01
+
+
+@pytest.fixture(scope="module")
+def logs():
+    case = Case(TRUTH, RIG, (), (), False)
+    scene = scene_of(case)
+    return replace(scene, logs=scene.logs[1:]), with_scatter(case, SPEEDS, SCATTER, seed=4)
+
+
+def test_six_parameters_and_the_scatter_are_recovered(logs):
+    result = fit(*logs).result
+    assert result["status"] == "converged"
+    assert "strength (mu_s - mu_k0) differs from stick to stick by" in result["message"]
+    found = 0.01 * float(result["message"].split("stick to stick by ")[1].split(" %")[0])
+    assert SCATTER / 1.5 < found < SCATTER * 1.5
+    for name, true in TRUTH.items():
+        told = result["parameters"][name]
+        assert told["verdict"] == "identified"
+        assert abs(told["value"] - true) < 3.0 * told["standard_error"]
+
+
+def test_without_strengths_of_their_own_these_sticks_fit_nothing(logs):
+    scene, records = logs
+    with tracing([s for s in Strategy if s is not Strategy.FEATURE_START]):
+        result = fit(scene, records).result
+    assert result["status"] == "model_misfit"
+
+
+def test_the_scatter_of_numbers_seen_with_errors_is_that_of_largest_likelihood():
+    random, sd, true, error = np.random.default_rng(2), 0.3, 1.0, 0.5
+    seen = true * random.standard_normal(4000) + error * random.standard_normal(4000)
+    share = sd**2 / (sd**2 + error**2)  # what is left of a number with a prior of 0.3 about 0
+    covariance = np.eye(seen.size)[:400, :400] * share * error**2
+    assert _likeliest(share * seen[:400], covariance, sd) == pytest.approx(
+        np.sqrt(np.mean(seen[:400] ** 2) - error**2), rel=1e-3
+    )
+    quiet = error * random.standard_normal(400) * 0.8
+    assert _likeliest(share * quiet, covariance, sd) == 0.0
+
+
+class _Solved:
+    """As much of a solution as the look at its sticks takes: their deviations, of two logs."""
+
+    def __init__(self, off):
+        varied = np.arange(1, off.size + 1)
+        half = off.size // 2
+        places = [type("Places", (), {"strength": part}) for part in (varied[:half], varied[half:])]
+        layout = type("Layout", (), {"varied": varied, "beside": staticmethod(lambda x: x), "places": places})
+        self.problem = type("Problem", (), {"layout": layout})
+        self.solution = type("Solution", (), {"x": np.append(0.0, off)})
+
+
+def test_one_stick_far_off_all_others_is_no_scatter():
+    off = 0.01 * np.random.default_rng(1).standard_normal(40)
+    assert odd_stick(_Solved(off), ["slow", "fast"]) == ""
+    off[32] = 0.15
+    assert odd_stick(_Solved(off), ["slow", "fast"]).startswith("fast, cycle 13 fits only with a static friction")
