@@ -82,8 +82,8 @@ def one(scatter: float, pair: int) -> dict[str, object]:
     found: float | None = None
     if estimator == "uneven":
         found = result["parameters"]["strength_scatter"]["value"]
-    elif "stick to stick by " in message:
-        found = 0.01 * float(message.split("stick to stick by ")[1].split(" %")[0])
+    elif estimator == "plain":
+        found = result["gate"]["strength_scatter"]
     return {
         "pair": pair,
         "estimator": estimator,

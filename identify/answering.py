@@ -20,6 +20,7 @@ from identify.estimation.attempt import Attempt, Clock, solve_from
 from identify.estimation.certainty import Certainty, certainty
 from identify.estimation.grouped import search_grouped
 from identify.estimation.hints import what_is_held
+from identify.estimation.known_early import wrong_unit
 from identify.estimation.other_optima import shaken
 from identify.estimation.search import disowned, plenty
 from identify.estimation.starts import Sources
@@ -77,6 +78,8 @@ def _falls_short(answer: Answer) -> tuple[bool, int]:
 def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) -> Answer:
     """What a search from these starts ends in, looked into."""
     prepared, unknowns, seed = task.prepared, task.unknowns, task.seed
+    if refused := wrong_unit(prepared):
+        return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns, None, None, None, [], {}, {})
 
     def searched(logs: list[Prepared], last: bool) -> _Searched:
         found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)

@@ -15,7 +15,7 @@ from identify.base.budget import time_limit
 from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
-from identify.base.progress import Progress, to_nobody
+from identify.base.progress import Notice, Progress, to_nobody
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.next_log import advised, next_logs
@@ -25,6 +25,7 @@ from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
 from identify.estimation.attempt import Clock
 from identify.estimation.estimator import Estimated, EstimationTask, Estimator
+from identify.estimation.known_early import told_early
 from identify.estimation.search import alike
 from identify.estimation.starts import Sources
 from identify.estimation.strategies import Trace, Trial, tracing
@@ -169,6 +170,8 @@ def _set_up(
     progress("detecting cycles", 0.05)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)
+    for sentence in told_early(prepared):
+        progress(Notice(sentence), 0.08)
     clock.add("detect", since)
     return Task(scene, read, prepared, unknowns, asked, seed)
 

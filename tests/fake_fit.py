@@ -235,6 +235,7 @@ def _document(curves: tuple[LogCurves, ...]) -> dict[str, Any]:
             "worst_cycle": {"log": 1, "cycle": 7, "z": 2.9},
             "solver": "Solve_Succeeded",
             "event_shift_samples": 0.08,
+            "strength_scatter": None,
         },
         "fit": {"samples": sum(int(log.used.sum()) for log in curves), "cycles": 36, "iterations": 9, "rms_N": NOISE},
         "derived": {

@@ -12,8 +12,8 @@ from data_io import Record
 from data_io.thresholds import Thresholds
 from experiments.study_problem import DEMO, RIG
 from identify.base.errors import FitError, SceneError
-from identify.diagnosis.diagnosis import wrong_unit
 from identify.effects import MAIN
+from identify.estimation.known_early import wrong_unit
 from identify.identification import fit
 from identify.logs.loads import level, smooth
 from identify.logs.prepare import prepare

@@ -9,8 +9,8 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
-from identify.diagnosis.diagnosis import wrong_unit
 from identify.effects import MAIN
+from identify.estimation.known_early import wrong_unit
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import from_scene
 

@@ -49,7 +49,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
         progress("drawing", 0.8)
         with drawing_style(), atomic_path(file) as temporary:
             draw_preview(seen).savefig(temporary, format="png", dpi=130)
-    for sentence in drives:
+    for sentence in (*seen.notices, *drives):
         terminal.say(wrapped(sentence))
     for log in seen.logs:
         terminal.say(wrapped(f"{log.name}: {log.told}"))

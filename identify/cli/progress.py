@@ -7,6 +7,8 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
+from identify.base.progress import Notice
+from identify.base.wording import wrapped
 from identify.cli.interrupt import check_interrupted
 
 if TYPE_CHECKING:
@@ -45,11 +47,13 @@ class Progress:
     def __call__(self, stage: str, share: float | None = None) -> None:
         """The work is at this stage; KeyboardInterrupt if it was interrupted meanwhile."""
         check_interrupted()
-        if self._bar is not None and self._task is not None:
+        if self._bar is not None and isinstance(stage, Notice):
+            self._bar.console.print(wrapped(stage), highlight=False, markup=False)
+        elif self._bar is not None and self._task is not None:
             self._bar.update(self._task, description=stage, completed=share)
         elif stage != self._stage:
             since = f"{time.monotonic() - self._began:7.2f} s  " if self._verbose else ""
-            print(f"{since}{stage}", file=self._stream, flush=True)
+            print(wrapped(stage) if isinstance(stage, Notice) else f"{since}{stage}", file=self._stream, flush=True)
         self._stage = stage
 
     def __exit__(

@@ -94,35 +94,10 @@ REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
 PROMISING = 0.5  # share that may remain with a value that is only about right
 CLEAR = 0.005  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
-UNITS = 30.0  # factor by which sticks rise too slowly where a unit is wrong: nothing soft in series does that
-STEEPER = 5.0  # and by which they rise too fast: nothing in series does that, and no rig value is so wrong
-STICKS, AGREE = 2, 0.3  # sticks that a unit has to be wrong in, and how much they may differ: cycles may be misread
 NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
 ASKED = 16.0  # statistic that makes an answer that fits doubtful, where something else does so already
 ALIKE = 1e-3  # share of the samples by which fits may differ that are compared: the last stick is cut anew
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
-
-
-def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
-    """A sentence where the sticks of a log rise so differently from stiffness times drive speed that a unit must be
-    wrong; "" where none do.
-
-    Args:
-        placed: the model was placed on the logs; where it cannot even be, less is enough to suspect a unit.
-    """
-    slower = UNITS if placed else STEEPER
-    for log in prepared:
-        rise = log.segmentation.stick_slope
-        if rise is None or log.segmentation.stick_slopes.size < STICKS or rise[1] > AGREE:
-            continue
-        for slope in (part.slope for part in log.judgement.slips if part.slope is not None):
-            times = 1.0 + slope
-            if not 1.0 / slower < times < STEEPER:
-                return (
-                    f"in the sticks of {log.name} the force rises {times:.3g} times as fast as stiffness times drive "
-                    "speed says: check the units of its time and forces, its drive speed and the stiffness of the rig"
-                )
-    return ""
 
 
 def diagnose(

@@ -11,13 +11,14 @@ from data_io import Record
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.diagnosis.diagnosis import Doubt, diagnose, doubt, wrong_unit
+from identify.diagnosis.diagnosis import Doubt, diagnose, doubt
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.hypotheses import restraints, sitting
 from identify.effects import MAIN
 from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import unexamined
+from identify.estimation.known_early import wrong_unit
 from identify.estimation.status_words import EXCHANGE
 from identify.logs.prepare import Prepared
 from identify.logs.spectrum import Spectrum
@@ -147,8 +148,7 @@ def looked_into(
         if swapped := look_swapped(prepared):
             message = f"normal force and friction force look swapped in {swapped}; {EXCHANGE}"
             return replace(findings, status=Status.MODEL_MISFIT, message=message), None
-        unit = wrong_unit(prepared, placed=findings.attempt is not None)
-        if unit:
+        if findings.attempt is None and (unit := wrong_unit(prepared, placed=False)):
             return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
         if any(log.unlike for log in prepared):
             return findings, None

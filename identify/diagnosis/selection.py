@@ -15,6 +15,8 @@ from identify.diagnosis.compared_models import ALWAYS, ComparedModels
 from identify.diagnosis.selection_words import reasons
 from identify.diagnosis.subsets import Selection
 from identify.effects import ALL
+from identify.estimation.known_early import wrong_unit
+from identify.estimation.search import alike
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.rhythms import Rhythm, rhythms
@@ -24,6 +26,8 @@ from identify.scene.variant import scene_with
 
 Array = NDArray[np.float64]
 
+NOT_COMPARED = "not compared: cycles differ so among themselves, or from the rig, that no sum of squares tells which"
+UNCOMPARED = [effect.name for effect in ALL if effect.name not in ALWAYS]
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
 
 
@@ -43,6 +47,9 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     first, records = parted(first, records)
     unknowns = from_scene(first)
     prepared = [prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)]
+    if wrong_unit(prepared) or not alike([log for log in prepared if log.left_out is None]):
+        effects = tuple(e.name for e in ALL if e.name in LOOKED_AT)
+        return Choice(effects, tuple(reasons(effects, ALWAYS, [], {}, dict.fromkeys(UNCOMPARED, NOT_COMPARED))))
     lines, left = rhythms(prepared)
     looks = screen(prepared, lines)
     scene = _with_one_noise(scene, prepared, lines, left)

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.base.errors import FitError
 from identify.estimation.attempt import as_far_as_placed
+from identify.estimation.known_early import told_early, wrong_unit
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import Unknowns, from_scene, user_start
@@ -43,30 +45,34 @@ class PreviewLog:
 
 @dataclass(frozen=True)
 class Preview:
-    """What a fit would start from: where the start comes from, its parameters (SI) by name, units by name, the logs."""
+    """What a fit would start from: where the start comes from, its parameters (SI) by name, units by name, the logs;
+    notices: sentences on rig and scatter."""
 
     source: str
     parameters: dict[str, float]
     units: dict[str, str]
     logs: list[PreviewLog]
+    notices: list[str]
 
 
 def preview(scene: Scene, records: Sequence[Record]) -> Preview:
     """Detect the cycles of every log and place the start on them; nothing is fitted but one folded cycle.
 
     Raises:
-        FitError, SceneError: as the fit itself.
+        FitError, SceneError: as the fit itself; and where no fit can succeed.
     """
     scene, records = parted(scene, records)
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    if refused := wrong_unit(prepared):
+        raise FitError(refused)
     prepared, unknowns = tuned(prepared, unknowns)
     theta, source = _start(scene, prepared, unknowns)
     logs = [_seen(log, unknowns, theta) for log in prepared]
     base = prepared[0].data.base
     values = dict(zip(unknowns.names, unknowns.values(theta, base).tolist(), strict=True))
     units = {q.name: q.unit for q in unknowns.model.parameters}
-    return Preview(source, values, units, logs)
+    return Preview(source, values, units, logs, told_early(prepared))
 
 
 def _start(scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> tuple[Array, str]:

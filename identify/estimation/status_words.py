@@ -47,7 +47,7 @@ def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
 
 def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status, str]:
     """Status and sentence where no start could even be placed on the data."""
-    if uneven := _uneven(prepared):
+    if uneven := uneven_words(prepared):
         return Status.MODEL_MISFIT, f"{uneven}; see the cycle scatter and the classical table in the report"
     taken = [log for log in prepared if log.left_out is None]
     if taken and all(log.manner.name != "cycles" for log in taken):
@@ -86,7 +86,7 @@ def ended(attempt: Attempt, bounds: Mapping[str, str]) -> tuple[Status, str]:
     gate = attempt.gate
     if gate.status is Status.CONVERGED and bounds:
         return Status.AT_BOUND, "; ".join(bounds.values())
-    if gate.status is not Status.CONVERGED and (uneven := _uneven(attempt.prepared)):
+    if gate.status is not Status.CONVERGED and (uneven := uneven_words(attempt.prepared)):
         return Status.MODEL_MISFIT, (
             f"{uneven} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
             "see the cycle scatter and the classical table in the report"
@@ -94,7 +94,7 @@ def ended(attempt: Attempt, bounds: Mapping[str, str]) -> tuple[Status, str]:
     return gate.status, gate.message
 
 
-def _uneven(prepared: Sequence[Prepared]) -> str:
+def uneven_words(prepared: Sequence[Prepared]) -> str:
     """A sentence on the log whose cycles scatter most, of those where they are unlike; "" where there is none."""
     log = max((log for log in prepared if log.unlike), key=lambda log: log.scatter, default=None)
     if log is None:

@@ -19,6 +19,7 @@ from identify.diagnosis.findings import Findings, held_document
 from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Clock
 from identify.estimation.covariance import Estimate
+from identify.estimation.strained import stick_scatter
 from identify.estimation.tolerances import added_by_tolerances
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
@@ -285,6 +286,7 @@ def _gate(found: Findings) -> dict[str, Any] | None:
         "worst_cycle": {"log": log, "cycle": int(gate.cycle[worst]), "z": _finite(gate.z[worst])} if log else None,
         "solver": gate.solver,
         "event_shift_samples": _finite(gate.event_shift),
+        "strength_scatter": stick_scatter(found.attempt.solved),
     }
 
 

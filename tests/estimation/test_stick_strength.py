@@ -34,8 +34,7 @@ def test_six_parameters_and_the_scatter_are_recovered(logs):
     result = fit(*logs).result
     assert result["status"] == "converged"
     assert "strength (mu_s - mu_k0) differs from stick to stick by" in result["message"]
-    found = 0.01 * float(result["message"].split("stick to stick by ")[1].split(" %")[0])
-    assert SCATTER / 1.5 < found < SCATTER * 1.5
+    assert SCATTER / 1.5 < result["gate"]["strength_scatter"] < SCATTER * 1.5
     for name, true in TRUTH.items():
         told = result["parameters"][name]
         assert told["verdict"] == "identified"

@@ -1,0 +1,56 @@
+"""What is known of rig and scatter before a solve is said before it, and a wrong unit ends the fit."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from identify import FitError, Scene, fit
+from identify.base.progress import Notice
+from identify.estimation.preview import preview
+from identify.examples import FOLDER
+from identify.logs.scene_records import with_drives, with_records
+
+
+class _SearchBeganError(Exception):
+    """The search has begun."""
+
+
+def _said_before_the_search(scene, records):
+    """Sentences that stay, and the seconds until the last of them."""
+    said, began = [], time.perf_counter()
+
+    def listen(stage, _share):
+        if isinstance(stage, Notice):
+            said.append((str(stage), time.perf_counter() - began))
+        if stage == "finding a start":
+            raise _SearchBeganError
+
+    with pytest.raises(_SearchBeganError):
+        fit(scene, records, progress=listen)
+    return said
+
+
+def _example(stiffness):
+    scene = Scene.from_toml(FOLDER / "pair.toml", [f"rig.stiffness={stiffness}"])
+    return with_records(with_drives(scene)[0], None)
+
+
+def test_a_stiffness_that_all_sticks_contradict_is_said_before_the_search():
+    ((sentence, seconds),) = _said_before_the_search(*_example('"1720 N/m"'))
+    assert sentence.startswith("in the sticks of all logs the force rises at 0.85")
+    assert 'stiffness = { start = "1470 N/m" }' in sentence or 'start = "147' in sentence
+    assert seconds < 2.0
+    assert _said_before_the_search(*_example('"1470 N/m"')) == []
+
+
+def test_a_wrong_unit_ends_a_fit_and_a_preview_at_once():
+    scene, records = _example('"1470 kN/m"')
+    began = time.perf_counter()
+    result = fit(scene, records).result
+    assert time.perf_counter() - began < 5.0
+    assert result["status"] == "model_misfit" and "check the units" in result["message"]
+    assert result["search"] == []
+    with pytest.raises(FitError, match="check the units"):
+        preview(scene, records)
