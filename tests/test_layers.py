@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 # Lowest first: common ground, the model, what is done with it forward in time and with logs, what follows from it, the
-# fit, its result, many fits, the command line.
+# fit, its result, many fits, the page, the command line.
 # A room is a folder, or one of the few modules beside the folders. A new one gets a place here and in docs/rooms.md.
 ROOMS = """
 base examples
@@ -20,6 +20,7 @@ simulation logs prediction
 shooting estimation uneven diagnosis bench answering
 report identification
 studies
+app
 cli
 """.split()
 

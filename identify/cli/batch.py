@@ -81,14 +81,14 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
 
     out = Path(arguments.out)
     check_place(out, arguments.resume)
-    with Progress(terminal.notes, terminal.verbose) as progress:
+    with Progress(terminal.notes, terminal.progress) as progress:
         planned = plan(Path(arguments.source), Path(arguments.scene), arguments.set, progress)
     for note in planned.notes:
         terminal.note(f"note: {note}")
     workers = _workers(arguments, out)
     ends_by_itself()
     try:
-        with BatchProgress(terminal.notes) as teller:
+        with BatchProgress(terminal.notes, terminal.progress) as teller:
             summary = run_batch(
                 planned,
                 out,

@@ -7,21 +7,22 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
 from identify.cli.interrupt import check_interrupted
-from identify.cli.progress import draws
+from identify.cli.progress import draws, progress_line
 from identify.studies.running import in_words
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
+    from identify.cli.common import HowToTell
     from identify.studies.batch_store import Ended
 
 
 class BatchProgress:
     """Told by the batch what has ended; shows how many are done, how many did not converge, and the time left."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, how: HowToTell = "shown") -> None:
+        self._stream, self._how, self._began = stream, how, time.monotonic()
         self._bar: Bar | None = None
         self._task: TaskID | None = None
         self._failures = 0
@@ -32,7 +33,7 @@ class BatchProgress:
 
     def begins(self, total: int, kept: int) -> None:
         """So many groups in all, of which `kept` had ended before."""
-        if draws(self._stream):
+        if draws(self._stream) and self._how != "json":
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bar
@@ -42,7 +43,8 @@ class BatchProgress:
             self._task = self._bar.add_task(self._words(kept, total), total=total, completed=kept)
             self._bar.start()
         else:
-            self._line(f"{total} groups, {kept} of them done before" if kept else f"{total} groups")
+            words = f"{total} groups, {kept} of them done before" if kept else f"{total} groups"
+            self._line(words, kept / max(total, 1))
 
     def ended(self, group: str, end: Ended, done: int, total: int, remaining: float | None) -> None:
         """A group has ended; `remaining` is the expected time to the end [s]."""
@@ -54,7 +56,7 @@ class BatchProgress:
         else:
             took = "" if end.seconds is None else f" in {in_words(end.seconds)}"
             name = "".join(c if c.isprintable() else " " for c in group[:60])
-            self._line(f"{done}/{total} {name}: {end.status.replace('_', ' ')}{took}{self._left()}")
+            self._line(f"{done}/{total} {name}: {end.status.replace('_', ' ')}{took}{self._left()}", done / total)
 
     def tick(self) -> None:
         """Some time has passed; KeyboardInterrupt if a signal came meanwhile."""
@@ -78,5 +80,7 @@ class BatchProgress:
             return ""
         return f"; about {in_words(self._until - time.monotonic())} left"
 
-    def _line(self, text: str) -> None:
+    def _line(self, text: str, share: float) -> None:
+        if self._how == "json":
+            text = progress_line(text, share, time.monotonic() - self._began)
         print(text, file=self._stream, flush=True)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 if TYPE_CHECKING:
     from data_io import Record
@@ -19,6 +19,9 @@ DONE, DEFECT, WRONG_INPUT, NOT_SUCCEEDED, INTERRUPTED = 0, 1, 2, 3, 130
 
 class CommandLineError(Exception):
     """The command line asks for something that cannot be; the text is the whole sentence."""
+
+
+HowToTell = Literal["shown", "verbose", "json"]
 
 
 @dataclass(frozen=True)
@@ -33,12 +36,13 @@ class Answer:
 class Terminal:
     """Where words for people go: standard output, or standard error while --json is on.
 
-    `notes` is a stream that keeps nothing with --quiet; `verbose`: every stage of the work is said with its seconds.
+    `notes` is a stream that keeps nothing with --quiet; `progress`: how that of long work is told there: "shown" as
+    fits the stream, "verbose" as lines with the seconds, "json" as a JSON document in each line.
     """
 
     words: TextIO
     notes: TextIO
-    verbose: bool = False
+    progress: HowToTell = "shown"
 
     def say(self, text: str = "") -> None:
         """Words that are the answer."""
@@ -183,7 +187,7 @@ def read(path: str, arguments: Namespace, terminal: Terminal | None = None) -> R
         return read_log(path, **options)
     from identify.cli.progress import Progress
 
-    with Progress(terminal.notes, terminal.verbose) as progress:
+    with Progress(terminal.notes, terminal.progress) as progress:
         return read_log(path, **options, progress=lambda share: progress(f"reading {Path(path).name}", share))
 
 
@@ -208,10 +212,10 @@ def quantity(text: str, unit: str, option: str) -> float:
         raise CommandLineError(f"{option}: {error}") from None
 
 
-def standard_terminal(json_mode: bool, *, quiet: bool = False, verbose: bool = False) -> Terminal:
+def standard_terminal(json_mode: bool, *, quiet: bool = False, progress: HowToTell = "shown") -> Terminal:
     """Standard output for words, or standard error while standard output is kept for the JSON document."""
     notes = open(os.devnull, "w", encoding="utf-8") if quiet else sys.stderr  # noqa: PTH123, SIM115 - until the end
-    return Terminal(words=sys.stderr if json_mode else sys.stdout, notes=notes, verbose=verbose)
+    return Terminal(words=sys.stderr if json_mode else sys.stdout, notes=notes, progress=progress)
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

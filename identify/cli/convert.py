@@ -59,7 +59,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
 
     work = _Work(arguments, terminal)
     if len(arguments.logs) == 1:
-        with Progress(terminal.notes, terminal.verbose) as progress:
+        with Progress(terminal.notes, terminal.progress) as progress:
             told = (lambda share: progress(f"writing {out.name}", share)) if terminal.notes.isatty() else _silent
             record = work.read(arguments.logs[0])
             write_hdf5(record, out, told, dated=not arguments.anonymise)

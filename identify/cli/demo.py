@@ -40,7 +40,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     scene, second = Scene.from_toml(examples.SCENE), Scene.from_toml(examples.SCENE_AT_50_HZ)
     out = Path(arguments.out or f"stickslip-{scene.name}")
     check_replaceable(out)
-    with Progress(terminal.notes, terminal.verbose) as progress, result_folder(out) as folder:
+    with Progress(terminal.notes, terminal.progress) as progress, result_folder(out) as folder:
         joint = fit(scene, progress=progress)
         progress("the log at 50 Hz")
         slow = fit(second, progress=progress)

@@ -195,7 +195,7 @@ def fit_and_report(
     from identify.report.summary import summary
     from identify.shooting.accuracy import DEFAULT_OPTIONS
 
-    with Progress(terminal.notes, terminal.verbose) as progress:
+    with Progress(terminal.notes, terminal.progress) as progress:
         outcome = fit(scene, progress=progress, starts=starts, asked=asked or DEFAULT_OPTIONS)
         progress("what to change, and how sure that is")
         outcome = with_counsel(scene_of(outcome.result, out), outcome)  # with the drives that columns told

@@ -7,7 +7,7 @@ import json
 import sys
 import traceback
 import warnings
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import takewhile
 from types import ModuleType
@@ -20,6 +20,7 @@ from identify.cli.common import (
     WRONG_INPUT,
     Answer,
     CommandLineError,
+    HowToTell,
     nearest,
     standard_terminal,
 )
@@ -80,6 +81,7 @@ def commands() -> tuple[ModuleType, ...]:
     """
     from identify.cli import (
         amplitude,
+        app,
         batch,
         cache,
         compare,
@@ -109,6 +111,7 @@ def commands() -> tuple[ModuleType, ...]:
         compare,
         simulate,
         *calculators,
+        app,
         convert,
         cache,
         completion,
@@ -133,6 +136,7 @@ def build_parser() -> _Parser:
         place.add_argument("--debug", action="store_true", help="show the traceback of an error")
         place.add_argument("--quiet", action="store_true", help="no progress and no notes: the answer alone")
         place.add_argument("--verbose", action="store_true", help="every stage of the work with its seconds")
+        place.add_argument("--progress", choices=("shown", "json"), default=SUPPRESS, help="json: one document a line")
     return parser
 
 
@@ -190,7 +194,6 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
 
 def _run(given: list[str], json_mode: bool) -> Answer:
     parser = build_parser()
-    terminal = standard_terminal(json_mode, quiet="--quiet" in given, verbose="--verbose" in given)
     # whatever a library prints must not spoil the document
     with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
         try:
@@ -198,6 +201,8 @@ def _run(given: list[str], json_mode: bool) -> Answer:
             arguments: Namespace = parser.parse_args(given)
         except SystemExit:  # help was asked for and printed
             return Answer(document={"status": "done"})
+        how: HowToTell = "verbose" if "--verbose" in given else getattr(arguments, "progress", "shown")
+        terminal = standard_terminal(json_mode, quiet="--quiet" in given, progress=how)
         if arguments.version:
             from importlib.metadata import version
 

@@ -38,7 +38,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from identify.scene.variant import scene_with
 
     file = preview_file(out)
-    with Progress(terminal.notes, terminal.verbose) as progress:
+    with Progress(terminal.notes, terminal.progress) as progress:
         progress("reading the logs", 0.0)
         scene, drives = with_drives(scene)
         scene, records = with_records(scene, None)

@@ -1,7 +1,8 @@
-"""Progress of long work: a bar on a terminal, plain lines elsewhere, always on standard error."""
+"""Progress of long work: a bar on a terminal, plain lines or JSON lines elsewhere, always on standard error."""
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from types import TracebackType
@@ -15,24 +16,30 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
+    from identify.cli.common import HowToTell
+
 
 def draws(stream: TextIO) -> bool:
     """Whether a bar can be drawn there: on a terminal that moves its cursor."""
     return stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
+def progress_line(stage: str, share: float | None, seconds: float) -> str:
+    """One line of --progress json: the stage, the share of the whole that is done (null: unknown), seconds so far."""
+    return json.dumps({"stage": stage, "share": share, "seconds": round(seconds, 3)})
+
+
 class Progress:
     """Called by the work as `progress(stage, share)`; share of the whole work done, 0 to 1 (None: unknown)."""
 
-    def __init__(self, stream: TextIO, verbose: bool = False) -> None:
-        """verbose: plain lines with the seconds since the beginning, on a terminal too."""
-        self._stream, self._verbose, self._began = stream, verbose, time.monotonic()
+    def __init__(self, stream: TextIO, how: HowToTell = "shown") -> None:
+        self._stream, self._how, self._began = stream, how, time.monotonic()
         self._bar: Bar | None = None
         self._task: TaskID | None = None
         self._stage = ""
 
     def __enter__(self) -> Self:
-        if draws(self._stream) and not self._verbose:
+        if draws(self._stream) and self._how == "shown":
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
             from rich.progress import Progress as Bar
@@ -51,8 +58,10 @@ class Progress:
             self._bar.console.print(wrapped(stage), highlight=False, markup=False)
         elif self._bar is not None and self._task is not None:
             self._bar.update(self._task, description=stage, completed=share)
+        elif self._how == "json":
+            print(progress_line(stage, share, time.monotonic() - self._began), file=self._stream, flush=True)
         elif stage != self._stage:
-            since = f"{time.monotonic() - self._began:7.2f} s  " if self._verbose else ""
+            since = f"{time.monotonic() - self._began:7.2f} s  " if self._how == "verbose" else ""
             print(wrapped(stage) if isinstance(stage, Notice) else f"{since}{stage}", file=self._stream, flush=True)
         self._stage = stage
 

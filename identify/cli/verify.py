@@ -51,7 +51,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     ]
     made = stored["provenance"]
     seed, starts = made.get("seed"), made.get("starts")
-    with Progress(terminal.notes, terminal.verbose) as progress:
+    with Progress(terminal.notes, terminal.progress) as progress:
         found = fit(
             replace(scene, logs=tuple(logs)),
             progress=progress,

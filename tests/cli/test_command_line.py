@@ -52,18 +52,20 @@ def test_the_advice_for_a_log_given_as_a_scene_gets_further(tmp_path, capsys):
 
 def test_quiet_says_the_answer_alone_and_verbose_the_seconds(monkeypatch, capsys):
     def run(_arguments, terminal):
-        with Progress(terminal.notes, terminal.verbose) as progress:
+        with Progress(terminal.notes, terminal.progress) as progress:
             progress("reading", 0.1)
         terminal.say("the answer")
         return Answer()
 
     monkeypatch.setattr(fit_command, "run", run)
     heard = []
-    for more in ([], ["--quiet"], ["--verbose"]):
+    for more in ([], ["--quiet"], ["--verbose"], ["--progress", "json"]):
         assert cli.main(["fit", "--scene", "x", *more]) == 0
         heard.append(capsys.readouterr())
-    assert [h.out for h in heard] == ["the answer\n"] * 3
+    assert [h.out for h in heard] == ["the answer\n"] * 4
     assert [h.err for h in heard[:2]] == ["reading\n", ""] and heard[2].err.split()[1:] == ["s", "reading"]
+    told = json.loads(heard[3].err)
+    assert set(told) == {"stage", "share", "seconds"} and told["stage"] == "reading"
     assert cli.main(["fit", "--quiet"]) == 2
     assert "--scene" in capsys.readouterr().err, "an error is said all the same"
 

@@ -1,0 +1,121 @@
+"""The folder that the page works in: which paths are inside it, what lies in it, and where the page keeps its own."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from identify.base.errors import IdentifyError
+from identify.studies.planning import NOT_LOGS
+
+OWN = ".stickslip-app"  # what the page keeps: jobs, drafts of scenes, what was seen in logs
+DEEPEST = 3  # folders within each other that are listed
+MOST_FILES = 5_000
+NO_LOGS = (*NOT_LOGS, ".tex", ".zip", ".log")
+
+
+class PageError(IdentifyError):
+    """What was asked of the page cannot be; the text is the whole sentence."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What lies in a folder, as paths relative to it: logs, scene files, folders of fits and of batches."""
+
+    logs: tuple[str, ...]
+    scenes: tuple[str, ...]
+    fits: tuple[str, ...]
+    batches: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder that is served; `root` is absolute and free of links."""
+
+    root: Path
+
+    @staticmethod
+    def at(path: str | Path) -> Folder:
+        """Raises PageError where it is no folder."""
+        root = Path(path).resolve()
+        if not root.is_dir():
+            raise PageError(f"{path} is no folder; give the folder that holds your logs")
+        return Folder(root)
+
+    def path(self, text: object) -> Path:
+        """The file or folder that a relative path names; it need not exist.
+
+        Raises:
+            PageError: a path that leads out of the folder, or to what the page or the system keeps hidden.
+        """
+        if not isinstance(text, str) or not text or "\0" in text or "\\" in text or len(text) > 1000:
+            raise PageError("a path inside the folder was expected; choose a file from the list")
+        parts = Path(text).parts
+        if Path(text).is_absolute() or any(part.startswith(".") for part in parts):
+            raise PageError(f"{text!r} is no path inside the folder; choose a file from the list")
+        path = self.root / text
+        if not path.resolve().is_relative_to(self.root):
+            raise PageError(f"{text!r} leads out of the folder; copy the file into it")
+        return path
+
+    def file(self, text: object) -> Path:
+        """As `path`, of a file that is there."""
+        path = self.path(text)
+        if not path.is_file():
+            raise PageError(f"{text}: there is no such file any more; load the list again")
+        return path
+
+    def name(self, path: Path) -> str:
+        """A path as the page names it: relative, with slashes."""
+        return path.relative_to(self.root).as_posix()
+
+    def own(self, *parts: str) -> Path:
+        """A place where the page keeps something; its folder is made."""
+        path = self.root.joinpath(OWN, *parts)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def found(self) -> Found:
+        """What lies in it, sorted by name."""
+        kinds: dict[str, list[str]] = {"logs": [], "scenes": [], "fits": [], "batches": []}
+        for number, (kind, path) in enumerate(self._walked(self.root, DEEPEST)):
+            if number >= MOST_FILES:
+                break
+            kinds[kind].append(self.name(path))
+        return Found(*(tuple(sorted(kinds[kind])) for kind in kinds))
+
+    def _walked(self, folder: Path, deepest: int) -> Iterator[tuple[str, Path]]:
+        with os.scandir(folder) as listed:
+            entries = [entry for entry in listed if not entry.name.startswith(".")]
+        names = {entry.name for entry in entries}
+        if "result.json" in names:
+            yield "fits", folder
+        if "batch.json" in names:
+            yield "batches", folder
+        ours = bool(names & {"result.json", "comparison.json"})  # their tables are no logs
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                if deepest and not ours:
+                    yield from self._walked(Path(entry.path), deepest - 1)
+            elif entry.name.lower().endswith(".toml"):
+                yield "scenes", Path(entry.path)
+            elif not ours and self._may_be_a_log(Path(entry.path)):
+                yield "logs", Path(entry.path)
+
+    def _may_be_a_log(self, path: Path) -> bool:
+        inside = path.resolve()
+        named = path.suffix.lower() not in NO_LOGS and path.name != "index.csv"
+        return named and inside.is_relative_to(self.root) and inside.is_file()
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """A JSON object that is whole; None where there is none, or it is half written."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return document if isinstance(document, dict) else None

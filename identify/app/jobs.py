@@ -1,0 +1,231 @@
+"""Jobs: the command line as processes of their own whose state is files: a closed page or server loses nothing.
+
+A job is a folder with job.json (what was asked), progress.jsonl (its standard error), document.json (its standard
+output: exactly one JSON document, also of an error) and `alive`, a file the process holds a lock on while it runs.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from data_io.atomic import atomic_write
+from identify.app.folder import Folder, PageError, read_json
+
+PACKAGE = str(Path(__file__).resolve().parents[2])
+GRACE = 1.6  # seconds in which a cancelled job may end by itself; the command line takes one
+KEPT = 60  # finished jobs that are remembered
+KILLED = (
+    "ended from outside before it was done (killed, out of memory, or the machine stopped); nothing half-written is "
+    "left behind: start it again"
+)
+LAST = 20_000  # bytes of the progress that are looked at
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a job is: its stages so far with the seconds at which each began, share of the whole (None: unknown), and
+    the words it said."""
+
+    stages: tuple[tuple[str, float], ...]
+    share: float | None
+    words: str
+
+
+def same_code() -> dict[str, str]:
+    """The environment of a process that is to run this very package, wherever it stands."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [PACKAGE, os.environ.get("PYTHONPATH", "")]))}
+
+
+class Jobs:
+    """The jobs of one folder."""
+
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+        self._place = folder.own("jobs", "x").parent
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._lock = threading.Lock()
+
+    def start(self, words: Sequence[str], out: str) -> dict[str, Any]:
+        """Start `stickslip` with these words.
+
+        Raises:
+            PageError: a job that writes to the same place is at work.
+        """
+        with self._lock:
+            busy = [job for job in self.listed() if out and job["out"] == out and job["state"] == "running"]
+            if busy:
+                raise PageError(f"{out} is being written by a job that runs; wait, cancel it, or choose another name")
+            name = f"{time.time_ns():x}"
+            place = self._place / name
+            place.mkdir(parents=True)
+            about = {"words": list(words), "out": out, "started": time.time()}
+            with (place / "alive").open("wb") as alive, (place / "document.json").open("wb") as document:
+                fcntl.flock(alive, fcntl.LOCK_EX)
+                with (place / "progress.jsonl").open("wb") as progress:
+                    child = subprocess.Popen(
+                        [sys.executable, "-P", "-m", "identify", *words, "--json", "--progress", "json"],
+                        cwd=self._folder.root,
+                        env=same_code(),
+                        stdin=subprocess.DEVNULL,
+                        stdout=document,
+                        stderr=progress,
+                        start_new_session=True,
+                        pass_fds=[alive.fileno()],
+                    )
+            with atomic_write(place / "job.json") as handle:
+                json.dump(about | {"pid": child.pid}, handle)
+            self._children[name] = child
+            self._forget()
+        return self.seen(name)
+
+    def listed(self) -> list[dict[str, Any]]:
+        """All jobs, the newest first."""
+        for child in self._children.values():
+            child.poll()
+        names = sorted((p.name for p in self._place.iterdir() if (p / "job.json").is_file()), reverse=True)
+        return [self.seen(name) for name in names]
+
+    def seen(self, name: str) -> dict[str, Any]:
+        """One job: what was asked, its state (running, done, failed, cancelled, killed), progress, and what it said.
+
+        Raises:
+            PageError: there is no such job.
+        """
+        place = self._of(name)
+        about = read_json(place / "job.json")
+        if about is None:
+            raise PageError("there is no such job any more; load the page again")
+        state, message = _state(place)
+        if state == "killed":
+            self._sweep(about)
+        progress = _progress(place / "progress.jsonl")
+        ends = time.time() if state == "running" else _modified(place)
+        return {
+            "id": name,
+            "command": shlex.join(["stickslip", *about["words"]]),
+            "kind": about["words"][0],
+            "out": about["out"],
+            "started": about["started"],
+            "seconds": max(ends - about["started"], 0.0),
+            "state": state,
+            "message": message,
+            "stages": progress.stages,
+            "share": progress.share,
+            "words": progress.words,
+        }
+
+    def document(self, name: str) -> dict[str, Any]:
+        """What a finished job printed.
+
+        Raises:
+            PageError: it printed nothing (yet).
+        """
+        document = read_json(self._of(name) / "document.json")
+        if document is None:
+            raise PageError("this job has printed no result; look at its state")
+        return document
+
+    def cancel(self, name: str) -> dict[str, Any]:
+        """End a job and everything it started; at once where it does not end by itself."""
+        place = self._of(name)
+        about = read_json(place / "job.json") or {}
+        if _running(place) and "pid" in about:
+            (place / "cancelled").touch()
+            deadline = time.monotonic() + GRACE
+            for number in (signal.SIGINT, signal.SIGKILL):
+                with suppress(ProcessLookupError):
+                    os.killpg(about["pid"], number)
+                while _running(place) and time.monotonic() < deadline:
+                    time.sleep(0.02)
+            self._sweep(about)
+        return self.seen(name)
+
+    def _of(self, name: str) -> Path:
+        if not name.isalnum():
+            raise PageError("there is no such job; load the page again")
+        return self._place / name
+
+    def _sweep(self, about: Mapping[str, Any]) -> None:
+        """Remove the temporary folders of a result that a killed job could not remove itself."""
+        if about.get("out"):
+            out = self._folder.path(about["out"])
+            for rest in out.parent.glob(f".{out.name}.*"):
+                shutil.rmtree(rest, ignore_errors=True)
+
+    def _forget(self) -> None:
+        """Drop the oldest of the jobs that have ended."""
+        for name in sorted(p.name for p in self._place.iterdir())[:-KEPT]:
+            if not _running(self._place / name):
+                shutil.rmtree(self._place / name, ignore_errors=True)
+
+
+def _running(place: Path) -> bool:
+    """Whether a process holds its lock: no number of a process is trusted, which another one may have by now."""
+    try:
+        with (place / "alive").open("rb") as alive:
+            fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _state(place: Path) -> tuple[str, str]:
+    """The state of a job, and its message."""
+    if _running(place):
+        return "running", ""
+    document = read_json(place / "document.json")
+    if (place / "cancelled").exists() and (document is None or document.get("status") == "error"):
+        return "cancelled", "cancelled; nothing half-written is left behind"
+    if document is None:
+        return (
+            "killed",
+            "ended from outside before it was done (killed, out of memory, or the machine stopped); nothing \
+half-written is left behind: start it again",
+        )
+    message = str(document.get("message") or "")
+    return ("failed" if document.get("status") == "error" else "done"), message
+
+
+def _progress(path: Path) -> Progress:
+    """From the lines of standard error: those of --progress json, and the words among them."""
+    try:
+        with path.open("rb") as handle:
+            handle.seek(max(path.stat().st_size - LAST, 0))
+            lines = handle.read().decode("utf-8", "replace").splitlines()
+    except OSError:
+        lines = []
+    stages: list[tuple[str, float]] = []
+    share, words = None, []
+    for line in lines:
+        try:
+            told = json.loads(line)
+            stage, at = str(told["stage"]), float(told["seconds"])
+        except (ValueError, TypeError, KeyError):
+            words.append(line)
+            continue
+        share = told.get("share")
+        if not stages or stages[-1][0] != stage:
+            stages.append((stage, at))
+    return Progress(tuple(stages), share, "\n".join(words).strip())
+
+
+def _modified(place: Path) -> float:
+    with suppress(OSError):
+        return max(path.stat().st_mtime for path in place.iterdir())
+    return 0.0

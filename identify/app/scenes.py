@@ -1,0 +1,316 @@
+"""Scene files as the page edits them: the text is the scene, the form writes into it, drafts are kept until saved."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Table
+
+from data_io.atomic import atomic_write
+from identify.app.folder import Folder, PageError
+from identify.base.errors import SceneError
+from identify.effects import ALL, MAIN
+from identify.scene import Scene
+from identify.scene.parameters import declared_by
+from identify.scene.rig import question_bare_numbers
+
+LONGEST = 1_000_000  # characters of a scene file
+RIG_FIELDS = {
+    "mass": ("moving mass", "kg", "Weigh what moves with the contact: holder, specimen, half of the springs."),
+    "stiffness": ("stiffness", "N/m", "Hang a known weight on the holder and read the deflection; or take the stick "
+                  "slope over the drive speed, beside each log."),
+    "damping": ("damping h", "N/m", "Pluck the holder out of contact and record it ringing down; give damping, or zeta "
+                "or log_decrement in its place."),
+    "drive_speed": ("drive speed", "m/s", "Where it is the same in all logs; else in each log."),
+    "normal_force": ("normal force", "N", "Only where the logs have no column of it."),
+    "noise": ("noise of the force", "N", "Left out it is estimated from straight sticks."),
+}  # fmt: skip
+DAMPINGS = ("damping", "zeta", "loss_factor", "log_decrement")
+LOG_FIELDS = ("path", "drive_speed", "step", "window", "exclude", "skip_cycles", "tare", "normal_force", "labels")
+PLACES = (
+    re.compile(r"\[(rig|fit|contact|initial|tolerances|quality)\] (\w+)"),
+    re.compile(r"\[(parameters)\] (\w+)(?: (\w+))?"),
+    re.compile(r"\[\[(logs)\]\] number (\d+)(?: (\w+))?"),
+)
+
+
+class Scenes:
+    """The scene files of a folder and their drafts."""
+
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+
+    def text(self, name: str) -> str:
+        """The draft of a scene, else its file.
+
+        Raises:
+            PageError: no such file, or one that is no text.
+        """
+        path, draft = self._folder.path(name), self._draft(name)
+        if draft.is_file() and (not path.is_file() or draft.stat().st_mtime_ns > path.stat().st_mtime_ns):
+            path = draft
+        try:
+            return path.read_text(encoding="utf-8-sig")
+        except UnicodeDecodeError:
+            raise PageError(f"{name} is not UTF-8 text; save it as UTF-8") from None
+        except OSError:
+            raise PageError(f"{name}: there is no such scene; choose one from the list") from None
+
+    def keep(self, name: str, text: str) -> None:
+        """Keep a draft, valid or not, so that nothing typed is lost.
+
+        Raises:
+            PageError: more than a scene can be.
+        """
+        if not name.endswith(".toml") or len(text) > LONGEST:
+            raise PageError(f"{name!r} is no scene; expected a name that ends in .toml, and a text that people write")
+        self._folder.path(name)
+        with atomic_write(self._draft(name)) as handle:
+            handle.write(text)
+
+    def save(self, name: str) -> None:
+        """Write the draft to its file."""
+        text, path = self.text(name), self._folder.path(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as handle:
+            handle.write(text)
+        self._draft(name).unlink(missing_ok=True)
+
+    def scene(self, name: str) -> Scene:
+        """The scene that the text says, draft or not.
+
+        Raises:
+            SceneError, PageError: one sentence.
+        """
+        return scene_of(self.text(name), self._folder.path(name))
+
+    def seen(self, name: str) -> dict[str, Any]:
+        """What the page shows of a scene: its text, whether it differs from the file, the fields of its form, and what
+        is wrong with it (a sentence and the dotted name of the field)."""
+        text, path = self.text(name), self._folder.path(name)
+        file = path.read_text(encoding="utf-8-sig") if path.is_file() else None
+        scene, wrong, form = None, "", None
+        try:
+            scene = scene_of(text, path)
+        except SceneError as error:
+            wrong = str(error)
+        with suppress(ValueError):
+            form = form_of(tomllib.loads(text), scene)
+        place = place_of(wrong)
+        return {"path": name, "text": text, "saved": text == file, "form": form, "error": wrong, "place": place}
+
+    def _draft(self, name: str) -> Path:
+        return self._folder.own("drafts", name.replace("/", "⁄"))
+
+
+def scene_of(text: str, path: Path) -> Scene:
+    """The scene a text says, of a file there.
+
+    Raises:
+        SceneError: one sentence, without the name of the file.
+    """
+    try:
+        document = tomllib.loads(text)
+    except ValueError as error:
+        raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
+    question_bare_numbers(document)
+    return Scene.from_document({"name": path.stem, **document}, path.parent)
+
+
+def place_of(sentence: str) -> str:
+    """The dotted name of the field that a sentence about a scene speaks of, "" where it names none."""
+    if (found := re.search(r"still to fill in: ([\w.]+)", sentence)) is not None:
+        return found[1]
+    for pattern in PLACES:
+        if (found := pattern.search(sentence)) is not None:
+            return ".".join(part for part in found.groups() if part)
+    if (missing := re.match(r"\[(rig)\] has no (\w+)", sentence)) is not None:
+        return f"{missing[1]}.{missing[2]}"
+    return "effects" if "effects" in sentence else ""
+
+
+def edited(text: str, keys: Sequence[str], value: Any) -> str:
+    """The text with one value put in, everything else as it stands, comments too.
+
+    Args:
+        keys: the way there; logs are counted from 1. value: text as a person types it (a number without a unit becomes
+            a number), a list or a table; None or "" takes the key out.
+
+    Raises:
+        PageError: the text is no TOML, or the way leads nowhere.
+    """
+    if not keys or not all(isinstance(key, str) and re.fullmatch(r"[\w-]{1,60}", key) for key in keys):
+        raise PageError("no field of a scene has this name; load the page again")
+    try:
+        document = tomlkit.parse(text)
+    except (TOMLKitError, ValueError):
+        raise PageError("the text beside the form is no valid TOML; mend it there first") from None
+    place: Any = document
+    for number, key in enumerate(keys[:-1]):
+        if isinstance(place, (AoT, list)):
+            if not key.isdecimal() or not 1 <= int(key) <= len(place):
+                raise PageError(f"the scene has {len(place)} logs; there is no number {key}")
+            place = place[int(key) - 1]
+        else:
+            if key not in place:
+                place[key] = tomlkit.table() if number == 0 else tomlkit.inline_table()
+            place = place[key]
+    if isinstance(place, (AoT, list)) and keys[-1].isdecimal() and value is None:
+        del place[int(keys[-1]) - 1]
+    elif not isinstance(place, (dict, Table)):
+        raise PageError(f"{'.'.join(keys)} leads into something that is no table; mend the text beside the form")
+    elif value is None or value == "" or value == []:
+        if keys[-1] in place:
+            del place[keys[-1]]
+    else:
+        place[keys[-1]] = _typed(value)
+    return tomlkit.dumps(document)
+
+
+def with_log(text: str, path: str) -> str:
+    """The text with one more log at its end."""
+    try:
+        document = tomlkit.parse(text)
+    except (TOMLKitError, ValueError):
+        raise PageError("the text beside the form is no valid TOML; mend it there first") from None
+    entry = tomlkit.table()
+    entry["path"] = path
+    if "logs" not in document:
+        document["logs"] = tomlkit.aot()
+    logs = document["logs"]
+    if not isinstance(logs, AoT):
+        raise PageError("[[logs]] of the scene is no list of tables; mend the text beside the form")
+    logs.append(entry)
+    return tomlkit.dumps(document)
+
+
+def _typed(value: Any) -> Any:
+    if isinstance(value, str):
+        text = value.strip()
+        if text.startswith(("[", "{")):
+            try:
+                return tomlkit.value(text)
+            except (TOMLKitError, ValueError):
+                return text
+        for kind in (int, float):
+            try:
+                return kind(text)
+            except ValueError:
+                continue
+        return text
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table()
+        table.update({key: _typed(item) for key, item in value.items()})
+        return table
+    return value
+
+
+def form_of(document: Mapping[str, Any], scene: Scene | None) -> dict[str, Any]:
+    """The fields of the form with what the text has in each, as text; of effects and parameters what they are."""
+    listed = document.get("effects")
+    on = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
+    rig = _table(document.get("rig"))
+    said = _table(document.get("parameters"))
+    damping = next((key for key in DAMPINGS if key in rig), "damping")
+    fields = [
+        {"key": damping if key == "damping" else key, "label": label, "unit": unit,
+         "help": how, "value": _shown(rig.get(damping if key == "damping" else key))}
+        for key, (label, unit, how) in RIG_FIELDS.items()
+    ]  # fmt: skip
+    logs = document.get("logs")
+    return {
+        "name": _shown(document.get("name")),
+        "auto": listed == "auto",
+        "rig": fields,
+        "time_limit": _shown(_table(document.get("fit")).get("time_limit")),
+        "effects": [_effect(effect, effect.name in on, scene) for effect in ALL],
+        "parameters": _parameters(on if listed != "auto" else MAIN, said, scene),
+        "logs": [{key: _shown(_table(log).get(key)) for key in LOG_FIELDS} for log in logs or []],
+    }
+
+
+def _table(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _shown(value: Any) -> str:
+    """A value of the text as a person would type it."""
+    if value is None:
+        return ""
+    if isinstance(value, (Mapping, list)):
+        return tomlkit.item(value).as_string() if isinstance(value, list) else _inline(value)
+    return str(value)
+
+
+def _inline(value: Mapping[str, Any]) -> str:
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table.as_string()
+
+
+def _effect(effect: Any, on: bool, scene: Scene | None) -> dict[str, Any]:
+    """An effect as a switch: what it is for, what it adds to the model, and when it matters by the numbers of the
+    scene."""
+    matters = ""
+    if scene is not None and on:
+        values = scene.values()
+        load, speed = scene.rig.normal_force or 1.0, scene.rig.drive_speed
+        speed = speed if isinstance(speed, float) else next((v for v in _speeds(scene)), 1e-3)
+        try:
+            found = effect.importance(values, load, speed)
+        except (KeyError, ZeroDivisionError, OverflowError, ValueError):
+            found = None
+        matters = found.sentence if found else ""
+    return {
+        "name": effect.name,
+        "on": on,
+        "says": effect.says,
+        "source": effect.source,
+        "role": effect.role,
+        "needs": list(effect.needs),
+        "states": len(effect.states),
+        "parameters": [p.name for p in effect.parameters],
+        "searched": sum(p.kind == "friction" for p in effect.parameters),
+        "matters": matters,
+    }
+
+
+def _speeds(scene: Scene) -> list[float]:
+    drives = (scene.rig_for(entry).drive_speed for entry in scene.logs)
+    return [abs(drive) for drive in drives if isinstance(drive, float) and drive]
+
+
+def _parameters(on: Sequence[str], said: Mapping[str, Any], scene: Scene | None) -> list[dict[str, Any]]:
+    try:
+        declared = declared_by(tuple(effect.name for effect in ALL if effect.name in on))
+    except SceneError:
+        return []
+    values = scene.values() if scene is not None else {}
+    rows = []
+    for p in declared:
+        if p.kind == "rig":
+            continue
+        given = said.get(p.name)
+        table = _table(given) if isinstance(given, Mapping) else {"fixed": given} if given is not None else {}
+        rows.append(
+            {
+                "name": p.name,
+                "symbol": p.symbol,
+                "unit": p.unit,
+                "meaning": p.meaning,
+                "kind": p.kind,
+                "logarithmic": p.scale == "log",
+                "lowest": p.lower,
+                "highest": p.upper,
+                "value": values.get(p.name, p.default),
+                **{word: _shown(table.get(word)) for word in ("start", "lower", "upper", "fixed")},
+            }
+        )
+    return rows

@@ -1,0 +1,253 @@
+"""The server: on this machine only, for whoever has the address with its token; everything else is refused."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+import threading
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import uvicorn
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from data_io import LogError
+from identify.app.folder import Folder, PageError
+from identify.app.page import Asked, Page
+from identify.base.errors import IdentifyError
+
+HOST = "127.0.0.1"
+FILES = Path(__file__).parent / "static"
+LARGEST_QUESTION = 4_000_000  # bytes of what the page asks
+LARGEST_LOG = 8_000_000_000  # bytes of a file that is dropped in
+SECONDS = 2  # in which the server stops
+OWN_PAGES = "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'; \
+frame-ancestors 'self'"
+OTHERS_PAGES = "sandbox allow-scripts allow-popups allow-downloads; default-src 'none'; style-src 'unsafe-inline'; \
+script-src 'unsafe-inline'; img-src data: blob:; font-src data:; frame-ancestors 'self'"
+"""Reports have names of logs in them: they may show and fold themselves, and reach nothing."""
+PLAIN = "text/plain"
+SHOWN = {".html": "text/html", ".svg": "image/svg+xml", ".png": "image/png", ".json": PLAIN, ".csv": PLAIN,
+         ".toml": PLAIN, ".tex": PLAIN}  # fmt: skip
+
+
+class Guard:
+    """Lets through what names this server and its token, and comes from its own pages; the rest gets one sentence."""
+
+    def __init__(self, app: ASGIApp, token: str, port: int) -> None:
+        self._app, self._token = app, token
+        self._hosts = {f"{HOST}:{port}", f"localhost:{port}"}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] != "http":
+            return
+        headers = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in scope["headers"]}
+        host, origin = headers.get("host", ""), headers.get("origin")
+        token, _, rest = scope["path"].removeprefix("/").partition("/")
+        known = secrets.compare_digest(token.encode(), self._token.encode())
+        if host not in self._hosts or (origin is not None and origin != f"http://{host}") or not known:
+            refusal = PlainTextResponse("Refused: open the address that stickslip app printed, with its token.", 403)
+            await refusal(scope, receive, send)
+            return
+
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                said = {key.lower() for key, _ in message["headers"]}
+                for key, value in SAFE.items():
+                    if key not in said:
+                        message["headers"].append((key, value))
+            await send(message)
+
+        await self._app({**scope, "path": f"/{rest}", "raw_path": None, "root_path": ""}, receive, guarded)
+
+
+SAFE = {
+    b"content-security-policy": OWN_PAGES.encode(),
+    b"x-content-type-options": b"nosniff",
+    b"referrer-policy": b"no-referrer",
+    b"cross-origin-resource-policy": b"same-origin",
+    b"cross-origin-opener-policy": b"same-origin",
+    b"cache-control": b"no-store",
+}
+
+
+def application(page: Page, token: str, port: int) -> ASGIApp:
+    """The application for one folder."""
+    answers: Mapping[str, tuple[str, Callable[[Asked], Any]]] = {
+        "folder": ("GET", page.list_folder),
+        "jobs": ("GET", page.list_jobs),
+        "job": ("GET", page.job_document),
+        "start": ("POST", page.start_job),
+        "cancel": ("POST", page.cancel_job),
+        "fit": ("GET", page.see_fit),
+        "batch": ("GET", page.see_batch),
+        "residuals": ("GET", page.see_residuals),
+        "examples": ("POST", page.put_examples),
+        "manifest": ("POST", page.write_manifest),
+        "log": ("GET", page.open_log),
+        "curves": ("GET", page.see_curves),
+        "cut": ("GET", page.see_cut),
+        "scene": ("GET", page.see_scene),
+        "edit": ("POST", page.edit_scene),
+        "save": ("POST", page.save_scene),
+        "try": ("POST", page.try_values),
+        "start-values": ("POST", page.start_values),
+        "point": ("POST", page.see_point),
+    }
+    routes = [Route(f"/api/{name}", _endpoint(work), methods=[method]) for name, (method, work) in answers.items()]
+    routes += [
+        Route("/api/add", _adding(page.folder), methods=["POST"]),
+        Route("/files/{path:path}", _file(page.folder), methods=["GET"]),
+        Route("/{name:path}", _own_file, methods=["GET"]),
+    ]
+    return Guard(Starlette(routes=routes), token, port)
+
+
+def _endpoint(work: Callable[[Asked], Any]) -> Callable[[Request], Awaitable[Response]]:
+    """Ask `work` in a thread; curves go back as they lie in memory, everything else as JSON."""
+
+    async def answer(request: Request) -> Response:
+        asked: dict[str, Any] = dict(request.query_params)
+        if request.method == "POST":
+            body = b""
+            async for piece in request.stream():
+                body += piece
+                if len(body) > LARGEST_QUESTION:
+                    return _refused("this is more than the page ever asks; load it again", 413)
+            try:
+                asked |= json.loads(body or b"{}")
+            except (ValueError, TypeError):
+                return _refused("the question is no JSON; load the page again")
+        try:
+            found = await run_in_threadpool(work, asked)
+        except (IdentifyError, LogError) as error:
+            return _refused(str(error))
+        except OSError as error:
+            return _refused(f"{error.strerror or error}; check the file and the space left")
+        except Exception as error:  # noqa: BLE001 - said, never shown as a traceback
+            return _refused(f"a defect of ours ({type(error).__name__}: {error}); report it", 500)
+        if isinstance(found, np.ndarray):
+            rows = str(found.shape[0])
+            data = np.ascontiguousarray(found, "<f8").tobytes()
+            return Response(data, media_type="application/octet-stream", headers={"x-rows": rows})
+        return JSONResponse(found)
+
+    return answer
+
+
+def _refused(sentence: str, code: int = 400) -> Response:
+    return JSONResponse({"error": sentence}, status_code=code)
+
+
+def _adding(folder: Folder) -> Callable[[Request], Awaitable[Response]]:
+    """A file dropped into the page: added under its own name, never over another one."""
+
+    async def add(request: Request) -> Response:
+        name, part = request.query_params.get("name", ""), folder.own("added", secrets.token_hex(8))
+        try:
+            target = folder.path(name)
+            if Path(name).name != name:
+                raise PageError(f"{name!r} is no name of a file; rename it")
+            if target.exists():
+                raise PageError(f"{name} is there already; rename the file and drop it again")
+            size = 0
+            with part.open("wb") as handle:
+                async for piece in request.stream():
+                    size += len(piece)
+                    if size > LARGEST_LOG:
+                        raise PageError(f"{name} is larger than the page takes; copy it into the folder yourself")
+                    await run_in_threadpool(handle.write, piece)
+            part.rename(target)
+        except PageError as error:
+            return _refused(str(error))
+        except OSError as error:
+            return _refused(f"{name} cannot be added ({error.strerror}); copy it into the folder yourself")
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+        return JSONResponse({"path": name})
+
+    return add
+
+
+def _file(folder: Folder) -> Callable[[Request], Awaitable[Response]]:
+    """A file of the folder: reports and pictures shown without any rights, everything else to be kept."""
+
+    async def answer(request: Request) -> Response:
+        try:
+            path = folder.file(request.path_params["path"])
+        except PageError as error:
+            return _refused(str(error), 404)
+        kind = SHOWN.get(path.suffix.lower())
+        if kind is None or "keep" in request.query_params:
+            return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+        return FileResponse(path, media_type=kind, headers={"content-security-policy": OTHERS_PAGES})
+
+    return answer
+
+
+async def _own_file(request: Request) -> Response:
+    """A file of the page itself."""
+    name = request.path_params["name"] or "index.html"
+    if name not in {item.name for item in FILES.iterdir() if item.is_file()}:
+        return _refused("there is no such page; load the address that stickslip app printed", 404)
+    kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+    return FileResponse(FILES / name, media_type=kinds.get(Path(name).suffix, "text/plain"))
+
+
+class Serving:
+    """A server at work on a free port of this machine; `address` has the token in it."""
+
+    def __init__(self, folder: Folder, port: int = 0, token: str | None = None) -> None:
+        """token: kept by tests; else a new one each time.
+
+        Raises:
+            OSError: the port is taken.
+        """
+        self.page = Page(folder)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._socket.bind((HOST, port))
+        self._socket.listen()
+        self.port = int(self._socket.getsockname()[1])
+        self.token = token or secrets.token_urlsafe(24)
+        config = uvicorn.Config(
+            application(self.page, self.token, self.port),
+            log_level="critical",
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=SECONDS,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._server.run, args=([self._socket],), daemon=True)
+
+    @property
+    def address(self) -> str:
+        """What to open."""
+        return f"http://{HOST}:{self.port}/{self.token}/"
+
+    def start(self) -> None:
+        """Serve, in a thread."""
+        self._thread.start()
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Whether it still serves after so long (None: for ever)."""
+        self._thread.join(seconds)
+        return self._thread.is_alive()
+
+    def stop(self) -> None:
+        """Stop serving; jobs that run go on."""
+        self._server.should_exit = True
+        self.page.looks.close()
+        self._thread.join(SECONDS + 1.0)
+        self._socket.close()

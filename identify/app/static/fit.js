@@ -1,0 +1,122 @@
+// Fits: start one, see how far it is, look into its result, hold two against each other.
+import { address, button, choice, curves, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, quantity, refill, remember, style, table } from "./base.js";
+import { start, whenEnded } from "./jobs.js";
+import { shade, TimeView } from "./plots.js";
+
+const VERDICTS = { identified: "✓ identified", weak: "~ weak", "not identifiable": "✗ not identifiable", bounded: "≤ bounded", fixed: "= fixed", "at bound": "| at bound" };
+
+/** The accuracies with what they cost and leave, of the last fit of this scene where it says so. */
+function accuracies(seen) {
+  const levels = Object.fromEntries((seen?.accuracy?.levels ?? []).map((level) => [level.accuracy, level]));
+  return ["coarse", "default", "tight"].map((name) => [name, levels[name]
+    ? `${name}: about ${plain(levels[name].seconds, 2)} s, steps leave ${plain(levels[name].error_in_standard_errors, 2)} standard errors` : name]);
+}
+
+/** The table of parameters of one fit, or of two beside each other. */
+function parameters(one, two) {
+  const names = [...new Set([...Object.keys(one.parameters), ...Object.keys(two?.parameters ?? {})])];
+  const cells = (entry) => entry ? [{ number: quantity(entry.value, entry.unit) }, interval(entry), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
+  const apart = (a, b) => a?.standard_error && b?.standard_error && a.value !== null && b.value !== null ? { number: `${plain((b.value - a.value) / Math.hypot(a.standard_error, b.standard_error), 2)} s.e.` } : "";
+  return table(["", { number: "value" }, "95 %", "verdict", ...(two ? [{ number: "second" }, "95 %", "verdict", { number: "apart" }] : ["why"])],
+    names.map((name) => [name, ...cells(one.parameters[name]), ...(two ? [...cells(two.parameters[name]), apart(one.parameters[name], two.parameters[name])] : [one.parameters[name].reason ?? ""])]), { id: "parameters" });
+}
+
+function residualView(host, path, seen, session) {
+  const logs = seen.logs.map((log, number) => ({ ...log, number: number + 1 })).filter((log) => log.cycles.length || !log.left_out);
+  if (!logs.length) return undefined;
+  const plots = element("div", { id: "residuals" }), list = element("p", {}), pick = element("span", {});
+  let view = null;
+  const showLog = (number) => {
+    const log = logs.find((one) => one.number === Number(number)) ?? logs[0];
+    view?.close();
+    const end = log.cycles.length ? Math.max(...log.cycles.map((c) => c.arrest)) * 1.02 : 1e9;
+    const worst = [...log.cycles.keys()].sort((a, b) => Math.abs(log.cycles[b].misfit_z) - Math.abs(log.cycles[a].misfit_z)).slice(0, 5);
+    const bad = (z) => Math.abs(z) > 4;
+    curves("residuals", { path, number: log.number }).then((rows) => {
+      const last = rows[0].length ? rows[0][rows[0].length - 1] : end;
+      view = new TimeView(plots, {
+        begin: rows[0].length ? rows[0][0] : 0, end: last, ask: (begin, to) => curves("residuals", { path, number: log.number, begin, end: to }),
+        panels: [{ label: "force", unit: "N", height: 210, series: [{ row: 1, label: "measured", color: "--force" }, { row: 2, label: "fitted", color: "--model", dash: [6, 4] }] },
+          { label: "difference", unit: "N", height: 120, series: [{ row: 3, label: "measured − fitted", color: "--ink" }] }],
+        drawOver: (plot) => log.cycles.filter((c) => bad(c.misfit_z)).forEach((c) => shade(plot, c.onset, c.arrest, style("--bad"), { hatch: 6, label: "misfit" })),
+      });
+      plots.timeView = view;
+    });
+    refill(list, "Cycles that fit worst: ", worst.map((i) => {
+      const cycle = log.cycles[i], room = 2 * (cycle.arrest - cycle.onset) + 0.02, window = [cycle.onset - room, cycle.arrest + room];
+      return [button(`cycle ${i + 1}, z = ${plain(cycle.misfit_z, 2)}${bad(cycle.misfit_z) ? " ✗" : ""}`, () => view.go(...window), { "data-cycle": i + 1 }),
+        " ", link("in the log", "log", { path: log.path, begin: Math.max(window[0], 0), end: window[1] }), " "];
+    }), " ", button("all", () => view.go(...view.whole)));
+  };
+  pick.append(labelled("Residuals of", choice(logs.map((log) => [String(log.number), `${log.path}${log.left_out ? " (left out)" : ""}`]), String(logs[0].number), showLog)));
+  put(host, element("h3", {}, pick), plots, list);
+  showLog(logs[0].number);
+  return () => view?.close();
+}
+
+async function result(host, path, second, session) {
+  const seen = await get("fit", { path }), two = second ? await get("fit", { path: second }) : null;
+  const others = session.folder.fits.map((fit) => fit.path).filter((other) => other !== path);
+  const says = (fit) => element("p", { class: fit.status === "converged" ? "good" : "bad" }, `${fit.status.replaceAll("_", " ")}: ${fit.message}`);
+  refill(host, 
+    element("h2", {}, path), says(seen), two ? element("p", {}, `second, ${second}: `, says(two)) : null,
+    element("div", { class: "bar" }, labelled("beside", choice([["", "no other fit"], ...others], second ?? "", (other) => { location.hash = address("fit", { path, second: other }); })),
+      link("map from this fit", "map", { fit: path }), element("a", { href: fileAddress(`${path}/report.html`), target: "_blank", rel: "noopener" }, "the whole report"),
+      seen.files.map((name) => element("a", { href: fileAddress(`${path}/${name}`, true) }, name))),
+    parameters(seen, two));
+  const accuracy = (seen.accuracy?.levels ?? []).map((level) => `${level.accuracy}${level.accuracy === seen.accuracy.taken ? " (taken)" : ""}: ${duration(level.seconds)}, steps leave ${plain(level.error_in_standard_errors, 2)} standard errors`);
+  if (accuracy.length) put(host, element("p", {}, `Accuracy and its price: ${accuracy.join("; ")}.`));
+  const close = residualView(host, path, seen, session);
+  put(host, element("details", { open: true }, element("summary", {}, "What follows, log by log"), seen.logs.map((log) => element("p", {}, element("strong", {}, `${log.path}: `), log.left_out ? `left out: ${log.left_out}` : log.text))));
+  if (seen.next_logs?.length) put(host, element("h3", {}, "The next test to make"), element("ul", {}, seen.next_logs.map((next) => element("li", {}, next.text ?? next.sentence ?? JSON.stringify(next)))));
+  if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `What the search tried (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
+    seen.search.map((step) => [step.strategy, (step.status ?? "").replaceAll("_", " "), { number: plain(step.cost) }, { number: plain(step.seconds, 2) }])), seen.not_tried?.length ? element("p", {}, `No time for: ${seen.not_tried.map((name) => name.strategy ?? name).join(", ")}`) : null));
+  if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "What the data say of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
+  put(host, element("details", {}, element("summary", {}, "The whole report, here"), element("iframe", { src: fileAddress(`${path}/report.html`), title: `report of ${path}`, sandbox: "allow-scripts allow-popups", loading: "lazy" })));
+  return close;
+}
+
+export async function fitView(host, asked, session) {
+  const place = element("div", {}), list = element("div", {}), shown = { path: asked.path };
+  const scene = session.scene, stem = scene.split("/").pop()?.replace(/\.toml$/, "") ?? "";
+  const of = session.folder.fits.find((fit) => fit.path === asked.path || fit.path === `stickslip-${stem}`);
+  const last = of ? await get("fit", { path: of.path }).catch(() => null) : null;
+  const text = scene ? await get("scene", { path: scene }) : null;
+  const out = element("input", { value: `stickslip-${text?.form?.name || stem}`, size: 22, "aria-label": "folder of the result" });
+  const accuracy = choice(accuracies(last), "default", () => {}, { "aria-label": "accuracy" });
+  const limit = element("input", { value: text?.form?.time_limit || "60 s", size: 7, "aria-label": "time limit" });
+  const more = Object.entries({ profile: "profile of every parameter", "effects-table": "with and without each effect", "accuracy-table": "measure every accuracy" }).map(([name, words]) => {
+    const box = element("input", { type: "checkbox", "data-option": name });
+    return element("label", {}, box, " ", words);
+  });
+  let close = null, stop = () => {};
+  const begin = button("fit", async () => {
+    await post("save", { path: scene });
+    const options = Object.fromEntries(more.map((label) => [label.firstChild.dataset.option, label.firstChild.checked]));
+    const job = await start(session, { command: "fit", scene, out: out.value, accuracy: accuracy.value, "time-limit": limit.value, ...options });
+    stop();
+    stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done" && host.isConnected) { remember({ path: ended.out, second: "" }); show(ended.out); } });
+  }, { class: "main", disabled: !scene });
+  const show = async (path, second) => {
+    close?.();
+    shown.path = path;
+    close = await result(place, path, second, session);
+  };
+  const fill = () => {
+    const key = JSON.stringify(session.folder.fits.map((fit) => [fit.path, fit.finished]));
+    if (key === list.dataset.key) return;
+    list.dataset.key = key;
+    refill(list, session.folder.fits.length ? table(["fit", "status", "finished", "says"], session.folder.fits.map((fit) => [link(fit.path, "fit", { path: fit.path }), fit.status, fit.finished.replace("T", " ").replace("Z", ""), fit.message]), { id: "fits" })
+      : element("p", {}, "No fit has ended in this folder yet."));
+  };
+  put(host, element("div", { class: "bar" }, begin, labelled(scene ? `${scene} into` : "no scene yet;", out), labelled("accuracy", accuracy), labelled("at most", limit)),
+    element("div", { class: "bar" }, more), text?.error ? element("p", { class: "error" }, `The scene needs mending first: ${text.error} `, link("open it", "scene")) : null,
+    place, element("details", { open: !asked.path }, element("summary", {}, "All fits of the folder"), list));
+  document.addEventListener("folder", fill);
+  fill();
+  // a fit that was started before the page was opened is waited for all the same
+  const running = session.folder.jobs.find((job) => job.kind === "fit" && job.state === "running" && job.out === out.value);
+  if (running) stop = whenEnded(running.id, session, (ended) => { if (ended.state === "done") show(ended.out); });
+  if (asked.path) await show(asked.path, asked.second);
+  return () => { document.removeEventListener("folder", fill); stop(); close?.(); };
+}

@@ -1,0 +1,168 @@
+// One log: force, load and speed over time; sticks and slips over them; cuts by dragging; the classical table alive.
+import { address, button, choice, curves, element, get, guarded, here, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { shade, TimeView } from "./plots.js";
+
+const MODES = { move: "move", window: "window", exclude: "exclude", tare: "tare" };
+const HINTS = {
+  move: "drag to move, turn the wheel to zoom, double-click for all; keys: ← → + − 0",
+  window: "drag over the part that is to be used",
+  exclude: "drag over what is to be left out; click a slip to take it out with its stick, click a left-out part to put it back",
+  tare: "drag over a part where nothing rubs: its mean force is taken off",
+};
+const NAMES = { samples_per_slip: "samples in a fall", stick_slope_N_per_s: "stick slope", stick_stiffness_N_per_m: "stiffness of the sticks (slope / speed)" };
+const LEFT_OUT = new Set(["run", "step", "stroke", "regime", "direction"]);
+const ENDINGS = [["_m_per_s", "m/s"], ["_N_per_m", "N/m"], ["_N_per_s", "N/s"], ["_percent", "%"], ["_Hz", "Hz"], ["_N", "N"], ["_s", "s"]];
+
+/** The classical table, one column per stroke, names in words. */
+export function classicalTable(rows) {
+  const keys = [...new Set(rows.flatMap((row) => Object.keys(row)))].filter((key) => !LEFT_OUT.has(key) && !/_sd(_|$)/.test(key) && rows.some((row) => row[key] !== null));
+  const shown = rows.slice(0, 3);
+  return table(["", ...shown.map((row) => ({ number: rows.length > 1 ? `step ${row.step} stroke ${row.stroke}` : "value" }))], keys.map((key) => {
+    const [ending, unit] = ENDINGS.find(([end]) => key.endsWith(end)) ?? ["", ""], name = key.slice(0, key.length - ending.length);
+    return [NAMES[key] ?? name.replaceAll("_", " "), ...shown.map((row) => {
+      const sd = row[`${name}_sd${ending}`];
+      return { number: quantity(row[key], unit) + (sd ? ` ± ${quantity(sd, unit, 2)}` : "") };
+    })];
+  }), { class: "classical" });
+}
+
+/** Where a log stands in the scene: choices "scene 2: slow.csv", and the file alone. */
+async function places(session, path) {
+  if (!session.scene) return [];
+  const scene = await get("scene", { path: session.scene });
+  return (scene.form?.logs ?? []).map((log, number) => ({ number, path: log.path, step: log.step })).filter((place) => !path || place.path === path || session.scene.includes("/"));
+}
+
+export async function logView(host, asked, session) {
+  const inScene = await places(session, asked.path);
+  let which = asked.number !== undefined && session.scene ? { scene: session.scene, number: Number(asked.number) }
+    : inScene.length && asked.alone === undefined ? { scene: session.scene, number: inScene[0].number } : { path: asked.path };
+  if (!which.scene && !which.path) {
+    const logs = session.folder.logs;
+    put(host, element("p", {}, "Which log? ", logs.map((log) => [link(log.path, "log", { path: log.path }), " "])));
+    return undefined;
+  }
+  const tools = element("div", { class: "bar" }), hint = element("small", {}), hover = element("p", { class: "hover", "aria-live": "off" }), plots = element("div", { id: "plots" });
+  const beside = element("div", {}), title = element("h2", {});
+  put(host, title, tools, hint, plots, hover, beside);
+  let mode = "move", view = null, cycles = [], cut = null, over = false;
+
+  const about = await (async () => {
+    for (;;) {
+      const found = await get("log", which);
+      if (found.error) throw new Error(found.error);
+      if (found.ready) return found;
+      title.textContent = `${found.path}: reading, ${Math.round(100 * found.share)} %`;
+      await new Promise((done) => setTimeout(done, 150));
+      if (over || !host.isConnected) return null;
+    }
+  })();
+  if (!about) return undefined;
+  title.textContent = `${about.path}${which.scene ? ` as log ${which.number + 1} of ${which.scene}` : ""}: ${about.rows.toLocaleString("en")} samples in ${quantity(about.duration, "s")}`;
+  cut = about.cut;
+
+  const at = (time) => cycles.find((c, i) => time <= c.arrest && time >= (i ? cycles[i - 1].arrest : -Infinity));
+  const told = (time) => {
+    const cycle = at(time), number = cycles.indexOf(cycle);
+    if (!cycle) return `${quantity(time, "s", 6)}: no cycle here`;
+    const before = number ? cycles[number - 1].arrest : null, stick = before === null ? "" : `, stick ${quantity(cycle.onset - before, "s", 3)}`;
+    return `${quantity(time, "s", 6)}: cycle ${number + 1} of ${cycles.length}: onset ${quantity(cycle.onset, "s", 6)} at ${quantity(cycle.onset_force, "N", 3)}${stick}, `
+      + `slip ${quantity(cycle.arrest - cycle.onset, "s", 3)}, drop ${quantity(cycle.drop ?? cycle.onset_force - cycle.arrest_force, "N", 3)}${cut && number < cut.skip_cycles ? ", skipped" : ""}`;
+  };
+  const drawOver = (plot, number) => {
+    if (cut?.window) { shade(plot, 0, cut.window[0], style("--faint"), { hatch: 9, label: "not used" }); shade(plot, cut.window[1], about.duration, style("--faint"), { hatch: 9, label: "not used" }); }
+    for (const [begin, end] of cut?.exclude ?? []) shade(plot, begin, end, style("--bad"), { hatch: 6, label: "left out" });
+    if (cut?.tare) shade(plot, ...cut.tare, style("--speed"), { label: "zero" });
+    if (number) return;
+    const { top, height } = plot.bbox, context = plot.ctx, shown = cycles.filter((c) => c.arrest >= view.begin && c.onset <= view.end);
+    if (shown.length > 300) return;
+    for (const cycle of shown) {
+      shade(plot, cycle.onset, cycle.arrest, style("--model"));
+      const x = plot.valToPos(cycle.onset, "x", true);
+      context.save(); context.strokeStyle = style("--model"); context.setLineDash([4, 4]); context.beginPath(); context.moveTo(x, top); context.lineTo(x, top + height); context.stroke(); context.restore();
+    }
+  };
+
+  const panels = [
+    { label: "friction", unit: "N", height: Math.min(330, Math.max(210, innerHeight * 0.38)), series: [{ row: 1, label: "friction force", color: "--force" }] },
+    { label: "load", unit: "N", height: 120, series: [{ row: 2, label: "normal force", color: "--load" }] },
+    ...(about.has_speed ? [{ label: "speed", unit: "mm/s", height: 110, series: [{ row: 3, label: "drive speed", color: "--speed" }] }] : []),
+  ];
+  const ask = async (begin, end) => {
+    const rows = await curves("curves", { ...which, begin, end });
+    if (rows[3]) for (let i = 0; i < rows[3].length; i++) rows[3][i] *= 1e3;
+    return rows;
+  };
+  const picks = guarded(async (begin, end, name, click) => {
+    const text = (from, to) => [`${plain(from, 7)} s`, `${plain(to, 7)} s`].map((t) => t.replace("−", "-"));
+    if (name === "exclude") {
+      let spans = (cut.exclude ?? []).map(([a, b]) => text(a, b));
+      const hit = (cut.exclude ?? []).findIndex(([a, b]) => begin >= a && begin <= b), cycle = at(begin);
+      if (click && hit >= 0) spans = spans.filter((_, i) => i !== hit);
+      else if (click && cycle) {
+        const number = cycles.indexOf(cycle), previous = number ? cycles[number - 1].arrest : cycle.onset - (cycle.arrest - cycle.onset);
+        spans.push(text(number ? previous : Math.max(previous, 0), cycle.arrest));
+      } else if (!click) spans.push(text(begin, end));
+      else throw new Error("there is no slip here; drag over what is to be left out");
+      await change([["exclude", spans]]);
+    } else if (!click) await change([[name, text(begin, end)]]);
+  });
+  const change = async (fields, numbers = [which.number]) => {
+    const changes = numbers.flatMap((number) => fields.map(([key, value]) => ({ keys: ["logs", String(number + 1), key], value })));
+    const scene = await post("edit", { path: which.scene, changes });
+    say(scene.error);
+    await seen();
+  };
+
+  const seen = newestWins(async () => {
+    if (which.scene) {
+      const [found, opened] = await Promise.all([get("cut", which), get("log", which)]);
+      cut = opened.cut;
+      cycles = found.cycles;
+      refill(beside, 
+        element("p", {}, `${cycles.length} cycles, ${found.regime || "no regime told"} (${found.evidence.join("; ")}); noise ${quantity(found.noise, "N", 3)}`,
+          found.stick_slope ? `; stick slope ${quantity(found.stick_slope, "N/s")}, over the drive speed ${quantity(found.stiffness_of_sticks, "N/m")}` : "",
+          found.sign < 0 ? "; the force is turned over: it slides with a negative force" : "", found.changes.map((text) => `; ${text}`)),
+        classicalTable(found.table.rows), sceneLines());
+    } else if (about.inspection && !about.inspection.error) {
+      const log = about.inspection;
+      cycles = log.steps.flatMap((step) => step.onsets_s.map((onset, i) => ({ onset, arrest: step.arrests_s[i] })));
+      refill(beside, element("p", {}, `${log.format}, ${quantity(log.sampling.rate, "Hz")}; regime ${(log.regime ?? "not told").replaceAll("_", " ")}: ${log.evidence.join("; ")}`),
+        element("ul", {}, log.quality.findings.map((f) => element("li", {}, `${f.severity}: ${f.message}`))), classicalTable(log.classical.rows),
+        session.scene ? button(`add this log to ${session.scene}`, async () => { await post("edit", { path: session.scene, logs: [which.path] }); location.hash = address("scene"); }) : element("p", {}, "Cuts belong to a scene: choose logs in the table and make one."));
+    }
+    view?.redraw();
+    host.dataset.seen = "yes";
+  });
+  const sceneLines = () => {
+    const lines = ["[[logs]]", `path = ${JSON.stringify(about.path)}`];
+    for (const key of ["window", "tare"]) if (cut?.[key]) lines.push(`${key} = [${cut[key].map((t) => `"${plain(t, 7)} s"`).join(", ")}]`);
+    if (cut?.exclude.length) lines.push(`exclude = [${cut.exclude.map((s) => `[${s.map((t) => `"${plain(t, 7)} s"`).join(", ")}]`).join(", ")}]`);
+    if (cut?.skip_cycles) lines.push(`skip_cycles = ${cut.skip_cycles}`);
+    return element("details", { open: true }, element("summary", {}, "in the scene"), element("pre", {}, lines.join("\n")), link("open the scene", "scene", { scene: which.scene }), " ",
+      button("save the scene", async () => { await post("save", { path: which.scene }); say(`${which.scene} is saved`); }));
+  };
+
+  if (which.scene) {
+    const buttons = Object.entries(MODES).map(([name, words]) => button(words, () => setMode(name), { "aria-pressed": name === mode, "data-mode": name }));
+    const setMode = (name) => { mode = name; hint.textContent = HINTS[name]; buttons.forEach((one) => one.setAttribute("aria-pressed", one.dataset.mode === name)); };
+    const skip = element("input", { type: "number", min: 0, max: 999, value: cut.skip_cycles, size: 3, "aria-label": "cycles to skip", onchange: guarded(() => change([["skip_cycles", skip.value === "0" ? "" : skip.value]])) });
+    tools.append(...buttons, labelled("skip cycles", skip),
+      button("take all cuts away", () => change([["window", null], ["exclude", null], ["tare", null], ["skip_cycles", null]])),
+      button("the same cut for all logs", async () => {
+        const text = (pair) => pair.map((t) => `${plain(t, 7).replace("−", "-")} s`);
+        await change([["window", cut.window && text(cut.window)], ["exclude", cut.exclude.map(text)], ["tare", cut.tare && text(cut.tare)], ["skip_cycles", cut.skip_cycles || ""]], (await places(session, "")).map((place) => place.number));
+        say("every log of the scene has this cut now");
+      }));
+    if (inScene.length > 1) tools.append(choice(inScene.map((place) => [String(place.number), `log ${place.number + 1}${place.step ? `, step ${place.step}` : ""}`]), String(which.number), (number) => { location.hash = address("log", { path: about.path, number }); }));
+    setMode("move");
+  } else hint.textContent = HINTS.move;
+
+  const shown = here().asked;
+  const window = shown.begin !== undefined && shown.end !== undefined ? [Number(shown.begin), Number(shown.end)] : undefined;
+  view = new TimeView(plots, { panels, begin: 0, end: about.duration, shown: window, ask, drawOver, hover: (time) => { hover.textContent = told(time); }, mode: () => mode, picks,
+    moved: (begin, end) => remember({ begin: begin.toPrecision(7), end: end.toPrecision(7) }) });
+  host.timeView = view;
+  seen();
+  return () => { over = true; view.close(); };
+}

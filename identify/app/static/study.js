@@ -1,0 +1,85 @@
+// Study: a batch from chosen logs, its fits as they finish, the comparison by a label, every point linked to its fit.
+import { address, button, choice, element, fileAddress, get, labelled, link, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { start, whenEnded } from "./jobs.js";
+import { chosen } from "./logs.js";
+import { mark, picture, span } from "./plots.js";
+
+const SHAPES = ["circle", "square", "diamond", "cross"];
+
+/** One parameter over the groups, with intervals; a click on a row opens its fit. */
+function forest(host, groups, name, label) {
+  const rows = groups.filter((group) => group.parameters?.[name]?.value !== null && group.parameters?.[name] !== undefined);
+  if (!rows.length) { refill(host, element("p", {}, `no group has a value of ${name} yet`)); return; }
+  const ends = rows.flatMap(({ parameters: { [name]: p } }) => [p.value, ...(p.interval ?? []).filter((end) => end !== null)]);
+  const kinds = [...new Set(rows.map((row) => row.labels?.[label] ?? ""))];
+  const made = picture(host, { height: 60 + 24 * rows.length, x: { label: `${name} ${rows[0].parameters[name].unit}`, range: span(ends) }, y: { label: "", range: [rows.length - 0.5, -0.5], names: true },
+    draw: (context, x, y) => rows.forEach((row, i) => {
+      const p = row.parameters[name], [low, high] = p.interval ?? [null, null];
+      context.strokeStyle = style("--ink"); context.lineWidth = 1.5;
+      context.beginPath(); context.moveTo(x(low ?? ends[0]), y(i)); context.lineTo(x(high ?? p.value), y(i)); if (low !== null && high !== null) context.stroke();
+      mark(context, x(p.value), y(i), style("--force"), SHAPES[kinds.indexOf(row.labels?.[label] ?? "") % SHAPES.length], 5);
+      context.fillStyle = style("--ink"); context.font = "12px system-ui"; context.fillText(row.group, 70, y(i) - 6);
+    }) });
+  made.canvas.style.cursor = "pointer";
+  made.canvas.title = "a click opens the fit";
+  made.canvas.addEventListener("click", (event) => { const row = rows[Math.round(made.y(event.offsetY))]; if (row?.fit) location.hash = address("fit", { path: row.fit }); });
+}
+
+function manifest(session, host) {
+  const logs = session.folder.logs.filter((log) => chosen.has(log.path)), labelName = element("input", { value: "material", size: 10, "aria-label": "name of the label" });
+  if (!logs.length) { put(host, element("p", {}, "No log is chosen: mark some in ", link("the table of logs", "logs"), ".")); return null; }
+  const cells = logs.map((log) => ({ path: log.path, group: element("input", { value: log.path.split("/").pop().replace(/\.[^.]*$/, "").replace(/\.txt$/, ""), size: 16, "aria-label": `group of ${log.path}` }),
+    speed: element("input", { value: log.speed && !log.speed.includes(",") ? log.speed : "", size: 12, "aria-label": `drive speed of ${log.path}` }), step: element("input", { size: 3, "aria-label": `step of ${log.path}` }), label: element("input", { size: 12, "aria-label": `label of ${log.path}` }) }));
+  put(host, element("p", {}, "One fit is made for each group; logs with the same group are fitted together. ", button("all in one group", () => cells.forEach((cell) => { cell.group.value = cells[0].group.value; }))),
+    table(["log", "group", "drive speed", "step", labelName], cells.map((cell) => [cell.path, cell.group, cell.speed, cell.step, cell.label])));
+  return () => cells.map((cell) => Object.fromEntries(Object.entries({ path: cell.path, group: cell.group.value, drive_speed: cell.speed.value, step: cell.step.value, [labelName.value]: cell.label.value }).filter(([key, value]) => key === "path" || key === "group" || value)));
+}
+
+export async function studyView(host, asked, session) {
+  const make = element("div", {}), seen = element("div", { id: "study" }), out = element("input", { value: "study", size: 14, "aria-label": "folder of the study" });
+  let stop = () => {}, path = asked.path ?? "";
+  const rows = manifest(session, make);
+  if (rows) make.append(element("div", { class: "bar" }, button("fit all groups", async () => {
+    await post("save", { path: session.scene });
+    const written = await post("manifest", { path: `${out.value}.csv`, rows: rows() });
+    const job = await start(session, { command: "batch", source: [written.path], scene: session.scene, out: out.value, resume: session.folder.batches.includes(out.value) });
+    path = out.value;
+    remember({ path });
+    stop = whenEnded(job.id, session, (ended) => { if (ended.state !== "done") say(ended.message); fill(true); });
+  }, { class: "main", disabled: !session.scene }), labelled("with the rig of", element("strong", {}, session.scene || "no scene yet")), labelled("into", out)));
+
+  let shown = "", parameter = "", label = "";
+  const fill = async (always = false) => {
+    if (!path) return;
+    const busy = session.folder.jobs.some((job) => job.out === path && job.state === "running");
+    if (!busy && !always && shown) return;
+    if (asked.kind === "compare") {
+      refill(seen, element("iframe", { src: fileAddress(`${path}/report.html`), title: `comparison ${path}`, sandbox: "allow-scripts allow-popups" }));
+      shown = path;
+      return;
+    }
+    const found = await get("batch", { path }).catch(() => ({ groups: [], labels: [], report: "" })), key = JSON.stringify(found);
+    if (key === shown) return;
+    shown = key;
+    const names = [...new Set(found.groups.flatMap((group) => Object.keys(group.parameters ?? {})))];
+    parameter = parameter || names[0] || "";
+    label = label || found.labels[0] || "";
+    const plot = element("div", { id: "forest" }), into = `${path}-by-${label || "group"}`;
+    refill(seen, element("h2", {}, path), element("p", {}, `${found.groups.length} groups have ended${busy ? "; the batch is at work" : ""}`),
+      table(["group", "status", ...names.map((name) => ({ number: name })), "says"], found.groups.map((group) => [group.fit ? link(group.group, "fit", { path: group.fit }) : group.group, (group.status ?? "").replaceAll("_", " "),
+        ...names.map((name) => ({ number: quantity(group.parameters?.[name]?.value, group.parameters?.[name]?.unit, 3) })), group.message]), { id: "groups" }),
+      names.length ? element("div", { class: "bar" }, labelled("forest plot of", choice(names, parameter, (to) => { parameter = to; forest(plot, found.groups, parameter, label); })),
+        found.labels.length ? labelled("marks by", choice(found.labels, label, (to) => { label = to; shown = ""; fill(true); })) : "",
+        label ? button(`compare by ${label}`, async () => {
+          const job = await start(session, { command: "compare", fits: [path], by: label, out: into });
+          whenEnded(job.id, session, (ended) => { if (ended.state === "done") location.hash = address("study", { path: into, kind: "compare" }); else say(ended.message); });
+        }) : "", found.report && !busy ? element("a", { href: fileAddress(found.report), target: "_blank", rel: "noopener" }, "the report of the batch") : "") : "",
+      plot);
+    if (parameter) forest(plot, found.groups, parameter, label);
+  };
+  const listener = () => fill().catch((error) => say(error.message));
+  put(host, element("h2", {}, "Study"), make, session.folder.batches.length ? element("p", {}, "Studies of this folder: ", session.folder.batches.map((name) => [link(name, "study", { path: name }), " "])) : "", seen);
+  document.addEventListener("folder", listener);
+  await fill(true);
+  return () => { document.removeEventListener("folder", listener); stop(); };
+}

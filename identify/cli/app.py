@@ -1,0 +1,57 @@
+"""`stickslip app`: the page to work in, served on this machine alone."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from importlib.util import find_spec
+
+from identify.cli.common import Answer, CommandLineError, Terminal
+from identify.cli.interrupt import ends_by_itself
+
+NAME = "app"
+HELP = "work in a local web page: see logs, place cuts, try values, fit, map, compare"
+NEEDS = ("starlette", "uvicorn", "tomlkit")
+LOOKED_AFTER = 0.5  # seconds between looks whether Ctrl-C was pressed
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The arguments of this command."""
+    parser.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="of the logs (default: this one)")
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="of 127.0.0.1 (default: a free one)")
+    parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+
+
+def run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Serve until Ctrl-C.
+
+    Raises:
+        CommandLineError: the extra is not installed, or no such port. PageError: no such folder.
+    """
+    if missing := [name for name in NEEDS if find_spec(name) is None]:
+        raise CommandLineError(
+            f"the page needs {' and '.join(missing)}, which the extra `app` brings; install it with: "
+            "pip install 'stick-slip-workbench[app]' (in a clone: pip install '.[app]')"
+        )
+    if not 0 <= arguments.port < 65536:
+        raise CommandLineError(f"--port is {arguments.port}; expected 1024 to 65535, or leave it out")
+    from identify.app.folder import Folder
+    from identify.app.server import Serving
+
+    ends_by_itself()
+    try:
+        serving = Serving(Folder.at(arguments.folder), arguments.port)
+    except OSError as error:
+        raise CommandLineError(f"--port {arguments.port}: {error.strerror}; choose another or leave it out") from None
+    serving.start()
+    terminal.say(f"{serving.address}\nThe address is a key: whoever has it can work in {serving.page.folder.root}.")
+    terminal.note("Ctrl-C stops the page; jobs that run go on, and the page finds them again.")
+    if not arguments.no_browser:
+        import webbrowser
+
+        webbrowser.open(serving.address)
+    try:
+        while serving.wait(LOOKED_AFTER):
+            pass
+    finally:
+        serving.stop()
+    return Answer(document={"status": "done"})
