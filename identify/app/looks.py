@@ -22,8 +22,8 @@ from identify.base.wording import speed_text
 from identify.logs.classical import classical_table
 from identify.logs.segment import Cycles
 from identify.logs.segmented import Segmented
-from identify.report.document import plain
 from identify.report.quantity_text import quantity
+from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that looking at one log may take
 SEVERITIES = ("reject", "warning")

@@ -10,7 +10,7 @@ from identify.app.tries import ONE_AT_A_TIME
 from identify.prediction.map_axes import Site, axis, known_axes, moved_values
 from identify.prediction.predict import predict
 from identify.prediction.sources import Tested, pair_of
-from identify.report.document import plain
+from identify.report.stored_result import plain
 from identify.scene import Scene
 
 SPEED, LOAD = "drive_speed", "normal_force"

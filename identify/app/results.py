@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identify.app.curves import MOST_POINTS, STRETCHES
 from identify.app.folder import Folder, PageError, read_json
-from identify.report.document import plain
+from identify.report.stored_result import plain
 
 Array = NDArray[np.float64]
 SHOWN = ("status", "message", "parameters", "gate", "fit", "search", "not_tried", "found_by", "next_logs", "notes",

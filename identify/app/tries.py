@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from identify.app.folder import PageError
 from identify.estimation.preview import preview
-from identify.logs.drives import with_drives
-from identify.logs.scene_records import with_records
+from identify.logs.scene_records import with_drives, with_records
 from identify.logs.segmented import Segmented
-from identify.report.document import plain
+from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive
