@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice, takewhile
+from itertools import islice, takewhile, zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,8 @@ def _by_features(
 # ----------------------------------------------------------------------------------------------------------------------
 
 THROWN = 16  # starts about each place
-SOLVED = 3  # of these, those that fit best before they are solved
+SOLVED = 3  # of each kind, those that fit best before they are solved
+ALIKE = chi_square(LEVEL, 1)  # what the data object to an answer at most that a single parameter could as well have
 LOWER = 0.1  # by which chi^2 must fall for a valley to be a lower one
 LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
 FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coefficient: half as far
@@ -151,15 +152,21 @@ def other_valleys(
     where the data object no more than within its joint region. That answer itself may be among them.
 
     They are of the very samples of the answer: a start may place the end of a log in its last stick elsewhere. Where
-    the solver found no end to a ridge, they are no answers, but places on it all the same.
+    the solver found no end to a ridge, they are no answers, but places on it all the same. Where the lowest of all is
+    met again and again, within what the data tell apart, no more are solved.
 
     Args:
         noise: as `lowest_valley`; own: starts are thrown about the data's own start too, and those that its levels
             suggest are tried.
     """
-    thrown = takewhile(lambda _: not time_is_up(), _thrown(attempt, unknowns, seed, own))
-    settled = (_settled(attempt, replace(unknowns, start=theta)) for theta in thrown)
-    there = (other for other in settled if other is not None and within(attempt, other, unknowns, noise))
+    there: list[Attempt] = []
+    for theta in takewhile(lambda _: not time_is_up(), _thrown(attempt, unknowns, seed, own)):
+        other = _settled(attempt, replace(unknowns, start=theta))
+        if other is not None and within(attempt, other, unknowns, noise):
+            there.append(other)
+            lowest = min(there, key=_cost)
+            if sum(objection(lowest, each, noise) < ALIKE for each in there) == AGAIN:
+                break
     return sorted(there, key=_cost)
 
 
@@ -199,16 +206,18 @@ def objection(attempt: Attempt, other: Attempt, noise: Remembering) -> float:
 
 
 def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:
-    """The starts (n_p,) worth a solve."""
+    """The starts (n_p,) worth a solve: about the answer, about the data's own start, from the levels, by turns."""
     logs, rng = list(attempt.prepared), np.random.default_rng(seed)
     far = FAR * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
     far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_sd), 0.0)
+    kinds = []
     for place in (attempt.solved.theta, *islice(own_starts(logs, unknowns), int(own))):
         about = place + far * rng.standard_normal((THROWN, place.size))
-        about = np.where(unknowns.free, np.clip(about, unknowns.lower, unknowns.upper), place)
-        yield from (start.theta for start in ranked(logs, unknowns, about)[:SOLVED])
+        kinds.append(np.where(unknowns.free, np.clip(about, unknowns.lower, unknowns.upper), place))
     if own:
-        yield from (start.theta for start in ranked(logs, unknowns, suggested_starts(logs, unknowns))[:SOLVED])
+        kinds.append(suggested_starts(logs, unknowns))
+    best = [ranked(logs, unknowns, starts)[:SOLVED] for starts in kinds]
+    yield from (start.theta for turn in zip_longest(*best) for start in turn if start is not None)
 
 
 def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
@@ -216,7 +225,10 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     describe them on a ridge of which it finds no end; None where it does neither."""
     logs = list(attempt.prepared)
     found = attempted(
-        Strategy.OTHER_OPTIMA, lambda: solve_or_hold(logs, usable(logs), unknowns, Clock()), attempt, attempt.logs
+        Strategy.OTHER_OPTIMA,
+        lambda: solve_or_hold(logs, usable(logs), unknowns, Clock(), _cost(attempt) + HOPELESS),
+        attempt,
+        attempt.logs,
     )
     if found is None or len(found.logs) < len(logs):
         return None
