@@ -235,7 +235,7 @@ def solve_held(
 def solve_or_hold(
     prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, hopeless: float = np.inf
 ) -> Attempt | None:
-    """Solve from a start; where its ridge has no end, with what the data do not tell held. `hopeless` as `solve_from`."""
+    """Solve from a start; where its ridge has no end, hold what the data do not tell; hopeless as in `solve_from`."""
     found = solve_from(prepared, chosen, unknowns, clock, hopeless=hopeless)
     return found if found is None or not crept(found) else solve_held(prepared, chosen, unknowns, clock) or found
 

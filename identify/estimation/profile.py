@@ -24,7 +24,7 @@ from identify.shooting.passes import Solved
 from identify.shooting.vibration import rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
-# One side of a profile: from the best point until the data object, and what is looked for at its end and beyond it.
+# One side of a profile: from the best point until the data object.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
@@ -34,19 +34,8 @@ REACH = 1.15 * float(np.log(WEAK))  # of a logarithm: beyond a factor of three n
 REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients, and for those that are judged by themselves
 REACH_SHARE = 1.05 * (1.0 - 1.0 / WEAK)  # of their value, where that is more
 POINTS = 28  # of one side, those that fail included: a winding ridge is followed in short steps
-BEYOND = 1.15  # of a side: where others are asked whether they know a way on
-OTHERS = 2  # how many are asked, and from how many a walk goes on
-STRIDES, LONG = 3, 0.1  # from an end to as far as a profile asks, to look for what lies behind a rise; for long sides
-RISEN = 3.0  # times the root of the loss that ends a side: so high a rise has nothing behind it
-FURTHER = 0.05  # of a side: how far beyond its end a point lies from which the walk goes on
-FARTHER = 6.0  # of a logarithm: past an open end, to show the other parameters ways on,
-STRIDE, NEAR = 1.0, 0.05  # in steps that long, up to that near
 FAILURES = 4  # of the solver in a row, each with half the step, before a walk is given up
 LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
-HEMMED = 0.02  # of what a profile asks for: an end that lies between two points so near is known well enough
-LEAPS = (0.1, 0.4, 0.9)  # of HEMMED: where it is looked for past a stretch on which the solver fails,
-OWN_LEAPS = (3.0, 10.0)  # and before these, of what is known better than that, in standard intervals
-FARTHER_APART = 2.5  # times HEMMED: what is an end still where none of these is solved
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
 PAST = 1.7  # of a side: where one more point shows how the ridge bends
@@ -108,35 +97,9 @@ def walk_one_way(
         slope = (root - done_root) / (target - done)
         length = float(np.clip(1.1 * (limit - root) / max(slope, 1e-9), 0.05 * length, min(2.5 * length, longest)))
         done, done_root, here = target, root, point
-    # The solver may fail on the way to an end that is hemmed in already: the far side of it is the cautious one.
-    near = HEMMED * _reach(line, index)
-    wide, own = [leap * near for leap in LEAPS], [leap * limit * first for leap in OWN_LEAPS]
-    shorter = [leap for leap in own if leap < min(wide, default=0.0)]
-    for leap in [*shorter, *wide] if objects - done > near else ():
-        target = min(done + leap, reach)
-        point = line.point(here, index, centre + sign * target)
-        if point is not None and line.loss_root(point) >= limit:
-            objects = target
-            break
-    if objects - done < FARTHER_APART * near:
+    if np.isfinite(objects):  # the solver failed on the way to an end: the far side of it is the cautious one
         return Walk(Side(centre + sign * objects, False), here)
     return Walk(Side(None, True), here)
-
-
-def gone_further(line: ProfileLine, index: int, sign: float, walk: Walk, wait: float, size: float) -> Walk:
-    """The walk, or one that goes on from the farthest point met beyond its end to which the data do not object."""
-    end = walk.side.end
-    if end is None or walk.side.walled:
-        return walk
-    least = FURTHER * abs(end - float(line.best.theta[index]))
-    beyond = [p for p in line.seen if sign * (p.theta[index] - end) > least]
-    agreed = [p for p in beyond if line.loss_root(p) ** 2 < CRITICAL * wait]
-    agreed.sort(key=lambda p: float(sign * p.theta[index]))
-    for begin in agreed[: -1 - OTHERS : -1]:  # the solver may fail beyond one, and not beyond the next
-        walk = walk_one_way(line, index, sign, size, begin, wait)
-        if not walk.side.failed:
-            break
-    return walk
 
 
 def mark_past(line: ProfileLine, index: int, sign: float, walk: Walk) -> None:
@@ -145,62 +108,6 @@ def mark_past(line: ProfileLine, index: int, sign: float, walk: Walk) -> None:
         centre = float(line.best.theta[index])
         far = min(PAST * abs(walk.side.end - centre), _room(line, index, sign)[0])
         line.point(walk.last, index, centre + sign * far)
-
-
-def follow_open_end(line: ProfileLine, index: int, sign: float, walk: Walk, wait: float) -> None:
-    """Go on past an open end of a logarithm. Nothing more is said of this parameter, but another one may only be free
-    where this one is far away: a D of which no stick tells needs a t_cr near zero. Where the data object in the end,
-    there may be another place behind the rise: of contacts that do not age at all any more."""
-    unknowns = line.unknowns
-    if not unknowns.logarithmic[index] or walk.side.end is not None or walk.side.failed:
-        return
-    here, limit, step, failures = walk.last, np.sqrt(CRITICAL * wait), STRIDE, 0
-    within = unknowns.lower[index] + NEAR, unknowns.upper[index] - NEAR
-    last = float(np.clip(here.theta[index] + sign * FARTHER, *within))
-    for _ in range(POINTS):
-        if failures == FAILURES or sign * (last - here.theta[index]) <= NEAR:
-            return
-        point = line.point(here, index, here.theta[index] + sign * min(step, sign * (last - here.theta[index])))
-        if point is None:
-            failures, step = failures + 1, 0.5 * step
-        elif line.loss_root(point) >= RISEN * limit:
-            return
-        else:
-            here, failures, step = point, 0, min(1.5 * step, STRIDE)
-
-
-def look_behind(line: ProfileLine, index: int, sign: float, walk: Walk, wait: float) -> None:
-    """Look past the end of a logarithm, as far as a profile asks, for a place behind the rise to which the data do not
-    object: of contacts that age before every slip, and of others that age so slowly that each slip shows it."""
-    end = walk.side.end
-    if end is None or walk.side.walled or not line.unknowns.logarithmic[index]:
-        return
-    centre, reach = float(line.best.theta[index]), _room(line, index, sign)[0]
-    side = abs(end - centre)
-    if side < LONG * reach:  # so sharp an end is none of a ridge
-        return
-    here, limit = walk.last, np.sqrt(CRITICAL * wait)
-    for stride in range(1, STRIDES + 1):
-        point = line.point(here, index, centre + sign * (side + (reach - side) * stride / STRIDES))
-        if point is None or not limit <= line.loss_root(point) < RISEN * limit:
-            return
-        here = point
-
-
-def retried(line: ProfileLine, index: int, sign: float, walk: Walk, wait: float) -> Walk:
-    """The walk, carried on where the points of other walks know a way past its end: a profile that follows one
-    valley can miss that another one is open."""
-    assert walk.side.end is not None
-    centre = float(line.best.theta[index])
-    beyond = centre + sign * min(abs(walk.side.end - centre) * BEYOND, _room(line, index, sign)[0])
-    # Its own points have been tried.
-    near = [p for p in line.seen if p.held != index and line.loss_root(p) ** 2 < CRITICAL * wait]
-    near.sort(key=lambda point: abs(point.theta[index] - beyond))
-    for known in near[:OTHERS]:
-        point = line.point(known, index, beyond)
-        if point is not None and line.loss_root(point) ** 2 < CRITICAL * wait:
-            return walk_one_way(line, index, sign, abs(beyond - centre) * 0.3, point, wait)
-    return walk
 
 
 def _room(line: ProfileLine, index: int, sign: float) -> tuple[float, bool]:
@@ -237,9 +144,7 @@ def _crossing(done: float, done_root: float, target: float, root: float, limit: 
 
 
 BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
-ROUNDS = 2  # in which they do once more
 FARTHEST = 4.0  # standard deviations: where the truth may lie, once in a while
-ALIKE = 0.02  # of a standard interval: a side that has this length by its curvature needs no second opinion
 
 
 @dataclass(frozen=True)
@@ -353,31 +258,12 @@ def _walks(
     steps: int,
     progress: Progress,
 ) -> dict[tuple[int, float], Walk]:
-    """Both sides of every parameter, by its index, from the best point, from points met beyond its end, and past its
-    end where others know a way."""
+    """Both sides of every parameter, by its index, from the best point."""
     walks: dict[tuple[int, float], Walk] = {}
     for index, size in sizes.items():
         progress(f"profile of {line.unknowns.names[index]}", None)
         for sign in (-1.0, 1.0):
             walks[index, sign] = walk_one_way(line, index, sign, size, line.best, wait[index], steps)
-    for (index, sign), walk in walks.items():
-        follow_open_end(line, index, sign, walk, wait[index])
-        look_behind(line, index, sign, walk, wait[index])
-    progress("profiles from other points", None)
-    for (index, sign), walk in walks.items():
-        walks[index, sign] = gone_further(line, index, sign, walk, wait[index], sizes[index])
-    for (index, sign), walk in walks.items():
-        straight = np.sqrt(CRITICAL * wait[index]) * sizes[index]
-        if walk.side.end is not None and not walk.side.walled:
-            length = abs(walk.side.end - line.best.theta[index])
-            if abs(length - straight) > ALIKE * straight:
-                walks[index, sign] = retried(line, index, sign, walk, wait[index])
-    for _ in range(ROUNDS):  # what one walk met may be a way on for another
-        before = dict(walks)
-        for (index, sign), walk in before.items():
-            walks[index, sign] = gone_further(line, index, sign, walk, wait[index], sizes[index])
-        if walks == before:
-            break
     return walks
 
 
