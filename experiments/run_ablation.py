@@ -35,9 +35,8 @@ from experiments.record_kinds import KINDS
 from experiments.run_recovery_study import FIVE, Study
 from identify.base import budget
 from identify.diagnosis import diagnosis, disagreement
-from identify.estimation import active_events, events, grouped, nearly_rests, other_optima, ridge_ends, search
+from identify.estimation import events, grouped, other_optima, search
 from identify.estimation.strategies import STRATEGIES, Strategy, tracing
-from identify.shooting.passes import Trust
 
 Outcome = tuple[bool, bool, str]  # right, false success, status
 
@@ -53,24 +52,13 @@ FAST = (("usual, data", 1, 2),)
 
 CODE: Mapping[Strategy, Sequence[object]] = {
     Strategy.PIECES_FIRST: (search._pieces_first,),
-    Strategy.RANDOM_STARTS: (search._drawn, search.drawn_starts),
-    Strategy.SHORT_STEPS: (search._short_steps, Trust),
     Strategy.PRIOR_CONTINUATION: (search._prior_continuation, search._held, search.solve_held),
-    Strategy.LEVEL_STARTS: (search._level_starts,),
     Strategy.STEADY_PARTS: (search._levels_only,),
     Strategy.GROUP_BY_GROUP: (grouped,),
     Strategy.EVENTS_CORRECTED: (search._events_corrected, search._mended, events.with_events_mended),
-    Strategy.RESIMULATED: (search._resimulated,),
-    Strategy.GOOD_LOGS_FIRST: (search._good_logs_first, events.from_some),
     Strategy.JOINED: (events.join,),
     Strategy.VIBRATION_STARTS: (other_optima.shaken,),
-    Strategy.STRENGTHENING: (ridge_ends.strengthened, ridge_ends._stronger),
-    Strategy.INSIDE_BOUNDS: (ridge_ends.taken_inside,),
-    Strategy.EVENT_RELEASED: (active_events,),
-    Strategy.NEIGHBOURING_MODES: (nearly_rests,),
     Strategy.OTHER_OPTIMA: (other_optima.lowest_valley, other_optima.other_valleys, other_optima._thrown),
-    Strategy.OTHER_SIGN: (ridge_ends.other_sign, ridge_ends._mirrored),
-    Strategy.RIDGE_ENDS: (ridge_ends.better_course,),
     Strategy.HYPOTHESES: (diagnosis,),
     Strategy.ONE_LOG_OUT: (disagreement,),
 }

@@ -81,8 +81,8 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns, None, None, None, [], {}, {})
 
-    def searched(logs: list[Prepared], last: bool) -> _Searched:
-        found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
+    def searched(logs: list[Prepared]) -> _Searched:
+        found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
         scatter = 0.0 if found[0] is None else found[0].prepared[0].data.strength_sd
         return with_strengths(logs, scatter), *found
 
@@ -109,16 +109,16 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
 
 
 def _by_way_of_calm(
-    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared], bool], _Searched], clock: Clock
+    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared]], _Searched], clock: Clock
 ) -> _Searched:
     """What a search finds; where loads tremble it goes by way of calm ones, whose answer is easily found, and follows
     the tremor from there. What no motion follows counts as unknown."""
     calm = [replace(log, data=calmed(log.data)) for log in prepared]
     if all(quiet.data is log.data for quiet, log in zip(calm, prepared, strict=True)):
-        return searched(prepared, True)
-    logs, known, left_out = searched(calm, False)
+        return searched(prepared)
+    logs, known, left_out = searched(calm)
     if known is None or known.gate.status is not Status.CONVERGED:
-        found = searched(prepared, True)
+        found = searched(prepared)
         converged = found[1] is not None and found[1].gate.status is Status.CONVERGED
         return found if converged or known is None else (logs, known, left_out)
     there = replace(unknowns, start=known.solved.theta)

@@ -9,10 +9,8 @@ import pytest
 
 from data_io import Record
 from identify import Scene
-from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
-from identify.estimation.events import TOO_BAD, from_some, misfit_of_start, with_events_mended
+from identify.estimation.events import TOO_BAD, misfit_of_start, with_events_mended
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -70,19 +68,3 @@ def test_invented_slips_are_taken_out_and_a_log_that_fits_is_left_alone(logs):
     np.testing.assert_allclose(with_events_mended(wrong, unknowns).falls, log.falls)
     lacking = replace(log, falls=np.delete(log.falls, 1))
     np.testing.assert_allclose(with_events_mended(lacking, unknowns).falls, log.falls, atol=0.02)
-
-
-def test_an_answer_that_leaves_a_log_out_is_none(logs):
-    """Few logs are described by many answers: one of a wrong drive speed keeps the others' answer from counting."""
-    prepared, unknowns, _ = logs
-    wrong = replace(prepared[2], data=replace(prepared[2].data, drive_speed=1.2 * prepared[2].data.drive_speed))
-    assert from_some([prepared[0], prepared[1], wrong], [0, 1], [0, 1, 2], unknowns, Clock()) is None
-
-
-def test_a_log_that_tells_little_of_itself_joins_at_the_answer_of_the_others(logs):
-    prepared, unknowns, _ = logs
-    first = [0, 1, 2]
-    assert [misfit_of_start(log, unknowns) < TOO_BAD for log in prepared] == [True, False, True]
-    found = from_some(prepared, first, first, unknowns, Clock())
-    assert found is not None and found.gate.status is Status.CONVERGED and found.logs == (0, 1, 2)
-    assert from_some(prepared, [0, 2], [0, 2], unknowns, Clock()) is None, "a start that is good on all needs no detour"

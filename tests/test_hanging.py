@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import shooting_case as case
 
-from identify.estimation.active_events import hanging
+from identify.estimation.certainty import hanging
 from identify.shooting.passes import COARSE, Solved
 from identify.shooting.shooting import transcribe
 from identify.shooting.solve import solve

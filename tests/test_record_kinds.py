@@ -253,9 +253,7 @@ def test_a_slip_that_was_missed_or_invented_is_mended(change):
 
 def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
     monkeypatch.setattr(search, "_mended", lambda *_: None)
-    monkeypatch.setattr(search, "from_some", lambda *_: None)  # which mends a log that joins
     monkeypatch.setattr(starts, "RANDOM", ())
-    monkeypatch.setattr(search, "DRAWN", 0)
     monkeypatch.setattr(search, "FURTHER", 0)
     prepared, unknowns = _prepared(_kind(SLOW, FAST))
     spoiled = [replace(prepared[0], falls=np.delete(prepared[0].falls, 4)), prepared[1]]

@@ -9,7 +9,7 @@ from data_io import Record
 from identify import Scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation import attempt, examined
+from identify.estimation import attempt
 from identify.estimation.attempt import Clock
 from identify.estimation.sequence import hardly, is_clear
 from identify.identification import find
@@ -57,7 +57,6 @@ def test_what_such_a_slip_tells_is_true(record: Record, monkeypatch: pytest.Monk
     assert abs(wrong) < 2.5
     assert ends[:4] == ["arrest", "arrest", "arrest", "release"]
     monkeypatch.setattr(SlideParts, "_rests_anyway", lambda _self, _released: True)
-    monkeypatch.setattr(examined, "neighbours", lambda *_given: [])  # these hold the other motion as well
     wrong, ends = off(record)
     assert ends[:4] == ["arrest"] * 4  # it is as brief as the others
     assert abs(wrong) > 5.0  # and the closed form starts from a rest that there is not

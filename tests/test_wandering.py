@@ -23,8 +23,8 @@ def test_a_search_that_wanders_off_starts_again_with_what_is_not_told_held(monke
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
     solve_from, solve_held, tried = room.solve_from, room.solve_held, list[np.ndarray]()
 
-    def wandering(*given, trust=None):
-        """As a solver does on a ridge: no answer, though the start was placed; nor in short passes."""
+    def wandering(*given):
+        """As a solver does on a ridge: no answer, though the start was placed."""
         found = solve_from(*given)
         solved = replace(found.solved, solution=replace(found.solved.solution, success=False))
         return replace(found, solved=solved, gate=replace(found.gate, status=Status.MODEL_MISFIT, chi2_per_sample=9.0))

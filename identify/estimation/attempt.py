@@ -17,7 +17,7 @@ from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import glide
-from identify.shooting.passes import COARSE, Solved, Trust, solve_in_passes
+from identify.shooting.passes import COARSE, Solved, solve_in_passes
 from identify.shooting.placing import place
 
 Array = NDArray[np.float64]
@@ -83,17 +83,16 @@ def solve_from(
     clock: Clock,
     firmness: float = 1.0,
     hopeless: float = np.inf,
-    trust: Trust | None = None,
 ) -> Attempt | None:
     """Place the start on the chosen logs and solve; None where no log can be placed.
 
     Args:
-        hopeless: a pass that ends with a larger cost is the last one. trust: how far the first pass may go.
+        hopeless: a pass that ends with a larger cost is the last one.
     """
     since = time.perf_counter()
     placed = place_on(prepared, chosen, unknowns) if chosen else []
     clock.add("place", since)
-    return solve_placed(prepared, placed, unknowns, clock, firmness, hopeless, trust) if placed else None
+    return solve_placed(prepared, placed, unknowns, clock, firmness, hopeless) if placed else None
 
 
 def solve_placed(
@@ -103,12 +102,11 @@ def solve_placed(
     clock: Clock,
     firmness: float = 1.0,
     hopeless: float = np.inf,
-    trust: Trust | None = None,
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
     motion that follows from the answer, or with the sequences that are nearly that of the answer, and the best of
     all."""
-    attempt = _solved(prepared, placed, unknowns, clock, firmness, hopeless, trust)
+    attempt = _solved(prepared, placed, unknowns, clock, firmness, hopeless)
     if attempt.solved.solution.cost > hopeless or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
         return attempt
     # A rest that can get no shorter is also what the solver fails on.
@@ -116,14 +114,14 @@ def solve_placed(
     whole = [prepared[number] for number in attempt.logs]
     anew = refollowed(whole, attempt.prepared, attempt.solved.guesses, at_answer)
     if anew is not None:
-        other = _solved(prepared, _placed(attempt, anew), at_answer, clock, firmness, hopeless, None)
+        other = _solved(prepared, _placed(attempt, anew), at_answer, clock, firmness, hopeless)
         return other if other.excess < attempt.excess - BETTER else attempt
     if not np.isfinite(attempt.excess):
         return attempt
     for _ in range(TRIES):
         at_answer = replace(unknowns, start=attempt.solved.theta)
         ways = by_a_hair(whole, attempt.prepared, attempt.solved.guesses, at_answer)
-        others = [_solved(prepared, _placed(attempt, w), at_answer, clock, firmness, hopeless, None) for w in ways]
+        others = [_solved(prepared, _placed(attempt, w), at_answer, clock, firmness, hopeless) for w in ways]
         better = [other for other in others if _fits_better(other.solved, attempt.solved)]
         if not better or time_is_up():
             break
@@ -143,7 +141,6 @@ def _solved(
     clock: Clock,
     firmness: float,
     hopeless: float,
-    trust: Trust | None,
 ) -> Attempt:
     """Solve until every course is that of the answer."""
     since = time.perf_counter()
@@ -152,7 +149,7 @@ def _solved(
     unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
     guesses[0] = replace(guesses[0], own=np.empty(0))
     data, soft = [log.data for log in logs], unknowns.softened(firmness)
-    solved = solve_in_passes(data, guesses, soft, hopeless=hopeless, trust=trust)
+    solved = solve_in_passes(data, guesses, soft, hopeless=hopeless)
     tried = list[tuple[list[Prepared], list[Guess], Solved]]()
     for _ in range(TRIES):
         if solved.solution.cost > hopeless or time_is_up():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from identify.base.budget import no_time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.estimation.active_events import hanging, let_go
-from identify.estimation.agreement import agreeing, noise_of
+from identify.estimation.agreement import agreeing, imbalance, influence_at
 from identify.estimation.attempt import Attempt
 from identify.estimation.bootstrap import Bootstrap, bootstrap
 from identify.estimation.combinations import (
@@ -27,15 +26,16 @@ from identify.estimation.combinations import (
 from identify.estimation.covariance import Estimate, Information
 from identify.estimation.examined import AtBound, Question, examine, fine_enough
 from identify.estimation.influence import influence
-from identify.estimation.other_optima import weakens
 from identify.estimation.profile import Profiles
 from identify.estimation.residual_autocorrelation import Colour
-from identify.estimation.ridge_ends import at_own_bounds, strengthened, taken_inside
-from identify.estimation.strategies import Strategy, attempted
+from identify.logs.log_data import Guess
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
+from identify.shooting.passes import Solved, goes_as_far_as_it_can
 
 Array = NDArray[np.float64]
+
+HELD = 4.0  # squared distance from which on an answer hangs on what is no data: two standard errors
 
 
 @dataclass(frozen=True)
@@ -85,13 +85,7 @@ def certainty(
         base: (n_p,) of the rig the values are given for; at_bound: sentence per parameter that sits at a bound, from
             theta; speed_tolerance: relative error of all drive speeds together.
     """
-    if attempt.gate.status is Status.CONVERGED:
-        if weakens(unknowns, attempt.solved.theta):
-            attempt = _by(Strategy.STRENGTHENING, attempt, lambda at: strengthened(at, unknowns, noise_of(at)))
-        if np.any(at_own_bounds(unknowns, attempt.solved.theta)):
-            attempt = _by(Strategy.INSIDE_BOUNDS, attempt, lambda at: taken_inside(at, unknowns, noise_of(at)))
-        attempt = _by(Strategy.EVENT_RELEASED, attempt, lambda at: let_go(at, unknowns))
-    attempt, known, discretised = _with_fine_steps(attempt, unknowns, asked)
+    attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None
     seen = examine(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
@@ -129,11 +123,6 @@ def certainty(
         return _tabled(out, unknowns, progress) if asked.accuracy_table else out
 
 
-def _by(strategy: Strategy, attempt: Attempt, other: Callable[[Attempt], Attempt | None]) -> Attempt:
-    """The answer that a strategy puts in the place of one; the same where it finds none, or is not due."""
-    return attempted(strategy, lambda: other(attempt), attempt, attempt.logs) or attempt
-
-
 def unexamined(attempt: Attempt) -> Attempt:
     """An answer that fits, and that there was no time to examine as far as it calls for: it is none to rely on."""
     gate = attempt.gate
@@ -142,17 +131,6 @@ def unexamined(attempt: Attempt) -> Attempt:
         "cause, describe the logs as well; give more time"
     )
     return replace(attempt, gate=replace(gate, status=Status.SOLVER_FAILED, message=message))
-
-
-def _with_fine_steps(
-    attempt: Attempt, unknowns: Unknowns, asked: FitOptions
-) -> tuple[Attempt, Information, dict[str, float]]:
-    """As `fine_enough`; let go once more where only finer steps show that an event holds the answer."""
-    finer = fine_enough(attempt, unknowns, asked)
-    if finer[0] is attempt or finer[0].gate.status is not Status.CONVERGED:
-        return finer
-    freed = _by(Strategy.EVENT_RELEASED, finer[0], lambda at: let_go(at, unknowns))
-    return finer if freed is finer[0] else fine_enough(freed, unknowns, asked)
 
 
 def _combined(out: Certainty, unknowns: Unknowns, base: Array) -> Certainty:
@@ -183,3 +161,40 @@ def _tabled(out: Certainty, unknowns: Unknowns, progress: Progress) -> Certainty
     size = np.sqrt(np.diag(out.covariance))
     table = accuracy_table(out.attempt.prepared, out.attempt.solved, unknowns, size)
     return replace(out, accuracy_table=table)
+
+
+def hanging(solved: Solved, names: Sequence[str]) -> str | None:
+    """A sentence where a phase that can get no shorter holds the answer back by more than two standard errors: a rest,
+    or a contact that re-ages in mid-slide, may shrink to nothing from pass to pass where at the answer it does not
+    happen.
+
+    Args:
+        names: of the logs.
+    """
+    problem, solution = solved.problem, solved.solution
+    ends = [bool(goes_as_far_as_it_can(problem, solution.x, place.events).any()) for place in problem.layout.places]
+    if not any(ends):
+        return None
+    try:
+        squared, _ = imbalance(problem, solution.z, influence_at(solved))
+    except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
+        return None
+    if squared < HELD:
+        return None
+    there = zip(solved.guesses, names, ends, strict=True)
+    (begin, end), name = min(
+        ((_shortest(guess), name) for guess, name, held in there if held), key=lambda found: found[0][1] - found[0][0]
+    )
+    return (
+        f"{name}: at this answer what happens from {begin:.5g} s lasts {end - begin:.2g} s only, if it happens at all, "
+        f"and holds the answer back by {np.sqrt(squared):.1f} standard errors; leave this log out or end it "
+        "there, or give start values"
+    )
+
+
+def _shortest(guess: Guess) -> tuple[float, float]:
+    """Begin and end [s] of the shortest phase of a motion after its first onset."""
+    if guess.times.size < 2:
+        return float(guess.times[0]), float(guess.times[0])
+    first = int(np.argmin(np.diff(guess.times)))
+    return float(guess.times[first]), float(guess.times[first + 1])

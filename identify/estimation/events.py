@@ -177,27 +177,6 @@ def _largest(at: Array, size: Array, apart: float) -> list[float]:
 BETTER = 0.1  # of the misfit of the worst log: a start that is so much better on a log is good there
 
 
-def from_some(
-    prepared: list[Prepared], first: list[int], able: list[int], unknowns: Unknowns, clock: Clock
-) -> Attempt | None:
-    """The answer by way of those of some logs on which the start (unknowns.start) is good, where it is not on all: a
-    log near the end of stick-slip says little of itself until the friction is known well. None where that leads to no
-    answer that describes all logs that are able: few logs are described by many answers."""
-    misfits = {i: misfit_of_start(prepared[i], unknowns) for i in first}
-    worst = max((misfit for misfit in misfits.values() if np.isfinite(misfit)), default=0.0)
-    good = [i for i in first if misfits[i] < max(TOO_BAD, BETTER * worst)]
-    if not 0 < len(good) < len(first):
-        return None
-    found = solve_from(prepared, good, unknowns, clock)
-    if found is None or found.gate.status is not Status.CONVERGED:
-        return None
-    for late in (first, able):
-        found = join(found, prepared, [i for i in late if i not in found.logs], unknowns, clock)
-        if not set(late) <= set(found.logs):
-            return None
-    return found
-
-
 def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
     """Solve again with the logs that took no part so far, their slips mended at the answer, where it can be placed on
     them."""

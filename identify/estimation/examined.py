@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,11 +28,9 @@ from identify.estimation.covariance import (
 )
 from identify.estimation.goodness_of_fit import Gate
 from identify.estimation.hints import hints, onsets, untold
-from identify.estimation.nearly_rests import neighbours
-from identify.estimation.other_optima import lowest_valley, objection, preferred, weakens, within
-from identify.estimation.profile import CRITICAL, Profiles, profile
+from identify.estimation.other_optima import lowest_valley, weakens
+from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
-from identify.estimation.ridge_ends import at_own_bounds, better_course, other_sign
 from identify.estimation.strategies import Strategy, attempted
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import FitOptions, discretisation_error
@@ -159,28 +157,24 @@ class View:
 
 @dataclass(frozen=True)
 class Trail:
-    """What was met on the way to an answer: valleys beside it; points of the last walk, which was of so many samples;
-    mirrored: whether the other sign of friction's change with the speed was tried."""
+    """What was met on the way to an answer: valleys beside it; points of the last walk, which was of so many
+    samples."""
 
     valleys: tuple[Attempt, ...] = ()
     met: tuple[ProfilePoint, ...] = ()
     samples: int = 0
-    mirrored: bool = False
 
 
 @dataclass(frozen=True)
 class Examined:
     """An answer, the information known at it, the profiles walked from it (None: none were), what is seen from it;
-    beside: answers of motions that hardly differ from its own; unfinished: the time was up before all was looked at
-    that this answer calls for."""
+    unfinished: the time was up before all was looked at that this answer calls for."""
 
     attempt: Attempt
     known: Information
     walked: Profiles | None
     view: View
     trail: Trail
-    beside: tuple[Attempt, ...] = ()
-
     unfinished: bool = False
 
     @property
@@ -198,9 +192,7 @@ def examine(attempt: Attempt, known: Information, question: Question) -> Examine
     """
     here = _lowest_about(_standing(attempt, known, question, Trail()), question)
     for tries in range(BETTER_TRIES):
-        tried = _elsewhere(here, question)
-        moved = tried.attempt is not here.attempt
-        there = tried if moved else _walked(tried, question, last=tries + 1 == BETTER_TRIES)
+        there = _walked(here, question, last=tries + 1 == BETTER_TRIES)
         if there is None:
             break
         here = there
@@ -213,9 +205,7 @@ def _standing(
 ) -> Examined:
     """At an answer at which nothing was looked at yet."""
     seen = allowed(attempt, known, q.speed_tolerance)
-    converged = attempt.gate.status is Status.CONVERGED
-    beside = tuple(neighbours(attempt, q.unknowns, seen.noise)) if converged else ()
-    return Examined(attempt, known, walked, _view(attempt, seen, walked, beside, q), trail, beside)
+    return Examined(attempt, known, walked, _view(attempt, seen, walked, q), trail)
 
 
 def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None = None) -> Examined:
@@ -223,22 +213,17 @@ def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None 
     return _standing(attempt, information_at(attempt, q.unknowns), q, trail, walked)
 
 
-def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, beside: Sequence[Attempt], q: Question) -> View:
-    """What is seen from an answer; seen: what is allowed for there, which walks do not change; beside: answers of
-    motions that hardly differ from its own."""
+def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question) -> View:
+    """What is seen from an answer; seen: what is allowed for there, which walks do not change."""
     solved = attempt.solved
     bounds = q.at_bound(solved.theta)
     hinted = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
     told = {name: str(hint) for name, hint in hinted.items()}
     joint, f = seen.joint.copy(), len(seen.white)
     free = q.unknowns.free
-    likely = np.array([other.solved.theta[free] - solved.theta[free] for other in beside]).reshape(-1, f)
-    limits = np.array([max(objection(attempt, other, seen.noise), CRITICAL) for other in beside])
     if walked is not None and walked.likely.size:
-        likely, limits = np.concatenate([walked.likely, likely]), np.concatenate([walked.objection, limits])
-    if likely.size:
         values, logarithmic = q.unknowns.values(solved.theta, q.base)[free], q.unknowns.logarithmic[free]
-        joint[:f, :f] = widened_on_both_scales(seen.covariance, likely, limits, values, logarithmic)
+        joint[:f, :f] = widened_on_both_scales(seen.covariance, walked.likely, walked.objection, values, logarithmic)
     ends = {} if walked is None else walked.ends
     intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
     found = estimates(q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals)
@@ -253,30 +238,6 @@ def _lowest_about(here: Examined, q: Question) -> Examined:
     lowest, valleys = lowest_valley(here.attempt, q.unknowns, q.seed, here.view.allowed.noise)
     trail = replace(here.trail, valleys=tuple(valleys))
     return replace(here, trail=trail) if lowest is here.attempt else _moved(lowest, q, trail)
-
-
-def _elsewhere(here: Examined, q: Question) -> Examined:
-    """At the answer that is met with friction that rises instead of falling, or from the ends of a ridge with another
-    course of the motion; where there is none, at the same."""
-    if not (here.accepted and here.view.leaves_open):
-        return here
-    attempt, unknowns = here.attempt, q.unknowns
-    other = (
-        None
-        if here.trail.mirrored
-        else attempted(Strategy.OTHER_SIGN, lambda: other_sign(attempt, unknowns), attempt, attempt.logs)
-    )
-    if other is None and here.walked is not None:
-        likely = here.walked.likely
-        other = attempted(Strategy.RIDGE_ENDS, lambda: better_course(attempt, unknowns, likely), attempt, attempt.logs)
-    trail = replace(here.trail, mirrored=True)
-    if other is None:
-        return replace(here, trail=trail)
-    if not preferred(other, here.attempt, q.unknowns, here.view.allowed.noise):
-        return replace(here, trail=replace(trail, valleys=(*trail.valleys, other)))
-    if within(other, here.attempt, q.unknowns, here.view.allowed.noise):
-        trail = replace(trail, valleys=(*trail.valleys, here.attempt))
-    return _moved(other, q, trail)
 
 
 def _tells(attempt: Attempt) -> bool:
@@ -322,7 +283,7 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
             beside=seen.memory / seen.remembered,
             steps=CURVE_STEPS if q.asked.profile else 1,
             only=along,
-            valleys=[valley.solved for valley in (*trail.valleys, *here.beside)],
+            valleys=[valley.solved for valley in trail.valleys],
             before=trail.met if trail.samples == samples else (),
         )
     here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
@@ -331,7 +292,7 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
 
 def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:
     """At the same answer, with the walk from it."""
-    return replace(here, walked=walked, view=_view(here.attempt, here.view.allowed, walked, here.beside, q))
+    return replace(here, walked=walked, view=_view(here.attempt, here.view.allowed, walked, q))
 
 
 def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Question, last: bool) -> Examined:
@@ -347,7 +308,7 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
         return _with_walk(here, walked.seen_from(q.unknowns, theta), q)
     inside = walked.clear < chi_square(LEVEL, int(np.sum(q.unknowns.free)))
     converged = moved.gate.status is Status.CONVERGED
-    lost = not converged or bool(np.any(at_own_bounds(q.unknowns, moved.solved.theta)))
+    lost = not converged or bool(np.any(q.unknowns.at_own_bounds(moved.solved.theta)))
     if inside and (lost or _turns_weak(theta, moved.solved.theta, q.unknowns)):
         # Inside the joint region: another point of the same ridge, at which the solver finds no end, or which has
         # none within the model, or only among contacts that weaken while they rest.

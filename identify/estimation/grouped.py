@@ -38,12 +38,11 @@ def search_grouped(
     seed: int = 0,
     clock: Clock | None = None,
     progress: Progress | None = None,
-    last: bool = False,
 ) -> tuple[Attempt | None, dict[int, str]]:
     """As `search`, for any scene: logs that share all their parameters are searched together first."""
     parts = _parts(prepared, unknowns)
     if len(parts) == 1:
-        return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
+        return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     alone = replace(unknowns, per=())
     found: list[Attempt] = []
     left_out: dict[int, str] = {}
@@ -53,12 +52,12 @@ def search_grouped(
         left_out |= {part[i]: why for i, why in out.items()}
         if attempt is None or attempt.gate.status is not Status.CONVERGED:
             # A group too poor to stand alone may still do with the others.
-            return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
+            return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
         found.append(replace(attempt, logs=tuple(part[i] for i in attempt.logs)))
     timer = clock or Clock()
     together = attempted(Strategy.GROUP_BY_GROUP, lambda: _together(found, unknowns, timer))
     if together is None:
-        return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress, last=last)
+        return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     return together, left_out
 
 

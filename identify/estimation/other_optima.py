@@ -142,6 +142,8 @@ def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int, noise: Rememb
             break
         valleys = [here, *(valley for valley in valleys if valley is not lowest)]
         attempt = lowest
+        if objection(lowest, here, noise) < ALIKE:  # the same place, a little farther down
+            break
     return attempt, [valley for valley in valleys if within(attempt, valley, unknowns, noise)]
 
 

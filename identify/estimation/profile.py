@@ -35,6 +35,7 @@ REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients, and for those that are 
 REACH_SHARE = 1.05 * (1.0 - 1.0 / WEAK)  # of their value, where that is more
 POINTS = 28  # of one side, those that fail included: a winding ridge is followed in short steps
 FAILURES = 4  # of the solver in a row, each with half the step, before a walk is given up
+LEAP = 3.0  # standard intervals: where an end is looked for past a stretch on which the solver fails
 LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
@@ -97,7 +98,12 @@ def walk_one_way(
         slope = (root - done_root) / (target - done)
         length = float(np.clip(1.1 * (limit - root) / max(slope, 1e-9), 0.05 * length, min(2.5 * length, longest)))
         done, done_root, here = target, root, point
-    if np.isfinite(objects):  # the solver failed on the way to an end: the far side of it is the cautious one
+    # The solver failed on the way to an end: the far side of it is the cautious one.
+    if not np.isfinite(objects):
+        target = min(done + LEAP * limit * first, reach)
+        point = line.point(here, index, centre + sign * target)
+        objects = target if point is not None and line.loss_root(point) >= limit else objects
+    if np.isfinite(objects):
         return Walk(Side(centre + sign * objects, False), here)
     return Walk(Side(None, True), here)
 

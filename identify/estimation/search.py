@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import islice
 from typing import TypeGuard
 
 import numpy as np
@@ -19,16 +18,15 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held, solve_or_hold
-from identify.estimation.events import from_some, join, with_events_mended
+from identify.estimation.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held
+from identify.estimation.events import join, with_events_mended
 from identify.estimation.goodness_of_fit import PER_CYCLE
-from identify.estimation.starts import Sources, drawn_starts, ranked, starts_of, suggested_starts
+from identify.estimation.starts import Sources, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
 from identify.estimation.strained import loads_stand_in
 from identify.estimation.strategies import Strategy, attempted, is_due
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
-from identify.shooting.passes import Trust
 from identify.shooting.starts import level_starts
 
 Array = NDArray[np.float64]
@@ -36,23 +34,19 @@ Array = NDArray[np.float64]
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 SLIPS = 2  # of a log that is not left out before it was looked at together with all others
 FURTHER = 3  # feature starts that are solved beside the first
-DRAWN = 2  # random starts that are solved
-SHORT = 2  # starts from which the solver lost its way, and that are solved again in short passes
-FEW = 0.1  # of all cycles: so few that misfit have something of their own
 HOPELESS = 8.0  # cost per residual of a start that no solve will save
 
 
 @dataclass(frozen=True)
 class SearchProblem:
     """What is searched: logs, unknowns, where starts come from, the seed of what is drawn; thorough: False takes the
-    first feature start alone, and none that does not fit one cycle; last: no other search comes after this one."""
+    first feature start alone, and none that does not fit one cycle."""
 
     prepared: list[Prepared]
     unknowns: Unknowns
     sources: Sources = "data"
     seed: int = 0
     thorough: bool = True
-    last: bool = False
     clock: Clock = field(default_factory=Clock)
     progress: Progress = to_nobody
 
@@ -66,20 +60,18 @@ def search(
     clock: Clock | None = None,
     progress: Progress | None = None,
     thorough: bool = True,
-    last: bool = False,
 ) -> tuple[Attempt | None, dict[int, str]]:
     """Find the solution of all logs together.
 
     Args:
-        thorough: False takes the data's own start alone, and none where that does not fit one cycle. last: no other
-            search comes after this one, so that what nothing else fits is tried from whatever the data suggest.
+        thorough: False takes the data's own start alone, and none where that does not fit one cycle.
         sources: starts from the data, from the user's values (unknowns.start), or both.
 
     Returns:
         the accepted attempt, else the one that came closest, None where nothing could be tried; and per index of a
         log that took no part, why.
     """
-    problem = SearchProblem(prepared, unknowns, sources, seed, thorough, last, clock or Clock(), progress or to_nobody)
+    problem = SearchProblem(prepared, unknowns, sources, seed, thorough, clock or Clock(), progress or to_nobody)
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = [i for i in range(len(prepared)) if i not in left_out]
     if not able:
@@ -212,25 +204,6 @@ def _next_starts(
         yield _solved_and_repaired(state, strategy, theta)
 
 
-def _drawn(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
-    """Features can be described where no motion is, and all their starts lie there."""
-    problem = state.problem
-    drawn = drawn_starts(state.chosen, problem.unknowns, problem.seed, state.lost, problem.clock)
-    for theta in islice(drawn, DRAWN) if is_due(strategy) else ():
-        problem.progress("solving from a random start", 0.65)
-        yield _solved_and_repaired(state, strategy, theta)
-
-
-def _short_steps(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
-    problem = state.problem
-    problem.progress("going in short passes", 0.7)
-
-    def solve(theta: Array) -> Attempt | None:
-        return solve_from(problem.prepared, state.logs, state.at(theta), problem.clock, trust=Trust())
-
-    yield from _again_from(state, strategy, state.lost[:SHORT], solve)
-
-
 def _prior_continuation(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
     problem = state.problem
     problem.progress("holding what the logs do not tell", 0.7)
@@ -239,20 +212,6 @@ def _prior_continuation(state: _Progressing, strategy: Strategy, _starts: Iterat
         return solve_held(problem.prepared, state.logs, state.at(theta), problem.clock)
 
     yield from _again_from(state, strategy, state.lost, solve)
-
-
-def _level_starts(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
-    """What the levels of the data suggest, as it stands: where friction drifts, or ages on and on, a settled cycle,
-    which is what the features are, leads astray."""
-    problem = state.problem
-    problem.progress("solving from what the levels suggest", 0.7)
-
-    def solve(theta: Array) -> Attempt | None:
-        return solve_or_hold(problem.prepared, state.logs, state.at(theta), problem.clock)
-
-    if is_due(strategy):
-        suggested = ranked(state.chosen, problem.unknowns, suggested_starts(state.chosen, problem.unknowns))
-        yield from _again_from(state, strategy, (start.theta for start in suggested), solve)
 
 
 def _again_from(
@@ -264,10 +223,6 @@ def _again_from(
         if _fits(found):
             yield _with_the_others(state, state.problem.prepared, found)
             return
-
-
-def _lost_everywhere(state: _Progressing) -> bool:
-    return _unanswered(state) and len(state.lost) == state.solved > 0 and state.problem.sources != "user"
 
 
 def _unanswered(state: _Progressing) -> bool:
@@ -285,14 +240,7 @@ STARTS: tuple[
     (Strategy.PIECES_FIRST, lambda state: any(log.pieces for log in state.chosen), _pieces_first),
     (Strategy.FEATURE_START, lambda state: state.solved == 0 or not state.unequal, _first),
     (Strategy.FURTHER_STARTS, lambda state: not state.unequal, _further),
-    (Strategy.RANDOM_STARTS, _lost_everywhere, _drawn),
-    (Strategy.SHORT_STEPS, lambda state: _unanswered(state) and bool(state.lost), _short_steps),
     (Strategy.PRIOR_CONTINUATION, lambda state: _unanswered(state) and bool(state.lost), _prior_continuation),
-    (
-        Strategy.LEVEL_STARTS,
-        lambda state: _unanswered(state) and state.problem.last and state.problem.sources != "user",
-        _level_starts,
-    ),
 )
 """Where answers come from, in the order in which they are tried: row of the table, when it applies, what it tries."""
 
@@ -313,9 +261,6 @@ def _solved_and_repaired(state: _Progressing, strategy: Strategy, theta: Array) 
     prepared, attempt = _with_strengths(state, at, first)
     if not _fits(attempt) and not state.unequal:
         prepared, attempt = _events_corrected(state, at, attempt)
-        for repair in (_resimulated, _good_logs_first):
-            if not _fits(attempt):
-                attempt = repair(state, prepared, at, attempt) or attempt
     if crept(attempt):
         attempt = _held(state, prepared, at, attempt) or attempt
     if not attempt.solved.solution.success:
@@ -349,39 +294,6 @@ def _events_corrected(state: _Progressing, at: Unknowns, attempt: Attempt) -> tu
     if again is not None and _better(attempt, again) is again:
         return mended, again
     return problem.prepared, attempt
-
-
-def _resimulated(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: Attempt) -> Attempt | None:
-    """What is solved where logs in which a few of many cycles misfit are simulated through: how often those come to
-    rest may be another than was seen, the first slips above all, which find an older contact than all others."""
-    gate = attempt.gate
-    misfit = np.abs(gate.z) > PER_CYCLE
-    if not 0 < np.count_nonzero(misfit) <= FEW * misfit.size:
-        return None
-    doubted = {attempt.logs[place] for place in (gate.log[misfit] - 1).tolist()}
-    doubted = {i for i in doubted if prepared[i].manner.name == "cycles"}
-    if not doubted:
-        return None
-    state.problem.progress("following what misfits", 0.63)
-    having = [log.as_course if i in doubted else log for i, log in enumerate(prepared)]
-    there = replace(at, start=attempt.solved.theta)
-    found = attempted(
-        Strategy.RESIMULATED,
-        lambda: solve_from(having, list(attempt.logs), there, state.problem.clock),
-        attempt,
-        attempt.logs,
-    )
-    return found if _fits(found) and set(found.logs) == set(attempt.logs) else None
-
-
-def _good_logs_first(state: _Progressing, _prepared: list[Prepared], at: Unknowns, _attempt: Attempt) -> Attempt | None:
-    problem = state.problem
-    problem.progress("solving the logs that fit first", 0.65)
-    return attempted(
-        Strategy.GOOD_LOGS_FIRST,
-        lambda: from_some(problem.prepared, state.logs, state.able, at, problem.clock),
-        logs=state.logs,
-    )
 
 
 def _held(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: Attempt) -> Attempt | None:

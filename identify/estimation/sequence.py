@@ -57,14 +57,6 @@ def resequenced(
     return _put_in([new if differs else None for new, differs in zip(found, other, strict=True)], logs, guesses)
 
 
-def followed_anew(
-    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
-) -> tuple[list[Prepared], list[Guess]] | None:
-    """As `resequenced`, whatever the sequence: phases of the same kind may begin and end elsewhere; None where no log
-    is a course."""
-    return _put_in(_courses(whole, logs, guesses, unknowns), logs, guesses)
-
-
 def refollowed(
     whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
 ) -> tuple[list[Prepared], list[Guess]] | None:

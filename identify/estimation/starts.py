@@ -47,8 +47,6 @@ Sources = Literal["data", "user", "both"]
 
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
-EACH = 12  # starts by lot about each suggestion of the levels
-LIKE = 0.3  # of the spread: a start as close as that to one that was lost will be lost
 SAME = 0.02  # of the spread: starts closer than that are one
 
 
@@ -103,24 +101,6 @@ def starts_of(
     yield from _distinct(starts, unknowns)
 
 
-def drawn_starts(
-    prepared: list[Prepared], unknowns: Unknowns, seed: int, but: Sequence[Array], clock: Clock
-) -> Iterator[Array]:
-    """Starts (n_p,) that fit the features well, of many scattered about all that the levels of the data suggest; none
-    that is like some others (but)."""
-    since = time.perf_counter()
-    features, bases = features_of(prepared)
-    if not features:
-        return
-    about = candidates(unknowns, features, bases)
-    lots = [random_starts(unknowns, place, EACH, seed + number) for number, place in enumerate(about)]
-    found = fit_features(quieted(unknowns), features, bases, np.concatenate(lots))
-    clock.add("start", since)
-    good = [np.where(unknowns.free, start.theta, unknowns.start) for start in found if start.cost < GOOD]
-    reach = np.where(unknowns.free, LIKE * unknowns.spread, np.inf)
-    yield from apart(good, reach, but)
-
-
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
     """What the logs with repeating cycles show of them, and the base values (n_p,) of each such log."""
     features: list[Features] = []
@@ -137,10 +117,10 @@ def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
     return apart((start.theta for start in starts), np.where(unknowns.free, SAME * unknowns.spread, np.inf))
 
 
-def apart(thetas: Iterable[Array], reach: Array, but: Iterable[Array] = ()) -> Iterator[Array]:
-    """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before, and from some others
-    (but), in one parameter at least; infinite: not compared."""
-    seen = list(but)
+def apart(thetas: Iterable[Array], reach: Array) -> Iterator[Array]:
+    """Those of some thetas (n_p,) that are farther than `reach` (n_p,) from each one before in one parameter
+    at least; infinite: not compared."""
+    seen = list[Array]()
     compared = np.isfinite(reach)  # a parameter that is held at nought has no logarithm
     for theta in thetas:
         if all(np.any(np.abs(theta[compared] - other[compared]) > reach[compared]) for other in seen):

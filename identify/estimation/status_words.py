@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from identify.base.outcome import Status
 from identify.effects import ALL, MAIN
 from identify.estimation.attempt import Attempt
-from identify.estimation.ridge_ends import AT_BOUND
 from identify.logs.prepare import Prepared
-from identify.logs.unknowns import RIG_REACH, Unknowns
+from identify.logs.unknowns import AT_BOUND, RIG_REACH, Unknowns
 from identify.model.model import RIG_PARAMETERS
 
 Array = NDArray[np.float64]

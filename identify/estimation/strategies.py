@@ -27,14 +27,11 @@ class Strategy(Enum):
     PIECES_FIRST = "pieces first", "a log repeats itself within a programme", "solves what repeats, then the whole log"
     FEATURE_START = "feature start", "always", "solves from the start whose settled cycle is that of the data"
     FURTHER_STARTS = "further feature starts", "the first start did not fit", "solves from up to three more of these"
-    RANDOM_STARTS = "multi-start", "the solver lost its way from every start", "solves from starts drawn at random"
-    SHORT_STEPS = "trust region", "the solver lost its way from a start", "solves in passes that go a short way each"
     PRIOR_CONTINUATION = (
         "prior continuation",
         "the data hardly tell some parameter, and the solver finds no end",
         "holds the start by priors and weakens them step by step",
     )
-    LEVEL_STARTS = "level starts", "nothing else fitted", "solves from what the force levels suggest, without features"
     OTHER_LOGS = "other logs first", "the logs of the start led to no answer of all", "starts from another set of logs"
     STEADY_PARTS = "steady parts", "logs end in steady sliding and nothing fitted", "fits the level of their last part"
     CALM_LOAD = "smoothed load", "the normal force trembles", "solves with a smoothed load, then with the measured one"
@@ -42,19 +39,11 @@ class Strategy(Enum):
     # From an attempt that does not fit to one that does.
     STICK_STRENGTHS = "strength per stick", "cycles misfit, or only their loads explain them", "lets sticks differ"
     EVENTS_CORRECTED = "events corrected", "some cycles misfit", "puts in slips that were missed, takes out others"
-    RESIMULATED = "log simulated through", "a few of many cycles misfit", "simulates a misfitting log through instead"
-    GOOD_LOGS_FIRST = "good logs first", "the start fits some of the logs only", "solves these, the others join"
     JOINED = "logs joined", "some logs took no part", "solves again with them, from the answer"
     # From an answer that fits to a better one, or to one whose motion is sure.
     VIBRATION_STARTS = "starts about the answer", "the drive vibrates", "solves from starts drawn about the answer"
-    STRENGTHENING = "strengthening contact", "the contact weakens at rest", "looks for an answer in which it does not"
-    INSIDE_BOUNDS = "inside the bounds", "a parameter sits at a bound of the model", "looks for an answer inside"
-    EVENT_RELEASED = "event released", "a phase of length zero holds the answer", "takes that phase out of the motion"
     FINER_STEPS = "finer steps", "integration errors are no small part of a standard error", "halves the steps"
-    NEIGHBOURING_MODES = "neighbouring modes", "a rest just happens or just does not", "solves the other sequence"
     OTHER_OPTIMA = "other optima", "the data hardly tell some parameter", "solves from starts about the answer"
-    OTHER_SIGN = "other sign", "some parameter is not told", "tries friction that changes with speed the other way"
-    RIDGE_ENDS = "ends of a sloppy direction", "some parameter is not told", "simulates anew at both ends"
     PROFILE_OPTIMUM = "optimum of a profile", "a profile meets a better place", "solves from there"
     # What the model as stated cannot be.
     HYPOTHESES = "hypotheses", "nothing fitted", "frees mass, stiffness, damping, lag, speed … one at a time"

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 SOFT_FACTOR = 3.0  # sd of a logarithm: a factor of twenty
 SOFT_SPREADS = 10.0  # sd of a parameter on a linear scale, in its own spread: 1 for a coefficient
 FORGOTTEN = 1e3  # spreads: sd of a parameter of which nothing is known before
+AT_BOUND = 1e-6  # of the spread: a parameter that close to its bound sits on it
 RESOLVED = 0.04  # of sqrt(m/k): time constants that go to zero cannot be told from zero below that
 RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays within a factor of three
 
@@ -87,6 +88,13 @@ class Unknowns:
         for index, to, _ in self.ties:
             out[index] = to
         return out
+
+    def at_own_bounds(self, theta: Array) -> NDArray[np.bool_]:
+        """Which parameters (n_p,) sit at a bound of the model that is none of the scene."""
+        near = AT_BOUND * self.spread
+        low = (np.abs(theta - self.lower) < near) & ~self.walls[0]
+        high = (np.abs(theta - self.upper) < near) & ~self.walls[1]
+        return np.asarray(self.free & (low | high))
 
     def base(self, rig: Mapping[str, float]) -> Array:
         """Base values for a log with this rig (mass, stiffness, damping by name)."""

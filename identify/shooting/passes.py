@@ -6,7 +6,6 @@ more than half a sample, the assignment and the answer agree.
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,71 +18,11 @@ from identify.base.budget import time_is_up
 from identify.logs.loads import calmed
 from identify.logs.log_data import Grid, Guess, LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.layout import kept_parameters
 from identify.shooting.onsets import turned_back, with_first_onsets, with_last_onsets
 from identify.shooting.shooting import Problem, transcribe
 from identify.shooting.solve import Solution, solve
 
-# ----------------------------------------------------------------------------------------------------------------------
-# How far one pass of a solve is trusted: parameters and events go no farther from where the samples were assigned.
-#
-# From a start that is off a solve takes steps along what it sees there, and may be lost after the first: a slip begins
-# from an unstable equilibrium, and what a parameter does to it holds for a small part of its range. Held to such a
-# part, each pass is an easy solve, and the next begins where it ended.
-# ----------------------------------------------------------------------------------------------------------------------
-
 Array = NDArray[np.float64]
-
-FIRST = 0.5  # of the spread of a parameter
-TRUSTED_OF_A_SLIP = 1 / 3  # of its duration: for the events about it
-WIDER, NARROWER = 1.5, 0.25  # times that, after a pass that was easy and one that was lost
-EASY = 8  # iterations
-LOST = 3  # passes that may be lost
-EDGE = 0.99  # of the way to where trust ends: what goes as far is held back
-
-
-@dataclass(frozen=True)
-class Trust:
-    """How far parameters may go, in their spreads, and how many passes were lost so far."""
-
-    reach: float = FIRST
-    lost: int = 0
-
-    def after(self, easy: bool) -> Trust:
-        """What is trusted after a pass that succeeded."""
-        return replace(self, reach=self.reach * WIDER) if easy else self
-
-    def less(self) -> Trust | None:
-        """What is trusted after a pass that was lost; None where enough were."""
-        return None if self.lost == LOST else Trust(self.reach * NARROWER, self.lost + 1)
-
-    def bounds(self, problem: Problem, guesses: Sequence[Guess]) -> tuple[Array, Array]:
-        """Lower and upper bounds of the unknowns (n,), in physical units."""
-        layout = problem.layout
-        room = np.full(layout.size, np.inf)
-        kept = kept_parameters(layout)
-        room[kept] = self.reach * layout.scale[kept]
-        for place, guess in zip(layout.places, guesses, strict=True):
-            slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else np.inf
-            room[place.events] = TRUSTED_OF_A_SLIP * slip
-        return np.maximum(layout.lower, layout.start - room), np.minimum(layout.upper, layout.start + room)
-
-    def held_to(self, problem: Problem, guesses: Sequence[Guess]) -> Problem:
-        """The problem within what is trusted."""
-        lower, upper = self.bounds(problem, guesses)
-        out = copy.copy(problem)
-        out.layout = replace(problem.layout, lower=lower, upper=upper)
-        return out
-
-
-def held_back(problem: Problem, x: Array) -> bool:
-    """Whether some parameter or event went as far as the problem lets it, from its start, in a point x (n,)."""
-    layout = problem.layout
-    moved = x - layout.start
-    asked = np.union1d(kept_parameters(layout), layout.events)
-    room = np.where(moved > 0.0, layout.upper - layout.start, layout.start - layout.lower)[asked]
-    return bool(np.any(np.abs(moved[asked]) > EDGE * room))
-
 
 COARSE = Grid(slip=8, saturated=8, steps=2)
 STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
@@ -138,7 +77,6 @@ class _Way:
     hopeless: float
     steps: int
     most: int
-    trust: Trust | None = None
 
 
 def solve_in_passes(
@@ -149,15 +87,14 @@ def solve_in_passes(
     hopeless: float = np.inf,
     steps: int = 0,
     most: int = 1000,
-    trust: Trust | None = None,
 ) -> Solved:
     """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES).
 
     Args:
         hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
-            least and at most. trust: how far the first pass may go (None: every pass may go anywhere).
+            least and at most.
     """
-    way = _Way(hopeless, steps, most, trust)
+    way = _Way(hopeless, steps, most)
     solved = _from_calm(logs, guesses, unknowns, way)
     for _ in range(AGAIN):
         if time_is_up():
@@ -204,8 +141,6 @@ def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, wa
     """Solve; where a load trembles and that is lost, or the way is a long one, from the events of a calm load."""
     calm = [calmed(log) for log in logs]
     trembling = any(quiet is not log for quiet, log in zip(calm, logs, strict=True))
-    if way.trust is not None and trembling:
-        return _in_passes(logs, calm, guesses, unknowns, way)
     at_once = _in_passes(logs, logs, guesses, unknowns, way)
     cost = at_once.solution.cost
     near = at_once.grid is not COARSE and _fits(at_once)
@@ -224,20 +159,17 @@ def _in_passes(
 ) -> Solved:
     """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
     grid, tolerance, barrier = COARSE, 1e-3, 1e-4
-    trust = way.trust
-    iterations, forming, arrived = 0, 0.0, 0
+    iterations, forming = 0, 0.0
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     bent = False
     been, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
     hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
-    for number in range(1, (LONGEST if hidden or trust is not None else MOST_PASSES) + 1):
+    for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
         pattern = None if solved is None else solved.problem.pattern
         problem = transcribe(calm if coarse else logs, guesses, unknowns, grid, pattern=pattern)
-        if trust is not None:
-            problem = trust.held_to(problem, guesses)
         forming += time.perf_counter() - since
         tried = _tried(problem, tolerance, barrier, bent, trembling)
         solution, bent = tried.solution, tried.bent
@@ -246,7 +178,6 @@ def _in_passes(
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
         formed_from = guesses
         guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
-        as_found = guesses
         if coarse:  # what stood in for the tremor of the load is no error of its measurement
             guesses = [
                 g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation), slip_deviation=np.empty(0))
@@ -254,20 +185,8 @@ def _in_passes(
             ]
         shift = _shift_in_samples(problem, solution, logs, formed_from)
         solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
-        before, unknowns = unknowns, replace(unknowns, start=theta)
-        if trust is not None:
-            if not solution.success or not np.all([_ordered(guess) for guess in guesses]):
-                trust = trust.less()
-                if trust is None:
-                    return solved
-                guesses, unknowns = formed_from, before
-                continue
-            trust = trust.after(tried.iterations <= EASY)
-            if held_back(problem, solution.x):
-                guesses = as_found
-                continue
-        arrived += 1
-        if _last(solved, arrived, way.hopeless):
+        unknowns = replace(unknowns, start=theta)
+        if _last(solved, way.hopeless):
             return solved
         if not coarse:
             events = _events(guesses)
@@ -280,15 +199,15 @@ def _in_passes(
     return solved
 
 
-def _last(solved: Solved, arrived: int, hopeless: float) -> bool:
+def _last(solved: Solved, hopeless: float) -> bool:
     """Whether no pass follows: the events stand still, or the solve is lost.
 
     Args:
-        arrived: how many passes went as far as they would; hopeless: largest cost to go on with.
+        hopeless: largest cost to go on with.
     """
     solution, fine = solved.solution, solved.grid is not COARSE
     misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
-    far = misfit > LOST_MISFIT if not solution.success else arrived >= PASSES and misfit > ALL_BUT
+    far = misfit > LOST_MISFIT if not solution.success else solved.passes >= PASSES and misfit > ALL_BUT
     broken = not solution.success and (fine or solution.infeasibility > NEAR)
     if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
         return True
