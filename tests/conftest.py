@@ -57,12 +57,5 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
 def one_try(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A search that gives up after its first start: for what has no answer, the others only take time."""
     monkeypatch.setattr(starts, "RANDOM", ())
-    others = (
-        Strategy.FURTHER_STARTS,
-        Strategy.RANDOM_STARTS,
-        Strategy.SHORT_STEPS,
-        Strategy.PRIOR_CONTINUATION,
-        Strategy.LEVEL_STARTS,
-    )
-    with tracing(others):
+    with tracing((Strategy.FURTHER_STARTS, Strategy.PRIOR_CONTINUATION)):
         yield
