@@ -182,7 +182,8 @@ def _duration(part: Part, request: Request) -> tuple[float | None, int]:
 
 _PATTERN: Final = re.compile(r"[*?\[]")
 _SUFFIXES: Final = (
-    ".txt", ".csv", ".tsv", ".dat", ".asc", ".log", ".lvm", ".h5", ".hdf5", ".mat", ".tdms", ".xlsx", ".gz", ".zip",
+    ".txt", ".csv", ".tsv", ".dat", ".asc", ".log", ".lvm", ".h5", ".hdf5", ".mat", ".tdms", ".parquet", ".xlsx",
+    ".gz", ".zip",
 )  # fmt: skip
 _BESIDE = re.compile(r"(read[ _-]?me|licen[cs]e|copying|notice|changelog)", re.IGNORECASE)  # texts about logs
 _DIGITS = re.compile(r"\d{1,18}")

@@ -31,20 +31,24 @@ _SMALL: Final = 1 << 26
 """Bytes that are never refused."""
 
 
-def check_memory(source: Source, rows: int, columns: int, until: Callable[[int], float]) -> None:
-    """Refuse so many float64 numbers where they do not fit into memory; until: tells the time [s] of a row.
+def check_memory(source: Source, rows: int, columns: int, until: Callable[[int], float] | None) -> None:
+    """Refuse so many float64 numbers where they do not fit into memory. Raises `LogTooLargeError`.
 
-    Raises `LogTooLargeError`.
+    until: tells the time [s] of a row; None where no part of the rows can be read.
     """
     wanted, free = 8 * rows * columns, free_memory()
     if wanted <= _SMALL or free is None or wanted <= _SHARE * free:
         return
-    stop = f"{until(int(rows * _SHARE * free / wanted) - 1):.4g} s"
     fewer = ", or fewer columns with --channels none" if columns > FEWEST_COLUMNS else ""
+    part = f"write a part of its rows to a file of its own{fewer.replace(', or ', ', or read ')}"
+    if until is not None:
+        stop = f"{until(int(rows * _SHARE * free / wanted) - 1):.4g} s"
+        part = (
+            f'read a part of the log with --window "0 s,{stop}" (in a scene: window = ["0 s", "{stop}"] in its '
+            f"[[logs]]), one step with --step{fewer}"
+        )
     refused = source.error(
-        f"the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are free; read a part "
-        f'of the log with --window "0 s,{stop}" (in a scene: window = ["0 s", "{stop}"] in its [[logs]]), one step '
-        f"with --step{fewer}"
+        f"the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are free; {part}"
     )
     raise LogTooLargeError(str(refused))
 

@@ -152,15 +152,17 @@ def with_units(source: Source, request: Request, header: Header, units: Sequence
     return replace(header, names=tuple(names))
 
 
-def numbered_head(text: str, request: Request) -> Head | None:
-    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so.
+def numbered_head(text: str, request: Request, *, goes_on: bool = False) -> tuple[Head, int] | None:
+    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so, and how
+    many of its rows stand in the text.
 
     The table is the longest block of rows of equal width, whichever delimiter tells it; other lines stand above it.
+    goes_on: more text follows, and rows that lack a column that was named may be settings.
     """
     wanted = request.columns
     if not wanted or not all(name.isdecimal() and len(name) < 10 for name in wanted.values()):
         return None
-    least = 1 if request.rate is not None else 2
+    least = max(map(int, wanted.values())) if goes_on else 1 if request.rate is not None else 2
     lines = list(lines_from(text, 0))
     best = (0, 0, "", 0)  # rows, where, delimiter, width
     for delimiter in DELIMITERS:
@@ -182,7 +184,7 @@ def numbered_head(text: str, request: Request) -> Head | None:
         beside = fields[i + 1] if i + 1 < len(fields) else ""
         names.append(Name(str(i + 1), str(i + 1), unit_word(beside) if is_number(fields[i]) else None))
     roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names) and role in KIND}
-    return Head(Header(tuple(names), roles), start, delimiter, width)
+    return Head(Header(tuple(names), roles), start, delimiter, width), rows
 
 
 def _is_bare_row(fields: Sequence[str]) -> bool:

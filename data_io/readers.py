@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from data_io import delimited, excel, hdf5, labview, matlab, stickslip_csv, umt_text
+from data_io import delimited, excel, hdf5, labview, matlab, parquet, stickslip_csv, umt_text
 from data_io.contents import Contents
 from data_io.source import Request, Source
 from data_io.text import looks_like_text
@@ -26,6 +26,7 @@ READERS: Final = (
     Reader("hdf5", hdf5.can_read, hdf5.read),
     Reader("matlab", matlab.can_read, matlab.read),
     Reader("excel", excel.can_read, excel.read),
+    Reader("parquet", parquet.can_read, parquet.read),
     Reader("tdms", labview.is_tdms, labview.read_tdms),
     Reader("stickslip-csv", stickslip_csv.can_read, stickslip_csv.read),
     Reader("labview-lvm", labview.is_lvm, labview.read_lvm),

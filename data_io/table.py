@@ -64,6 +64,11 @@ class OpenTable:
     _days: list[Mapping[int, FloatArray | None]] = field(default_factory=list)
     _units: dict[int, str] = field(default_factory=dict)
 
+    @property
+    def rows(self) -> int:
+        """Number of rows so far."""
+        return sum(self._rows)
+
     def add(self, numbers: Numbers) -> None:
         """Put rows below those that are there."""
         self.remarks += numbers.remarks
@@ -165,6 +170,7 @@ class Walk:
         self._above, self._looked_at = 0, 0
         self._segment, self._rest = Segment(b"", 1, False), b""
         self.table: OpenTable | None = None
+        self._numbered, self._settings = False, 0
         self.carry = ""
 
     def take(self, segment: Segment) -> bytes:
@@ -177,15 +183,31 @@ class Walk:
         self._text, self._at_end = self.carry + segment.text, segment.at_end
         self._marks = [match.start() for match in TEXT_LINE.finditer("\n" + self._text)]
         self._above, self.carry = 0, ""
+        self._without_settings()
         i = self._rows(0, 0) if self.table is not None else 0
         while i < len(self._marks) and self.table is None and not self.carry:
             head = self._head(i)
             i = self._passed_over(i) if head is None else self._begin(head, i)
-        if self.table is None and not self._tables and (head := numbered_head(self._text, self._request)):
-            self._begin(head, -1)
+        if self.table is None and not self._tables:
+            goes_on = not self._at_end and len(self._text) <= MOST_WORDS
+            if found := numbered_head(self._text, self._request, goes_on=goes_on):
+                self._begin(found[0], -1)
+                self._numbered = True
         if self.table is None:
             self._carry_on()
         return self._rest
+
+    def _without_settings(self) -> None:
+        """Drop a table without a header that was begun above another, longer one of other rows: settings."""
+        if self.table is None or not self._numbered or self._tables:
+            return
+        layout = self.table.head.delimiter, self.table.head.width
+        last = self._text[self._text.rfind("\n", 0, self._text.rfind("\n")) + 1 :].split("\n")[0]
+        if len(split(last, layout[0])) == layout[1]:
+            return
+        found = numbered_head(self._text, self._request)
+        if found and found[1] > self.table.rows and (found[0].delimiter, found[0].width) != layout:
+            self._settings, self.table = self.table.rows, None
 
     def finish(self) -> tuple[list[Table], tuple[str, ...]]:
         """Return the tables and the lines below the last one. Raises the source's `LogError` where there is none."""
@@ -214,6 +236,9 @@ class Walk:
         first_line = self._line(head.start)
         wanted = wanted_columns(head.header, self._request, self._keep)
         self.table = OpenTable(head, above, first_line, wanted)
+        if self._settings:
+            text = f"{self._settings} rows of another layout above the table were taken for settings"
+            self.table.remarks.append(Finding("settings_above", "info", text))
         if self._tables and (rows := [line for line in above if _is_lost_row(line)]):
             text = f"{len(rows)} line(s) of numbers above line {first_line} fit no header and were left out"
             self.table.remarks.append(Finding("rows_left_out", "warning", text))

@@ -415,6 +415,19 @@ def tdms(rows: Sequence[Row]) -> Made:
     return Made(held.getvalue(), made.time, made.normal, made.friction)
 
 
+def parquet(rows: Sequence[Row]) -> Made:
+    """Parquet: a unit in a name, one in the metadata of a column, a column of words."""
+    import pyarrow
+    import pyarrow.parquet
+
+    made, t, fz, fx = _floats(rows)
+    fields = [pyarrow.field("Fz", pyarrow.float64(), metadata={"unit": "N"}), ("Time [s]", pyarrow.float64()),
+              ("Fx [N]", pyarrow.float64()), ("remark", pyarrow.string())]  # fmt: skip
+    held = io.BytesIO()
+    pyarrow.parquet.write_table(pyarrow.table([fz, t, fx, ["NN"] * t.size], pyarrow.schema(fields)), held)
+    return Made(held.getvalue(), made.time, made.normal, made.friction)
+
+
 def matlab(rows: Sequence[Row]) -> Made:
     """MATLAB 5: a struct with column vectors, units as suffix."""
     import scipy.io
@@ -474,10 +487,11 @@ ALL: Mapping[str, LookAlike] = {
     "chinese": LookAlike("delimited", "chinese.csv", chinese),
     "hdf5": LookAlike("hdf5", "daq.h5", hdf5, NAMED),
     "tdms": LookAlike("tdms", "pair.tdms", tdms),
+    "parquet": LookAlike("parquet", "pair.parquet", parquet),
     "matlab": LookAlike("matlab", "pair.mat", matlab),
     "excel": LookAlike("excel", "pair.xlsx", excel),
 }
-TEXTS = tuple(name for name in ALL if name not in ("hdf5", "tdms", "matlab", "excel"))
+TEXTS = tuple(name for name in ALL if name not in ("hdf5", "tdms", "parquet", "matlab", "excel"))
 
 
 def main(folder: Path) -> None:

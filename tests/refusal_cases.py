@@ -17,6 +17,7 @@ import nptdms
 import numpy as np
 import openpyxl
 import pandas as pd
+import pyarrow.parquet
 import pytest
 import scipy.io
 
@@ -122,6 +123,40 @@ def without_tdms(folder: Path, patch: pytest.MonkeyPatch) -> object:
     patch.setitem(sys.modules, "nptdms", None)
     (folder / "a.tdms").write_bytes(b"TDSm" + bytes(99))
     return read_log(folder / "a.tdms")
+
+
+def parquet(rows: int = 20) -> Act:
+    """A Parquet file of so many rows that are all alike."""
+
+    def act(folder: Path, _patch: pytest.MonkeyPatch) -> object:
+        columns = {name: np.zeros(rows) for name in ("Time [s]", "Fx [N]", "Fz [N]")}
+        columns["Time [s]"][:20] = np.arange(20)[:rows]
+        pyarrow.parquet.write_table(pyarrow.table(columns), folder / "a.parquet", compression="zstd")
+        return read_log(folder / "a.parquet")
+
+    return act
+
+
+def parquet_that(patched: Callable[[pytest.MonkeyPatch], object], data: bytes = b"PAR1") -> Act:
+    """A Parquet file of these bytes on a machine that is changed so."""
+
+    def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
+        patched(patch)
+        (folder / "a.parquet").write_bytes(data)
+        return read_log(folder / "a.parquet")
+
+    return act
+
+
+def beyond_memory(name: str) -> Act:
+    """A Parquet file of which half would fit into the memory that is free."""
+
+    def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
+        patch.setattr(hdf5_values, "_SMALL", 0)
+        patch.setattr(hdf5_values, "free_memory", lambda: 8 * 20 * 3 if name == "free" else 1 << 30)
+        return parquet()(folder, patch)
+
+    return act
 
 
 def axes(other: float | None, level: float = 0.1) -> Act:
@@ -553,6 +588,9 @@ CASES: dict[str, Pair] = {
     "TDMS beyond memory": (tdms_that(MemoryError), tdms()),
     "TDMS without samples": (tdms(rows=0), tdms()),
     "a scaling of another kind": (tdms(scale="Magic"), tdms(scale="Linear")),
+    "damaged Parquet": (parquet_that(lambda _: None), parquet()),
+    "Parquet without its reader": (parquet_that(lambda patch: patch.setitem(sys.modules, "pyarrow", None)), parquet()),
+    "Parquet beyond memory": (beyond_memory("free"), beyond_memory("plenty")),
     "native CETR": (file(b"#1# Name$pair$\x00\x01\x02" + bytes(50)), file(umt(step(1)))),
     # text without a table
     "no numbers": (file("T,Fx,Fz\ns,N,N\n"), file("T,Fx,Fz\ns,N,N\n0,1,3\n1,1,3\n")),

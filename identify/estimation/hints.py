@@ -162,8 +162,7 @@ def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess], colours: Se
     if onsets(guesses):
         return ""
     held = [levels(log.data, guess, noise) for log, guess, noise in zip(logs, guesses, colours, strict=True)]
-    named = [", ".join(filter(None, (log.name, log.rests_on))) for log in logs]
-    found = [(name, level) for name, of_log in zip(named, held, strict=True) for level in of_log]
+    found = [(log.name, level) for log, of_log in zip(logs, held, strict=True) for level in of_log]
     if not found:
         return ""
     told = first_of([f"{level.words} ({name})" for name, level in found], MOST_LEVELS)

@@ -31,7 +31,7 @@ NOISELESS, ASSUMED = 1e-6, 1e-4  # of the force: less is no noise of a measureme
 LEAST_SHARE = 0.2  # of a record, from which on the level of its steady end is one of it
 SETTLED_ENOUGH = 0.5  # of a record: an end that is longer stands for all of it
 FEWEST_SLIDING = 20  # samples that slide before a steady end
-NEARLY_ALL = 0.9  # of a record: an answer that rests on more of it needs no word
+NEARLY_ALL = 0.9  # of a record: an answer that rests on more of it rests on all of it
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 SWINGS = 0.3  # times that: error of the load in fast rhythms from which on a slip has one of its own
@@ -113,7 +113,7 @@ class Prepared:
         share = (self.data.end - self.data.begin) / whole if whole > 0.0 else 1.0
         if share >= NEARLY_ALL:
             return ""
-        return f"from {self.data.begin:.4g} to {self.data.end:.4g} s, {100.0 * share:.2g} % of the record"
+        return f"{self.data.begin:.4g} to {self.data.end:.4g} s of {self.name} ({100.0 * share:.2g} % of the record)"
 
     @property
     def never_slips(self) -> bool:

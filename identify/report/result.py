@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -26,6 +26,7 @@ from identify.logs.prepare import Prepared
 from identify.logs.told_drive import DISAGREES
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
+from identify.prediction.wording import listed
 from identify.report.depth_document import depth_document, noise_note, profile_ends, ridge_note
 from identify.report.log_document import creep_velocities, load_varies, log_document, outlooks_of
 from identify.scene import Scene
@@ -71,6 +72,25 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
     return notes
 
 
+def _rests_on(logs: Sequence[Prepared]) -> str:
+    """Which part of each record an answer from these logs rests on, in words that follow "from"."""
+    parts = [log.rests_on for log in logs if log.rests_on]
+    whole = [log.name for log in logs if not log.rests_on]
+    if len(whole) > MOST_NAMED:
+        whole = [f"all {'other ' if parts else ''}{len(whole)} records"]
+    elif whole:
+        whole = [f"all of {listed(whole)}"]
+    return listed([*parts, *whole])
+
+
+def _message(prepared: list[Prepared], found: Findings) -> str:
+    """The sentence of the result; an answer says first which part of each record it rests on."""
+    if found.status is not Status.CONVERGED:
+        return found.message
+    taken = [log for i, log in enumerate(prepared) if i not in found.left_out]
+    return f"from {_rests_on(found.attempt.prepared if found.attempt else taken)}: {found.message}"
+
+
 def _events(prepared: list[Prepared], found: Findings) -> list[str]:
     """Slips that the search put in or took out, and courses it could not follow to their end."""
     notes = []
@@ -99,6 +119,7 @@ Array = NDArray[np.float64]
 
 DISTRIBUTION = "stick-slip-workbench"
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
+MOST_NAMED = 3  # records that a sentence names where all of each is meant
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 
 
@@ -121,7 +142,7 @@ def document(
     result: dict[str, Any] = {
         "schema": 1,
         "status": found.status.value,
-        "message": found.message,
+        "message": _message(prepared, found),
         "parameters": _parameters(found, converged) or _untold(found.unknowns),
         "effects": _effects(prepared, found, choice),
         "estimator": found.estimator,

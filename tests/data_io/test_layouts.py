@@ -189,6 +189,30 @@ def test_the_longest_block_of_equal_width_is_the_table(tmp_path, between):
     right(read_log(path, normal_force=1.0, **named))
 
 
+NUMBERED = {
+    "columns": {"time": "1", "friction_force": "2", "normal_force": "3"},
+    "units": {"time": "s", "friction_force": "N", "normal_force": "N"},
+}
+
+
+@pytest.mark.parametrize("count", [20, 5_000, 40_000])
+@pytest.mark.parametrize("setting", ["{0},{0}", "{0};{0};{0}", "{0},0.5,3"])
+def test_settings_end_wherever_they_end(tmp_path, setting, count):
+    rows = "".join(f"{i / 10}\t{FORCE[i % 120]}\t3.0\n" for i in range(50_000))
+    (tmp_path / "a.txt").write_text("".join(setting.format(i) + "\n" for i in range(count)) + rows)
+    record = read_log(tmp_path / "a.txt", **NUMBERED)
+    assert len(record) == 50_000 and "preamble" in record.metadata
+    lost = record.metadata["preamble"].count("\n") != count - 1
+    assert lost == ("settings_above" in codes(record)), "nothing is dropped without a word"
+    np.testing.assert_allclose(record.friction_force[:120], [float(force) for force in FORCE], rtol=1e-12)
+
+
+def test_a_shorter_table_below_is_no_table(tmp_path):
+    rows = "".join(f"{i / 10}\t{FORCE[i % 120]}\t3.0\n" for i in range(50_000))
+    (tmp_path / "a.txt").write_text(rows + "".join(f"{i},{i},{i}\n" for i in range(2_000)))
+    assert len(read_log(tmp_path / "a.txt", **NUMBERED)) == 50_000
+
+
 def test_the_position_is_read_where_there_is_no_header(capsys):
     path = str(CASES / "no_header_position.txt")
     named = ["--columns", "time=1,friction_force=3,position=2", "--units", "time=ms,friction_force=N,position=mm"]

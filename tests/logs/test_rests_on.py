@@ -53,7 +53,7 @@ def test_a_quiet_end_of_less_than_a_fifth_is_no_level(share: float, rate: float)
 def test_the_interval_of_a_quiet_end_holds_the_level_of_the_rest_and_the_message_names_the_part() -> None:
     result = fit(scene_of(), [two_levels(0.3)]).result
     assert result["status"] == "converged"
-    assert "a.csv, from 14.05 to 20 s, 30 % of the record" in result["message"].split(";")[0]
+    assert result["message"].startswith("from 14.05 to 20 s of a.csv (30 % of the record): sliding throughout: ")
     level, error = (float(word) for word in result["message"].split("coefficient, ")[1].split(" at ")[0].split(" ± "))
     assert abs(level - 0.39) < error < 0.2
 
@@ -65,6 +65,6 @@ def test_without_the_scatter_of_the_record_the_interval_misses_it(monkeypatch: p
     assert abs(level - 0.39) > 5.0 * error
 
 
-def test_a_record_that_slides_throughout_needs_no_word() -> None:
+def test_a_record_that_slides_throughout_counts_whole() -> None:
     message = fit(scene_of(), [two_levels(1.0)]).result["message"]
-    assert "% of the record" not in message and "0.34 ±" in message
+    assert message.startswith("from all of a.csv: sliding throughout: ") and "0.34 ±" in message
