@@ -1,9 +1,9 @@
 """Stick-slip whose strength differs from stick to stick, from the equations alone: nothing of the estimator is used.
 
-m v' = k x_b + c (v_0 - v) - F_n [mu_k(v) + (mu_s - mu_k(v)) e^s gamma], x_b' = v_0 - v,
-gamma' = (1 - gamma)/t_cr - v/D within [0, 1], c = h sqrt(m/k); every stick, and the slip after it, has its own s,
-normal with standard deviation `scatter`. Sticks in closed form with a bracketed root, slips by scipy's DOP853 with
-located switches. The load cell shows spring and damper.
+m v' = k x_b + c (v_0 - v) - F_n [mu_k(v) + (mu_s' - mu_k(v)) gamma], x_b' = v_0 - v,
+gamma' = (1 - gamma)/t_cr - v/D within [0, 1], c = h sqrt(m/k); every stick, and the slip after it, has its own
+mu_s' = mu_k0 + e^s (mu_s - mu_k0), s normal with standard deviation `scatter`. Sticks in closed form with a bracketed
+root, slips by scipy's DOP853 with located switches. The load cell shows spring and damper.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def forces(pair: Pair, drive: float, times: Array, scatter: float, random: np.ra
                 if t >= times[-1]:
                     break
                 raise ValueError("the mass slides on")
-            state, t, mode = _part(pair, drive, factor, state, (t, end), mode, times, shown)
+            state, t, mode = _part(strong, drive, state, (t, end), mode, times, shown)
         x, gamma = float(state[0]), float(state[2])
     return shown
 
@@ -67,7 +67,6 @@ def forces(pair: Pair, drive: float, times: Array, scatter: float, random: np.ra
 def _part(
     pair: Pair,
     drive: float,
-    factor: float,
     state: Array,
     span: tuple[float, float],
     mode: str,
@@ -75,7 +74,7 @@ def _part(
     shown: Array,
 ) -> tuple[Array, float, str]:
     """A part of a slip, "ageing" or "worn", until it rests, wears or ages again: state, time and what follows."""
-    motion, worn, v_cr = _motion(pair, drive, factor, mode), mode == "worn", pair.D / pair.t_cr
+    motion, worn, v_cr = _motion(pair, drive, mode), mode == "worn", pair.D / pair.t_cr
 
     def rests(_t: float, y: Any) -> float:
         return float(y[1])
@@ -107,13 +106,13 @@ def _part(
     return end, until, "ageing" if worn else "worn"
 
 
-def _motion(pair: Pair, drive: float, factor: float, mode: str) -> Callable[[float, Any], list[float]]:
+def _motion(pair: Pair, drive: float, mode: str) -> Callable[[float, Any], list[float]]:
     """The equations of a slip; worn: gamma rests at 0."""
 
     def rates(_t: float, y: Any) -> list[float]:
         x, v, gamma = y
         mu = pair.mu_k0 - pair.delta_mu_k * np.expm1(-pair.a * max(v, 0.0))
-        force = pair.stiffness * x + pair.c * (drive - v) - pair.load * (mu + (pair.mu_s - mu) * factor * gamma)
+        force = pair.stiffness * x + pair.c * (drive - v) - pair.load * (mu + (pair.mu_s - mu) * gamma)
         ageing = 0.0 if mode == "worn" else (1.0 - gamma) / pair.t_cr - v / pair.D
         return [drive - v, force / pair.mass, ageing]
 

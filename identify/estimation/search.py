@@ -271,10 +271,13 @@ def _solved_and_repaired(state: _Progressing, strategy: Strategy, theta: Array) 
 def _with_strengths(state: _Progressing, at: Unknowns, attempt: Attempt) -> tuple[list[Prepared], Attempt]:
     """The logs and the answer with sticks that differ in strength, where they are told to."""
     problem = state.problem
-    if (_fits(attempt) and not loads_stand_in(attempt.solved)) or not np.isfinite(attempt.excess):
+    asked = loads_stand_in(attempt.solved) if _fits(attempt) else _better(state.best, attempt) is attempt
+    if not (asked and problem.thorough):
         return problem.prepared, attempt
     problem.progress("solving with a strength of each stick", 0.55)
-    own = attempted(Strategy.STICK_STRENGTHS, lambda: with_own_strengths(attempt, at), attempt, attempt.logs)
+    own = attempted(
+        Strategy.STICK_STRENGTHS, lambda: with_own_strengths(attempt, problem.prepared, at), attempt, attempt.logs
+    )
     if not _fits(own):
         return problem.prepared, attempt
     return with_strengths(problem.prepared, own.prepared[0].data.strength_sd), own

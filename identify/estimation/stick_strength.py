@@ -17,15 +17,15 @@ from scipy.optimize import minimize_scalar
 
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
-from identify.estimation.attempt import Attempt, resolve
+from identify.estimation.attempt import Attempt, Clock, resolve, solve_from
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import Solved
 
 Array = NDArray[np.float64]
 
-FIRST = 0.02  # of mu_s - mu_k0: scatter of the first solve
-CARRIED = 0.08  # of the same: of sticks that differ more, the strong ones are longer, and the mode is off
+FIRST = 0.05  # of mu_s - mu_k0: scatter of the first solve
+CARRIED = 0.2  # of the same: strong sticks are long ones, which biases t_cr: at 0.15 by one standard error
 ROUNDS = 6
 STEADY = 0.05  # relative change of the scatter from solve to solve that is none
 WORTH = 4.0  # gain in 2 ln(likelihood) from which sticks are said to differ
@@ -39,25 +39,35 @@ def with_strengths(prepared: Sequence[Prepared], sd: float) -> list[Prepared]:
     return [replace(log, data=replace(log.data, strength_sd=sd)) for log in prepared]
 
 
-def with_own_strengths(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
-    """The answer with a strength of each stick, and their scatter; None where that is no scatter, or leads nowhere."""
+def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unknowns) -> Attempt | None:
+    """The answer with a strength of each stick, and their scatter; None where that is no scatter, or leads nowhere.
+
+    Args:
+        attempt: of sticks that are alike; where its motion is none of the model, the start (unknowns.start) is placed
+            anew on the logs it took; prepared: all logs.
+    """
     if not unknowns.free[unknowns.source[unknowns.names.index("mu_s")]]:
         return None
-    sd = FIRST * unknowns.strength(attempt.solved.theta)
+    found: Attempt | None = attempt if np.isfinite(attempt.excess) else None
+    theta = unknowns.start if found is None else attempt.solved.theta
+    sd = FIRST * unknowns.strength(theta)
     for _ in range(ROUNDS):
         if time_is_up() or not sd > 0.0:
             return None
-        scattering = replace(attempt, prepared=tuple(with_strengths(attempt.prepared, sd)))
-        attempt = resolve(scattering, replace(unknowns, start=attempt.solved.theta))
-        if not attempt.solved.solution.success:
+        if found is None:
+            found = solve_from(with_strengths(prepared, sd), list(attempt.logs), unknowns, Clock())
+        else:
+            scattering = replace(found, prepared=tuple(with_strengths(found.prepared, sd)))
+            found = resolve(scattering, replace(unknowns, start=found.solved.theta))
+        if found is None or not found.solved.solution.success:
             return None
-        found = _likeliest(*_spread(attempt.solved), sd)
-        if found > CARRIED * unknowns.strength(attempt.solved.theta):
+        likeliest = _likeliest(*_spread(found.solved), sd)
+        if likeliest > CARRIED * unknowns.strength(found.solved.theta):
             return None
-        if abs(found - sd) < STEADY * sd:
-            return attempt
-        sd = found
-    return attempt
+        if abs(likeliest - sd) < STEADY * sd:
+            return found
+        sd = likeliest
+    return found
 
 
 def _spread(solved: Solved) -> tuple[Array, Array]:
