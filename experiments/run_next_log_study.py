@@ -29,8 +29,8 @@ from experiments.machine import describe
 from experiments.run_recovery_study import CASES, FRICTION, RANGES, Outcome, Study, compared, sources_named
 from experiments.study_problem import NOISE, Case, scene_of
 from identify.base.wording import speed_text
+from identify.bench.next_log import NextLog, next_logs
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.next_log import NextLog, next_logs
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock
 from identify.estimation.starts import Sources

@@ -16,10 +16,10 @@ from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, to_nobody
+from identify.bench.next_log import advised, next_logs
+from identify.bench.next_log import document as next_log_document
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.next_log import advised, next_logs
-from identify.diagnosis.next_log import document as next_log_document
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL

@@ -8,14 +8,17 @@ simulator, which locates every switch: the force has no jump that they would mis
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.speed_steps import Programme
 from identify.base.errors import SimulationError
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
+from identify.simulation.drive import Drive
 from identify.simulation.plan import scales
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
@@ -25,6 +28,7 @@ Array = NDArray[np.float64]
 CYCLES = 6  # that are simulated: of more, each tells as much as these do on average, at least
 SETTLES = 60.0  # times sqrt(m/k): a mass that slides so long after an onset slides on
 STEADY = 15.0  # times that: the end of it, in which it is steady
+MOST_CYCLES = 30  # of a programme, each of which has a normal force of its own
 DOUBLED = 6  # times the duration is doubled until there are so many cycles
 IN_SLIP, IN_STICK = 48, 12  # moments of a phase at which the slopes are taken,
 PER_TIME, MOST = 8, 4000  # and per sqrt(m/k) of a long slide
@@ -34,18 +38,45 @@ SMALL = 1e-8, 1e-5  # by steps of a logarithm, and of a spread, that are as smal
 
 
 @dataclass(frozen=True)
+class Design:
+    """How a log is recorded: drive: its speed [m/s], or a programme of (start [s], speed [m/s]) that lasts `duration`
+    [s] (0: as long as its cycles take); normal_force [N]; stiffness [N/m] of the spring, None: that of the rig."""
+
+    drive: float | Programme
+    normal_force: float
+    stiffness: float | None = None
+    duration: float = 0.0
+
+    @property
+    def speed(self) -> float:
+        """The fastest [m/s]."""
+        return max(speed for _, speed in self.drive) if isinstance(self.drive, tuple) else self.drive
+
+    @property
+    def holds(self) -> tuple[float, ...]:
+        """How long the drive stands in between [s]."""
+        if not isinstance(self.drive, tuple):
+            return ()
+        ends = [*(start for start, _ in self.drive[1:]), self.duration]
+        return tuple(end - start for (start, speed), end in zip(self.drive, ends, strict=True) if speed == 0.0)
+
+
+@dataclass(frozen=True)
 class Rehearsal:
-    """What a log at one drive speed [m/s] would be: its duration [s], slips in it, how long one takes [s].
+    """What a log of a design would be: its duration [s], slips in it, how long one takes [s], by how much the force
+    drops in one [N] and its slopes (f,) with respect to the free theta.
 
     gram (f + s + c, f + s + c): integrals over time of the products of the slopes of the force, with respect to the f
     free theta, to the s unknowns of the start (how far the spring is loaded, how fresh the contact is), and to the
     normal force [N] in each of c cycles.
     """
 
-    speed: float
+    design: Design
     duration: float
     slips: int
     slip: float
+    drop: float
+    drop_slopes: Array
     gram: Array
     free: int
     cycles: int
@@ -71,49 +102,49 @@ class Rehearsal:
 
 
 def rehearse(
-    unknowns: Unknowns, theta: Array, base: Array, speed: float, normal_force: float, distance: float, longest: float
+    unknowns: Unknowns, theta: Array, base: Array, design: Design, distance: float, longest: float
 ) -> Rehearsal | None:
-    """The log at a speed [m/s] and a normal force [N], from rest with a fresh contact; None where nothing slips within
-    `longest` [s], the spring pulls the mass back after a slip, which no fit follows, or the model refuses.
+    """The log of a design, from rest with a fresh contact; None where nothing slips within `longest` [s], the spring
+    pulls the mass back after a slip, which no fit follows, or the model refuses.
 
     Args:
-        theta (n_p,), base (n_p,): the values it is simulated with.
+        theta (n_p,), base (n_p,): the values it is simulated with, of the rig with the spring of the design.
         distance: [m] that the drive moves in one cycle, roughly.
     """
-    model = unknowns.model
+    model, normal_force, told = unknowns.model, design.normal_force, bool(design.duration)
 
     def motion(at: Array, load: float | tuple[Array, Array], start: dict[str, float] | None = None) -> Trajectory:
         values = dict(zip(unknowns.names, unknowns.values(at, base).tolist(), strict=True))
-        return run(model, values, speed, load, duration, start=start)
+        return run(model, values, design.drive, load, duration, start=start)
 
     typical = scales(model, unknowns.values(theta, base), normal_force)
     time, elongation = typical.time, float(typical.state[ELONGATION])
-    duration = min(CYCLES * distance / speed, longest)
+    duration = design.duration or min(CYCLES * distance / design.speed, longest)
     try:
         for _ in range(DOUBLED):
             seen = motion(theta, normal_force)
-            if seen.onsets.size > CYCLES or _slides_on(seen, time) or duration == longest:
+            if told or seen.onsets.size > CYCLES or _slides_on(seen, time) or duration == longest:
                 break
             duration = min(2.0 * duration, longest)
-        if not seen.onsets.size or not _in_turn(seen):
+        if not seen.onsets.size or not _in_turn(seen) or (told and seen.onsets.size > MOST_CYCLES):
             return None
-        until = _end(seen, time)
-        times = _moments(seen, until, time)
+        until = seen.duration if told else _end(seen, time)
+        times = _moments(seen, until, time, Drive.of(design.drive).changes(0.0, until))
         arrests = seen.arrests[seen.arrests <= until]
         lengths = arrests - seen.onsets[: arrests.size]
         slip = float(np.median(lengths)) if arrests.size else 2.0 * np.pi * time
-        small = float(np.clip(SHIFT * slip * speed / elongation, *SMALL))
+        small = float(np.clip(SHIFT * slip * design.speed / elongation, *SMALL))
 
         def slope(up: Trajectory, down: Trajectory, step: float) -> Array:
             return np.asarray((up.sample(times)["force"] - down.sample(times)["force"]) / step)
 
-        slopes = []
+        slopes, drop_slopes = [], []
         for index in np.flatnonzero(unknowns.free).tolist():
             step = np.zeros(theta.size)
             step[index] = small * (1.0 if unknowns.logarithmic[index] else unknowns.spread[index])
-            slopes.append(
-                slope(motion(theta + step, normal_force), motion(theta - step, normal_force), 2 * step[index])
-            )
+            up, down = motion(theta + step, normal_force), motion(theta - step, normal_force)
+            slopes.append(slope(up, down, 2 * step[index]))
+            drop_slopes.append((_drop(up) - _drop(down)) / (2 * step[index]))
         for i, state in enumerate(model.states):
             if i == ELONGATION or state.lower is not None:
                 # The spring can only be loaded already, and the contact only be older.
@@ -131,8 +162,25 @@ def rehearse(
     gram = moves.T @ (moves * weights[:, None])
     if not np.all(np.isfinite(gram)):
         return None
-    free = int(np.count_nonzero(unknowns.free))
-    return Rehearsal(speed, until, int(arrests.size), slip, gram, free, len(slopes) - begun)
+    return Rehearsal(
+        design,
+        until,
+        int(arrests.size),
+        slip,
+        _drop(seen),
+        np.array(drop_slopes),
+        gram,
+        len(drop_slopes),
+        len(slopes) - begun,
+    )
+
+
+def _drop(seen: Trajectory) -> float:
+    """Mean force at onsets above that at the arrests after them [N]; 0 without a slip."""
+    count = min(seen.onsets.size, seen.arrests.size)
+    first = 1 if count > 1 else 0  # the one from a fresh contact is another one
+    forces = seen.sample(np.concatenate([seen.onsets[first:count], seen.arrests[first:count]]))["force"]
+    return float(np.mean(forces[: count - first] - forces[count - first :])) if count else 0.0
 
 
 def _cycle_by_cycle(seen: Trajectory, until: float) -> list[tuple[Array, Array]]:
@@ -177,9 +225,9 @@ def _end(seen: Trajectory, time: float) -> float:
     return seen.duration
 
 
-def _moments(seen: Trajectory, until: float, time: float) -> Array:
-    """Rising times [s] that follow every phase until there."""
-    out = [np.array([0.0, until])]
+def _moments(seen: Trajectory, until: float, time: float, changes: Sequence[float]) -> Array:
+    """Rising times [s] that follow every phase until there, and the changes of the drive."""
+    out = [np.array([0.0, *changes, until])]
     for phase in seen.phases:
         if phase.start >= until:
             break

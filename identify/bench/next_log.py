@@ -1,0 +1,245 @@
+"""Which log would tell what these do not: the fewest that are expected to bring parameters to `identified`.
+
+The core is that of the plan (`designs`): logs at many drive speeds, at the answer and at other places that the data
+find as likely. What the fitted logs told in truth, against what their own rehearsals promise, is the price: loads that
+tremble, noise on them and all that a rehearsal leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.outcome import Status
+from identify.base.wording import speed_text, three_figures
+from identify.bench.designs import Knowledge, Rehearsals, choose, dials, driven, told_by
+from identify.bench.rehearsal import Design
+from identify.diagnosis.findings import Findings
+from identify.estimation.covariance import IDENTIFIED, WEAK, Estimate, inverse
+from identify.estimation.hints import hints, onsets
+from identify.estimation.profile import CRITICAL, Profiles
+from identify.logs.log_data import Guess
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.shooting.vibration import rhythmic
+
+Array = NDArray[np.float64]
+
+DIALS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # of a decade: speeds that one would set
+BEYOND = 10.0  # times the fastest log, and below the slowest
+LONGEST = 60.0  # [s] of a log that is proposed, where none of the fitted ones is longer
+SETUP = 30.0  # [s] that a log costs beside its duration
+MOST = 3  # logs that are proposed
+
+
+@dataclass(frozen=True)
+class NextLog:
+    """A log that would tell: drive speed [m/s], normal force [N], duration [s], sampling rate [Hz], slips in it, and of
+    each parameter it tells the expected half length of the 95 % interval, as a share of what it is judged by."""
+
+    drive_speed: float
+    normal_force: float
+    duration: float
+    rate: float
+    slips: int
+    tells: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The logs that would tell, one after the other; the parameters that no log of one speed, of up to `longest` [s],
+    is expected to tell."""
+
+    logs: tuple[NextLog, ...]
+    untold: tuple[str, ...]
+    longest: float
+
+
+def next_logs(found: Findings) -> Advice | None:
+    """The logs that would tell, one after the other, what a converged fit calls weak or not identifiable; None where
+    nothing is left to tell, or fewer than two sticks end in a slip."""
+    known = _known(found)
+    if known is None:
+        return None
+    load = _typical(found)[0].mean_load
+    designs = [Design(speed, load) for speed in _speeds(found)]
+    planned = choose(Rehearsals(known), designs, math.inf, SETUP, MOST)
+    logs = tuple(
+        NextLog(log.design.speed, load, log.duration, log.rate, log.slips, log.tells) for log in planned if log.tells
+    )
+    untold = tuple(name for name in known.asked if not any(name in log.tells for log in logs))
+    return Advice(logs, untold, known.longest)
+
+
+def _typical(found: Findings) -> tuple[Prepared, Guess]:
+    """The log that others are to be like, with the motion behind it: the one of most slips."""
+    assert found.attempt is not None
+    pairs = zip(found.attempt.prepared, found.attempt.solved.guesses, strict=True)
+    return max(pairs, key=lambda pair: _onsets(pair[1]).size)
+
+
+def _known(found: Findings) -> Knowledge | None:
+    """What the fit knows; None where there is nothing to ask or nothing to start from."""
+    if found.status is not Status.CONVERGED or found.attempt is None or found.sure is None:
+        return None
+    unknowns, attempt, sure = found.unknowns, found.attempt, found.sure
+    verdicts = {e.name: e.verdict for e in found.estimates}
+    free = np.flatnonzero(unknowns.free)
+    told = [verdicts[unknowns.names[i]] for i in free.tolist()]
+    # What a log has for itself, another one has anew; harmonics are those of a drive at its speed.
+    own = unknowns.own[free] & ~unknowns.grouped[free] | rhythmic(unknowns)[free]
+    kept = np.flatnonzero(~own & np.array([verdict != "at bound" for verdict in told]))
+    asked = tuple(unknowns.names[free[i]] for i in kept.tolist() if told[i] in ("weak", "not identifiable"))
+    if onsets(attempt.solved.guesses) < 2:  # a single peak tells so little that no motion can be rehearsed
+        return None
+    log, guess = _typical(found)
+    begun = _onsets(guess)
+    if not asked or not driven(log.data) or not np.all(np.isfinite(sure.covariance)):
+        return None
+    apart = np.diff(begun) if begun.size > 1 else begun - log.data.begin
+    theta = attempt.solved.theta
+    precision = inverse(sure.covariance[np.ix_(kept, kept)])
+    places = np.array([theta, *_other_places(unknowns, kept, theta, sure.profiles)])
+    intervals = [log.data.interval for log in attempt.prepared]
+    memory = max(log.data.interval * colour.memory for log, colour in zip(attempt.prepared, sure.colours, strict=True))
+    known = Knowledge(
+        unknowns=unknowns,
+        kept=kept,
+        asked=asked,
+        places=places,
+        known=np.array([precision] * len(places)),
+        base=log.data.base,
+        variance=log.data.noise**2,
+        load_error=_load_sd(log, guess) / log.mean_load,
+        rate=1.0 / min(intervals),
+        distance=float(np.median(apart)) * max(speed for speed, _ in driven(log.data)),
+        longest=max(LONGEST, *(log.data.end - log.data.begin for log in attempt.prepared)),
+        apart=memory if any(not colour.white for colour in sure.colours) else 0.0,
+    )
+    price = _price(known, found, [i for i in kept.tolist() if told[i] in ("identified", "weak")])
+    return replace(known, variance=known.variance * price)
+
+
+def _onsets(guess: Guess) -> Array:
+    """When sticks of a log end in a slip [s]."""
+    return np.concatenate([guess.onset, [s.until for s in guess.tail if s.ended_by == "onset"]])
+
+
+def _load_sd(log: Prepared, guess: Guess) -> float:
+    """By how much the normal force of a log may be off [N], in a typical cycle."""
+    return float(np.median(log.data.onset_load_sd_at(guess.loaded_at))) if guess.parts else 0.0
+
+
+def _price(known: Knowledge, found: Findings, judged: Sequence[int]) -> float:
+    """How much less the fitted logs told than rehearsals of them promise, as a factor on the variance of white noise:
+    the volumes of the joint regions of what is known, per parameter; one at least."""
+    assert found.attempt is not None and found.sure is not None
+    solved, unknowns = found.attempt.solved, known.unknowns
+    if not judged:
+        return 1.0
+    total = np.diag(1.0 / unknowns.prior_sd[unknowns.free] ** 2)
+    for log, guess in zip(found.attempt.prepared, solved.guesses, strict=True):
+        total += told_by(unknowns, guess.theta(solved.theta), log, _load_sd(log, guess), known.distance)
+    promised = inverse(total)[np.ix_(judged, judged)]
+    told = found.sure.white[np.ix_(judged, judged)]
+    difference = np.linalg.slogdet(told)[1] - np.linalg.slogdet(promised)[1]
+    return float(np.exp(max(difference / len(judged), 0.0))) if np.isfinite(difference) else 1.0
+
+
+def _speeds(found: Findings) -> list[float]:
+    """Drive speeds to try [m/s], rising."""
+    assert found.attempt is not None
+    own = [speed for log in found.attempt.prepared for speed, _ in driven(log.data)]
+    return dials(min(own) / BEYOND, max(own) * BEYOND, DIALS)
+
+
+def _other_places(unknowns: Unknowns, kept: NDArray[np.int64], theta: Array, walked: Profiles | None) -> list[Array]:
+    """Theta (n_p,) of points that the data find as likely as the answer: the ends of what they leave most open, as far
+    as a verdict asks."""
+    if walked is None or not walked.likely.size:
+        return []
+    free = np.flatnonzero(unknowns.free)
+    worst = kept[int(np.argmax(np.ptp(walked.likely[:, kept], axis=0) / unknowns.spread[free[kept]]))]
+    reach = np.log(WEAK) if unknowns.logarithmic[free[worst]] else np.inf
+    agreed = walked.likely[(walked.objection <= CRITICAL) & (np.abs(walked.likely[:, worst]) <= reach)]
+    agreed = agreed[np.argsort(agreed[:, worst])]
+    out = []
+    for away in (agreed[:1], agreed[-1:]):
+        if away.size:
+            at = theta.copy()
+            at[free] = walked.middle[free] + away[0]
+            out.append(at)
+    return out
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The logs that would tell, in words beside the verdicts, and in the result document.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def advised(found: Findings, advice: Advice) -> Findings:
+    """The findings with the log that would tell beside every verdict that leaves something to tell."""
+    assert found.attempt is not None
+    attempt = found.attempt
+    told = hints(attempt.prepared, attempt.solved.guesses, found.unknowns, attempt.solved.theta)
+
+    def with_log(estimate: Estimate) -> Estimate:
+        name, reason = estimate.name, estimate.reason
+        remedy, hint = _remedy(name, advice), told.get(name)
+        if remedy and hint is not None and str(hint) in reason:
+            return replace(estimate, reason=reason.replace(str(hint), f"{hint.shown}: {remedy}"))
+        return replace(estimate, reason="; ".join(filter(None, (reason, remedy, _no_remedy(name, advice)))))
+
+    return replace(found, estimates=[with_log(estimate) for estimate in found.estimates])
+
+
+def document(advice: Advice | None) -> list[dict[str, Any]]:
+    """The logs for result.json, SI; expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for
+    delta_mu_k)."""
+    return [
+        {
+            "drive_speed": log.drive_speed,
+            "normal_force": log.normal_force,
+            "duration": _whole(log.duration),
+            "sampling_rate": log.rate,
+            "slips": log.slips,
+            "expected": dict(log.tells),
+        }
+        for log in (() if advice is None else advice.logs)
+    ]
+
+
+def _remedy(name: str, advice: Advice) -> str:
+    """The log to add for one parameter; "" where none is known."""
+    for log in advice.logs:
+        if name in log.tells:
+            return f"add {_said(log)}, which is expected to tell it to {math.ceil(100.0 * log.tells[name])} %"
+    return ""
+
+
+def _no_remedy(name: str, advice: Advice) -> str:
+    """That no log would tell a parameter; "" where one might: beside a log that tells others it is too soon to say."""
+    if advice.logs or name not in advice.untold:
+        return ""
+    return (
+        f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load and on "
+        f"this rig would tell it to {100.0 * IDENTIFIED:.0f} %"
+    )
+
+
+def _said(log: NextLog) -> str:
+    return (
+        f"a log of {_whole(log.duration):.6g} s at {speed_text(log.drive_speed, 3)} and "
+        f"{three_figures(log.normal_force)} N, sampled at {log.rate:.0f} Hz"
+    )
+
+
+def _whole(duration: float) -> float:
+    """A duration [s] with two figures, rounded up."""
+    step = 10.0 ** (math.floor(math.log10(duration)) - 1)
+    return float(f"{math.ceil(duration / step - 1e-9) * step:.6g}")
