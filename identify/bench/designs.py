@@ -67,16 +67,19 @@ class Knowledge:
         """Places of what is asked for among the k parameters."""
         return [i for i, name in enumerate(self.names) if name in self.asked]
 
-    def deviations(self, precision: Array, theta: Array) -> Array:
-        """Standard deviations (k,) of theta, as shares of what each parameter is judged by."""
+    def sizes(self, theta: Array) -> Array:
+        """What a deviation of theta (k,) is judged by: 1 of a logarithm, else the value, or the step of friction."""
         index = np.flatnonzero(self.unknowns.free)[self.kept]
         judged_by = sizes(self.unknowns, self.unknowns.values(theta, self.base))[index]
-        deviation = np.minimum(np.sqrt(np.diag(inverse(precision))), HUGE * np.where(judged_by > 0.0, judged_by, 1.0))
-        return np.where(self.unknowns.logarithmic[index], np.minimum(deviation, HUGE), deviation / judged_by)
+        return np.where(self.unknowns.logarithmic[index], 1.0, np.maximum(judged_by, 1e-300))
+
+    def deviations(self, precision: Array, theta: Array) -> Array:
+        """Standard deviations (k,) of theta, as shares of that."""
+        return np.minimum(np.sqrt(np.diag(inverse(precision))) / self.sizes(theta), HUGE)
 
     def halves(self, precisions: Array) -> Array:
-        """Typical half lengths (k,) of the 95 % intervals, as those shares, from the precision (d, k, k) at each place: the
-        median over the places."""
+        """Typical half lengths (k,) of the 95 % intervals, as those shares: the median over the places, at which the
+        precisions (d, k, k) hold."""
         logarithmic = self.unknowns.logarithmic[np.flatnonzero(self.unknowns.free)[self.kept]]
         half = NORMAL * np.array([self.deviations(p, at) for p, at in zip(precisions, self.places, strict=True)])
         return np.asarray(np.median(np.where(logarithmic, np.expm1(np.minimum(half, HUGE)), half), axis=0))
@@ -135,8 +138,8 @@ class Rehearsals:
         if made is None or first is None:
             return np.zeros((k.kept.size, k.kept.size))
         seconds = max(1.0 / self.rate(design), k.apart)
-        told = made.information(1.0 / seconds, k.variance, k.load_error * design.normal_force)
-        return times * first.duration / made.duration * told[np.ix_(k.kept, k.kept)]
+        load_sd, long = k.load_error * design.normal_force, times * first.duration / made.duration
+        return made.information(1.0 / seconds, k.variance, load_sd, long)[np.ix_(k.kept, k.kept)]
 
     def all(self, design: Design, times: int) -> Array:
         """Information (d, k, k) of the log at every place."""
@@ -155,8 +158,8 @@ def told_by(unknowns: Unknowns, theta: Array, log: Prepared, load_sd: float, dis
     for speed, seconds in driven(data):
         made = rehearse(unknowns, theta, data.base, Design(speed, log.mean_load), distance, seconds)
         if made is not None:
-            share = seconds / made.duration if made.slips else 1.0
-            total += share * made.information(1.0 / data.interval, data.noise**2, load_sd)
+            long = seconds / made.duration if made.slips else 1.0
+            total += made.information(1.0 / data.interval, data.noise**2, load_sd, long)
     return total
 
 

@@ -68,7 +68,8 @@ class Rehearsal:
 
     gram (f + s + c, f + s + c): integrals over time of the products of the slopes of the force, with respect to the f
     free theta, to the s unknowns of the start (how far the spring is loaded, how fresh the contact is), and to the
-    normal force [N] in each of c cycles.
+    normal force [N] in each of c cycles; settled (the same shape): over the time after the first slip, `lasts` [s]: the
+    first stick, from an unloaded spring and a fresh contact, is another one and comes once.
     """
 
     design: Design
@@ -78,18 +79,27 @@ class Rehearsal:
     drop: float
     drop_slopes: Array
     gram: Array
+    settled: Array
+    lasts: float
     free: int
     cycles: int
 
-    def information(self, rate: float, variance: float, load_sd: float) -> Array:
+    def information(self, rate: float, variance: float, load_sd: float, times: float = 1.0) -> Array:
         """Information (f, f) of the free theta.
 
         Args:
             rate: samples that count per second; variance: of each [N^2]; load_sd: error of the normal force [N],
-                another one in each cycle (0: none).
+                another one in each cycle (0: none); times: as long a log as so many of these.
         """
-        count = self.gram.shape[0] - (0 if load_sd > 0.0 else self.cycles)
-        total = self.gram[:count, :count] * (rate / variance)
+        once = self._of(self.gram, rate / variance, load_sd)
+        if times <= 1.0 or self.lasts == 0.0:
+            return times * once
+        return once + (times - 1.0) * self.duration / self.lasts * self._of(self.settled, rate / variance, load_sd)
+
+    def _of(self, gram: Array, density: float, load_sd: float) -> Array:
+        """Information (f, f) of the free theta, with start and loads eliminated."""
+        count = gram.shape[0] - (0 if load_sd > 0.0 else self.cycles)
+        total = gram[:count, :count] * density
         if load_sd > 0.0:
             loads = np.arange(count - self.cycles, count)
             total[loads, loads] += load_sd**-2
@@ -162,6 +172,9 @@ def rehearse(
     gram = moves.T @ (moves * weights[:, None])
     if not np.all(np.isfinite(gram)):
         return None
+    begin = float(arrests[0]) if arrests.size > 1 else until
+    after = moves[times >= begin]
+    settled = after.T @ (after * weights[times >= begin, None])
     return Rehearsal(
         design,
         until,
@@ -170,6 +183,8 @@ def rehearse(
         _drop(seen),
         np.array(drop_slopes),
         gram,
+        settled,
+        until - begin,
         len(drop_slopes),
         len(slopes) - begun,
     )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.estimation.covariance import Information, inverse
+from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
 
 Array = NDArray[np.float64]
@@ -54,7 +55,17 @@ def _directions(known: Information, values: Array) -> Iterator[tuple[str, Array]
     there = ~rig | (values > 0.0)
     for i in np.flatnonzero(rig & there & ~unknowns.free):
         yield unknowns.names[i], np.eye(values.size)[i]
-    lengths = np.array([LENGTHS.get(unit, 0.0) for unit in units])
-    yield "drive_speed", size * there * np.where(rig, -1.0, lengths)
+    yield "drive_speed", there * by_drive_speed(unknowns, values)
     yield "friction_force", size * there * (coefficient | rig | np.array(["N" in unit for unit in units]))
     yield "normal_force", -size * coefficient
+
+
+def by_drive_speed(unknowns: Unknowns, values: Array) -> Array:
+    """How theta (n_p,) moves with a relative error of all drive speeds: a change of the unit of length.
+
+    Args:
+        values: (n_p,) of all parameters [SI].
+    """
+    rig = np.array([name in RIG_PARAMETERS for name in unknowns.names])
+    lengths = np.array([LENGTHS.get(parameter.unit, 0.0) for parameter in unknowns.model.parameters])
+    return np.asarray(np.where(unknowns.logarithmic, 1.0, values) * np.where(rig, -1.0, lengths))

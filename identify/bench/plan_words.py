@@ -1,0 +1,212 @@
+"""A plan in the words of a laboratory, as a table of steps to type into a script, and as a document."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from identify.base.wording import columns, speed_text, three_figures, wrapped
+from identify.bench.designs import PlannedLog
+from identify.bench.plan import SETUP, WRONG, Plan
+from identify.estimation.covariance import IDENTIFIED, WEAK
+from identify.prediction.wording import listed
+
+TABLE = (
+    "log",
+    "step",
+    "drive_speed_mm_per_s",
+    "duration_s",
+    "normal_force_N",
+    "sampling_rate_Hz",
+    "stiffness_N_per_m",
+    "what",
+)
+RIG_WORDS = {
+    "mass": "the mass",
+    "stiffness": "the stiffness",
+    "damping": "the damping",
+    "drive_speed": "the drive speed",
+}
+
+
+def shown_half(half: float) -> str:
+    """A half length as "± 8 %", or that it is not told."""
+    if not math.isfinite(half) or half > WEAK - 1.0:
+        return "not told"
+    return f"± {100.0 * half:.2g} %"
+
+
+def verdict(half: float) -> str:
+    """What a fit is expected to call a parameter whose interval has this half length."""
+    return "identified" if half <= IDENTIFIED else "weak" if half <= WEAK - 1.0 else "not identifiable"
+
+
+def described(log: PlannedLog) -> str:
+    """A log in lab words."""
+    design = log.design
+    spring = "" if design.stiffness is None else f" on the spring of {three_figures(design.stiffness)} N/m"
+    load = f"{three_figures(design.normal_force)} N{spring}"
+    if design.holds:
+        holds = listed([f"{hold:.4g}" for hold in design.holds])
+        again = f", {log.times} times over" if log.times > 1 else ""
+        return f"holds of {holds} s between runs at {speed_text(design.speed, 3)}{again}, {load}, at {log.rate:.0f} Hz"
+    at = f"{speed_text(design.speed, 3)}, {load}, at {log.rate:.0f} Hz"
+    return f"a log of {seconds_text(log.duration)} at {at} ({log.slips} slips)"
+
+
+def seconds_text(seconds: float) -> str:
+    """A duration, rounded up to what one would set."""
+    if seconds > 180.0:
+        return f"{math.ceil(seconds / 60.0)} min"
+    step = 10.0 ** (math.floor(math.log10(max(seconds, 0.1))) - 1)
+    return f"{math.ceil(seconds / step - 1e-9) * step:.3g} s"
+
+
+def said(plan: Plan) -> str:
+    """The whole plan for a terminal."""
+    lines = [wrapped(_sentence(plan))]
+    lines += [wrapped(f"{number}. {described(log)}", "  ") for number, log in enumerate(plan.logs, 1)]
+    lines += ["", columns(_rows(plan))]
+    open_ = [name for name, half in _asked(plan) if half > IDENTIFIED]
+    if open_:
+        lines.append(wrapped(_open_words(plan, open_)))
+    return "\n".join([*lines, *_price_lines(plan)])
+
+
+def _sentence(plan: Plan) -> str:
+    if not plan.logs:
+        told = all(half <= IDENTIFIED for _, half in _asked(plan))
+        return (
+            "what is at hand is expected to tell everything that is asked for: fit it"
+            if told
+            else "no log among those that were tried, and within the budget, is expected to tell more; see below"
+        )
+    now = dict(zip(plan.knowledge.names, plan.now, strict=True))
+    moved = [
+        f"{name} {shown_half(now[name])} → {shown_half(half)}" for name, half in _asked(plan) if half < 0.8 * now[name]
+    ]
+    one = len(plan.logs) == 1
+    return f"add {'this log' if one else f'these {len(plan.logs)} logs'}: {', '.join(moved)}; {_minutes(plan.seconds)}"
+
+
+def _minutes(seconds: float) -> str:
+    return f"{math.ceil(seconds / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
+
+
+def _asked(plan: Plan) -> list[tuple[str, float]]:
+    k = plan.knowledge
+    return [(k.names[i], float(plan.then[i])) for i in k.wanted]
+
+
+def _rows(plan: Plan) -> list[list[str]]:
+    """Parameter, interval now, after each log, expected verdict; the drop at the end."""
+    names, steps = plan.knowledge.names, [plan.now, *(log.halves for log in plan.logs)]
+    heads = ["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]
+    rows = [heads]
+    for i, name in enumerate(names):
+        rows.append([name, *(shown_half(float(halves[i])) for halves in steps), verdict(float(plan.then[i]))])
+    if math.isfinite(plan.drop_then):
+        drop = [
+            shown_half(plan.drop_now),
+            *[""] * max(len(plan.logs) - 1, 0),
+            *([shown_half(plan.drop_then)] * bool(plan.logs)),
+        ]
+        rows.append([f"drop at {speed_text(plan.drop_speed, 3)}", *drop, ""])
+    return rows
+
+
+def _open_words(plan: Plan, names: Sequence[str]) -> str:
+    return (
+        f"{listed(list(names))} stays open: no set of logs within the budget, at the speeds, loads and springs that "
+        "were tried, tells more; allow a longer --budget, or another --load or --stiffness"
+    )
+
+
+def _price_lines(plan: Plan) -> list[str]:
+    """The table of what a wrong rig does, and whether a record of the rig is worth making first."""
+    if not plan.price:
+        return []
+    wanted = plan.knowledge.wanted
+    rows = [[f"{100 * WRONG:.0f} % off in", *(plan.knowledge.names[i] for i in wanted)]]
+    for name, shift in plan.price.items():
+        rows.append([RIG_WORDS[name], *(f"{100.0 * float(shift[i]):.2g} %" for i in wanted)])
+    lines = [
+        "",
+        wrapped("the price of a wrong rig, taken as exact, by how much it moves each parameter:"),
+        columns(rows),
+    ]
+    worst = max(plan.price, key=lambda name: max(float(plan.price[name][i]) for i in wanted))
+    most = max(wanted, key=lambda i: float(plan.price[worst][i]))
+    moves, half = float(plan.price[worst][most]), float(plan.then[most])
+    name = plan.knowledge.names[most]
+    if moves > max(half, IDENTIFIED):
+        known = f" (stated to {100.0 * plan.tolerances[worst]:.2g} %)" if worst in plan.tolerances else ""
+        remedy = "time a stroke of known length" if worst == "drive_speed" else "make the records of docs/measuring.md"
+        lines.append(
+            wrapped(
+                f"measure {RIG_WORDS[worst]}{known} first: 5 % of it moves {name} by {100.0 * moves:.2g} %, which the "
+                f"logs tell to {shown_half(half)}; {remedy}, and state what stays open as a tolerance"
+            )
+        )
+    else:
+        lines.append(wrapped("a rig known to 5 % is good enough for these logs: no record of it is needed first"))
+    return lines
+
+
+def step_table(plan: Plan) -> str:
+    """The step programme, one row per step of the drive, as CSV in the units of a CETR script."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(TABLE)
+    for number, log in enumerate(plan.logs, 1):
+        for step, (speed, seconds) in enumerate(_steps(log), 1):
+            spring = "" if log.design.stiffness is None else f"{log.design.stiffness:.6g}"
+            row = [number, step, f"{1e3 * speed:.6g}", f"{seconds:.4g}", f"{log.design.normal_force:.6g}"]
+            writer.writerow([*row, f"{log.rate:.0f}", spring, "hold" if speed == 0.0 else "drive"])
+    return out.getvalue()
+
+
+def _steps(log: PlannedLog) -> list[tuple[float, float]]:
+    """Speed [m/s] and duration [s] of each step."""
+    drive = log.design.drive
+    if not isinstance(drive, tuple):
+        return [(drive, log.duration)]
+    ends = [*(start for start, _ in drive[1:]), log.design.duration]
+    return [(speed, end - start) for (start, speed), end in zip(drive, ends, strict=True)] * log.times
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """What --json prints, SI; half lengths as shares of what each parameter is judged by, null where it is not told."""
+    names = plan.knowledge.names
+
+    def told(halves: Sequence[float]) -> dict[str, float | None]:
+        return {n: float(h) if math.isfinite(h) and h < 1e6 else None for n, h in zip(names, halves, strict=True)}
+
+    return {
+        "now": told(plan.now.tolist()),
+        "then": told(plan.then.tolist()),
+        "verdicts": {n: verdict(float(h)) for n, h in zip(names, plan.then, strict=True)},
+        "seconds": plan.seconds,
+        "logs": [
+            {
+                "words": described(log),
+                "drive": [list(pair) for pair in log.design.drive]
+                if isinstance(log.design.drive, tuple)
+                else log.design.drive,
+                "holds": list(log.design.holds),
+                "normal_force": log.design.normal_force,
+                "stiffness": log.design.stiffness,
+                "duration": log.duration,
+                "sampling_rate": log.rate,
+                "slips": log.slips,
+                "expected": told(log.halves.tolist()),
+            }
+            for log in plan.logs
+        ],
+        "drop": {"drive_speed": plan.drop_speed, "now": plan.drop_now, "then": plan.drop_then},
+        "price": {name: told(shift.tolist()) for name, shift in plan.price.items()},
+        "price_of": WRONG,
+    }

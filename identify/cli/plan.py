@@ -1,0 +1,119 @@
+"""`stickslip plan`: what logs at hand can tell, and which to record next, before they are recorded."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identify.cli.common import NOT_SUCCEEDED, Answer, CommandLineError, Terminal, file_to_write, quantity
+
+if TYPE_CHECKING:
+    from identify.bench.plan import Choices, Plan
+
+NAME = "plan"
+HELP = "which few logs to record next, what they will tell, and what a wrong rig would do (docs/planning.md)"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The arguments of this command."""
+    parser.add_argument("source", metavar="SCENE.toml|result.json", help="a scene, with or without logs, or a fit")
+    parser.add_argument("--budget", default="15 min", metavar="T", help='for all logs together (default: "15 min")')
+    parser.add_argument(
+        "--for", dest="asked", metavar="NAME,…", help="parameters to be told (default: all of friction)"
+    )
+    parser.add_argument("--out", metavar="STEPS.csv", help="the step programme as a table, to type into a script")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help='such as rig.mass="0.3 kg"')
+    group = parser.add_argument_group("what can be set at the rig; lists with commas")
+    group.add_argument("--speed", metavar="SPEEDS", help='"0.1 mm/s,1 mm/s" (default: dials around that of the scene)')
+    group.add_argument("--hold", metavar="TIMES", help='of one log, "3 s,10 s,30 s" (default: two series are tried)')
+    group.add_argument("--load", metavar="FORCES", help='"1 N,2 N" (default: that of the scene)')
+    group.add_argument("--stiffness", metavar="SPRINGS", help='"500 N/m,1.5 N/mm" (default: that of the scene)')
+    group.add_argument("--fastest", metavar="HZ", help='highest sampling rate there is, "100 Hz" (default: any)')
+    group.add_argument("--noise", metavar="SD", help="of a sample (default: of the scene or its logs, else 0.5 %%)")
+    group.add_argument("--load-error", metavar="SHARE", help="of the normal force in a cycle (default: 0.1 %%)")
+
+
+def run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Rehearse, choose and say.
+
+    Raises:
+        CommandLineError, IdentifyError, LogError, OSError: one sentence each.
+    """
+    out = None if arguments.out is None else file_to_write(arguments.out, "--out")
+    choices = _choices(arguments)
+
+    from data_io.atomic import atomic_write
+    from identify.bench.plan_words import plan_document, said, step_table
+
+    made = _planned(arguments, choices)
+    terminal.say(said(made))
+    document = plan_document(made)
+    if out is not None and made.logs:
+        with atomic_write(out) as handle:
+            handle.write(step_table(made))
+        terminal.say(f"{out}: the step programme, {len(made.logs)} log(s)")
+        document["out"] = str(out)
+    enough = bool(made.logs) or all(v == "identified" for v in document["verdicts"].values())
+    return Answer(0 if enough else NOT_SUCCEEDED, {"status": "done" if enough else "nothing_to_add", **document})
+
+
+def _planned(arguments: Namespace, choices: Choices) -> Plan:
+    """The plan of a scene, with what its logs are expected to tell, or of a fit.
+
+    Raises:
+        CommandLineError: a fit that did not converge.
+    """
+    from identify.base.outcome import Status
+    from identify.bench.plan import plan
+    from identify.logs.prepare import prepare
+    from identify.logs.scene_records import with_records
+    from identify.logs.unknowns import from_scene
+    from identify.prediction.sources import pair_of
+    from identify.report.stored_result import read_result, scene_of
+    from identify.scene import Scene
+
+    if not arguments.source.lower().endswith(".json"):
+        scene = Scene.from_toml(arguments.source, arguments.set)
+        if not scene.logs:
+            return plan(scene, (), choices)
+        scene, records = with_records(scene, None)
+        unknowns = from_scene(scene)
+        logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+        return plan(scene, [log for log in logs if log.left_out is None], choices)
+    result = read_result(Path(arguments.source))
+    scene = scene_of(result, arguments.source)
+    if result["status"] != Status.CONVERGED:
+        raise CommandLineError(f"{arguments.source} tells no pair ({result['message']}); plan from the scene instead")
+    pair = pair_of(result, scene, 0)
+    if pair.untold:
+        raise CommandLineError(f"{arguments.source}: {pair.untold}; plan from a scene instead")
+    return plan(scene, (), choices, pair)
+
+
+def _choices(arguments: Namespace) -> Choices:
+    from identify.bench.plan import Choices
+
+    def several(text: str | None, unit: str, option: str) -> tuple[float, ...]:
+        values = tuple(quantity(item.strip(), unit, option) for item in (text or "").split(",") if item.strip())
+        if any(not value > 0.0 for value in values):
+            raise CommandLineError(f"{option} is {text!r}; expected positive quantities: correct it")
+        return values
+
+    def one(text: str | None, unit: str, option: str) -> float | None:
+        return next(iter(several(text, unit, option)), None)
+
+    error = arguments.load_error
+    if error is not None and error.strip().endswith("%"):
+        error = str(0.01 * quantity(error.strip()[:-1], "", "--load-error"))
+    return Choices(
+        speeds=several(arguments.speed, "m/s", "--speed"),
+        holds=several(arguments.hold, "s", "--hold"),
+        loads=several(arguments.load, "N", "--load"),
+        stiffnesses=several(arguments.stiffness, "N/m", "--stiffness"),
+        fastest=one(arguments.fastest, "Hz", "--fastest") or float("inf"),
+        noise=one(arguments.noise, "N", "--noise"),
+        load_error=one(error, "", "--load-error"),
+        asked=tuple(name.strip() for name in (arguments.asked or "").split(",") if name.strip()),
+        budget=one(arguments.budget, "s", "--budget") or 0.0,
+    )
