@@ -194,8 +194,8 @@ def _drop(seen: Trajectory) -> float:
     """Mean force at onsets above that at the arrests after them [N]; 0 without a slip."""
     count = min(seen.onsets.size, seen.arrests.size)
     first = 1 if count > 1 else 0  # the one from a fresh contact is another one
-    forces = seen.sample(np.concatenate([seen.onsets[first:count], seen.arrests[first:count]]))["force"]
-    return float(np.mean(forces[: count - first] - forces[count - first :])) if count else 0.0
+    peaks, valleys = (seen.sample(times[first:count])["force"] for times in (seen.onsets, seen.arrests))
+    return float(np.mean(peaks - valleys)) if count else 0.0
 
 
 def _cycle_by_cycle(seen: Trajectory, until: float) -> list[tuple[Array, Array]]:
