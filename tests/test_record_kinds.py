@@ -263,10 +263,17 @@ def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("gain", "clear", "status"),
-    [(20.0, 20.0, Status.BETTER_START_FOUND), (9.0, 9.0, Status.CONVERGED), (40.0, 9.0, Status.CONVERGED)],
+    ("gain", "clear", "settles", "status"),
+    [
+        (20.0, 20.0, False, Status.BETTER_START_FOUND),
+        (20.0, 20.0, True, Status.CONVERGED),
+        (9.0, 9.0, False, Status.CONVERGED),
+        (40.0, 9.0, False, Status.CONVERGED),
+    ],
 )
-def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain, clear, status):
+def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_from_nowhere(
+    monkeypatch, gain, clear, settles, status
+):
     # Within the joint region of six parameters (12.6) it is another point of the same ridge; noise with a memory may
     # take chi^2 farther down.
     import identify.estimation.examined as room
@@ -286,6 +293,13 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
     monkeypatch.setattr(room, "lowest_valley", lambda answer, *_: (answer, []))  # the walk is what is looked at
     lost = replace(attempt, gate=replace(attempt.gate, status=Status.SOLVER_FAILED, solver="Restoration_Failed"))
     monkeypatch.setattr(room, "resolve_firmly", lambda *_, **__: lost)
+    tried = []
+
+    def anew(_answer, _unknowns, theta):
+        tried.append(theta)
+        return replace(attempt) if settles else None
+
+    monkeypatch.setattr(room, "placed_anew", anew)
     base = prepared[0].data.base
     sure = certainty(
         attempt,
@@ -298,9 +312,10 @@ def test_a_better_place_the_solver_does_not_settle_at_is_named(monkeypatch, gain
         progress=lambda *_: None,
     )
     assert sure.attempt.gate.status is status
-    words = ("another start is better", "start values", "t_cr = ")
-    message = sure.attempt.gate.message
-    assert [word in message for word in words] == 3 * [status is Status.BETTER_START_FOUND]
+    np.testing.assert_array_equal(tried[0], place.theta)
+    words, message = ("a better place was met", "t_cr = "), sure.attempt.gate.message
+    assert [word in message for word in words] == 2 * [status is Status.BETTER_START_FOUND]
+    assert "start values" not in message, "what was tried from there already is not advised"
 
 
 @pytest.mark.parametrize("kinetic", [0.4, 0.7])
@@ -317,7 +332,8 @@ def test_a_better_place_that_no_start_can_say_is_not_advised_as_one(kinetic):
     gate = Gate(1.0, one, one.astype(np.int64), one.astype(np.int64), "Failed", 0.0, Status.SOLVER_FAILED, "")
     moved = SimpleNamespace(gate=gate)
     message = _another_start(moved, unknowns, 40.0, better, base).message
-    assert ("give these as start values" in message) == (kinetic < 0.6)
+    assert ("give it a prior" in message) == (kinetic < 0.6)
+    assert "start values" not in message
     assert ("bound mu_k0" in message) == (kinetic > 0.6)
     assert f"mu_k0 = {kinetic:g}" in message
 

@@ -292,6 +292,16 @@ def resolve_firmly(attempt: Attempt, unknowns: Unknowns, theta: Array, motion: l
     return moved
 
 
+def placed_anew(attempt: Attempt, unknowns: Unknowns, theta: Array) -> Attempt | None:
+    """The logs of an attempt solved from theta (n_p,) as from a start that a user gives, with the motion that follows
+    from it; None where that is no answer of all of them, or fits no better."""
+    logs = list(attempt.prepared)
+    found = solve_from(logs, list(range(len(logs))), replace(unknowns, start=theta), Clock())
+    if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
+        return None
+    return replace(found, logs=attempt.logs) if found.excess < attempt.excess else None
+
+
 def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:
     """Number, cut log and guess of every chosen log that the start can be placed on."""
     out: list[PlacedLog] = []

@@ -15,7 +15,7 @@ from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
 from identify.estimation.agreement import Allowed, allowed
-from identify.estimation.attempt import Attempt, resolve, resolve_firmly
+from identify.estimation.attempt import Attempt, placed_anew, resolve, resolve_firmly
 from identify.estimation.covariance import (
     IDENTIFIED,
     Estimate,
@@ -300,7 +300,7 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
     theta, trail = here.attempt.solved.theta, here.trail
     moved = attempted(
         Strategy.PROFILE_OPTIMUM,
-        lambda: resolve_firmly(here.attempt, q.unknowns, better.theta, better.guesses),
+        lambda: _settled(here.attempt, better, q.unknowns),
         here.attempt,
         here.attempt.logs,
     )
@@ -320,6 +320,15 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
     return _moved(moved, q, trail, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
 
 
+def _settled(attempt: Attempt, better: ProfilePoint, unknowns: Unknowns) -> Attempt:
+    """The answer at a better place, from the motion there, else from the one that its values make: what a user who
+    gave them as start values would get."""
+    moved = resolve_firmly(attempt, unknowns, better.theta, better.guesses)
+    if moved.gate.status is Status.CONVERGED:
+        return moved
+    return placed_anew(attempt, unknowns, better.theta) or moved
+
+
 def _turns_weak(here: Array, there: Array, unknowns: Unknowns) -> bool:
     return weakens(unknowns, there) and not weakens(unknowns, here)
 
@@ -332,14 +341,17 @@ def _another_start(moved: Attempt, unknowns: Unknowns, gain: float, better: Prof
         for i in np.flatnonzero(unknowns.free).tolist()
     )
     static, kinetic = (values[unknowns.names.index(name)] for name in ("mu_s", "mu_k0"))
-    remedy = "give these as start values under [parameters]"
+    remedy = (
+        "neither from the motion found nor from that of these values; fix what is known of them, or give it a prior, "
+        "under [parameters], or add a log that tells it; that place"
+    )
     if not kinetic < static:  # no start can say that
         remedy = (
             "there contacts weaken while they rest (mu_k0 above mu_s); bound mu_k0 from above by what is known of it "
             "under [parameters], or add a log at another speed; that place"
         )
     message = (
-        f"another start is better: chi^2 falls by {gain:.3g} below that of the answer found, and the solver "
+        f"a better place was met: chi^2 falls by {gain:.3g} below that of the answer found, and the solver "
         f"does not settle there ({moved.gate.solver}); {remedy}: {told}"
     )
     return replace(moved.gate, status=Status.BETTER_START_FOUND, message=message)
