@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,13 +18,18 @@ HELP = "which few logs to record next, what they will tell, and what a wrong rig
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The arguments of this command."""
-    parser.add_argument("source", metavar="SCENE.toml|result.json", help="a scene, with or without logs, or a fit")
+    parser.add_argument("source", nargs="?", metavar="SCENE.toml|result.json", help="a scene, or a fit")
     parser.add_argument("--budget", default="15 min", metavar="T", help='for all logs together (default: "15 min")')
     parser.add_argument(
         "--for", dest="asked", metavar="NAME,…", help="parameters to be told (default: all of friction)"
     )
     parser.add_argument("--out", metavar="STEPS.csv", help="the step programme as a table, to type into a script")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help='such as rig.mass="0.3 kg"')
+    people = parser.add_argument_group("two materials on people: how many cycles and volunteers (needs no scene)")
+    people.add_argument("--difference", metavar="SHARE", help='of their strength, that is to be seen: "15 %%"')
+    people.add_argument("--scatter", default="20 %", metavar="SHARE", help="from stick to stick (default: 20 %%)")
+    people.add_argument("--between", default="20 %", metavar="SHARE", help="from person to person (default: 20 %%)")
+    people.add_argument("--response", default="10 %", metavar="SHARE", help="of a person's difference (default: 10 %%)")
     group = parser.add_argument_group("what can be set at the rig; lists with commas")
     group.add_argument("--speed", metavar="SPEEDS", help='"0.1 mm/s,1 mm/s" (default: dials around that of the scene)')
     group.add_argument("--hold", metavar="TIMES", help='of one log, "3 s,10 s,30 s" (default: two series are tried)')
@@ -40,6 +46,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, IdentifyError, LogError, OSError: one sentence each.
     """
+    if arguments.difference is not None:
+        return _people(arguments, terminal)
+    if arguments.source is None:
+        raise CommandLineError('plan needs a scene or a result.json, or --difference "15 %" for volunteers; give one')
     out = None if arguments.out is None else file_to_write(arguments.out, "--out")
     choices = _choices(arguments)
 
@@ -56,6 +66,45 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         document["out"] = str(out)
     enough = bool(made.logs) or all(v == "identified" for v in document["verdicts"].values())
     return Answer(0 if enough else NOT_SUCCEEDED, {"status": "done" if enough else "nothing_to_add", **document})
+
+
+def _people(arguments: Namespace, terminal: Terminal) -> Answer:
+    """How many cycles and volunteers tell two materials apart.
+
+    Raises:
+        CommandLineError, IdentifyError: one sentence each.
+    """
+    from identify.base.wording import wrapped
+    from identify.bench.power import CHANCE, Comparison, cycles_needed
+
+    names = ("difference", "scatter", "between", "response")
+    difference, scatter, between, response = (_share(getattr(arguments, name), f"--{name}") for name in names)
+    cycles = cycles_needed(scatter, 0.1)
+    paired, groups = (
+        Comparison(math.log1p(difference), scatter, between, response, cycles, way).volunteers()
+        for way in (True, False)
+    )
+    few = cycles_needed(scatter, 0.05)
+    terminal.say(
+        wrapped(
+            f"sticks that scatter by {100 * scatter:.3g} %: {cycles} cycles tell the mean strength to ± 10 %, "
+            f"{few} to ± 5 %, in two logs or more, so that one bad log is seen"
+        )
+    )
+    told = [f"{n} volunteers" if n else "more than 1000 volunteers" for n in (paired, groups)]
+    terminal.say(
+        wrapped(
+            f"two materials that differ by {100 * difference:.3g} %, {cycles} cycles each: {told[0]} who try both, or "
+            f"{told[1]} for each material, tell them apart in {100 * CHANCE:.0f} of 100 studies"
+        )
+    )
+    return Answer(document={"status": "done", "cycles": cycles, "volunteers": {"paired": paired, "groups": groups}})
+
+
+def _share(text: str, option: str) -> float:
+    """ "15 %" or 0.15 as 0.15."""
+    percent = text.strip().endswith("%")
+    return quantity(text.strip().removesuffix("%"), "", option) / (100.0 if percent else 1.0)
 
 
 def _planned(arguments: Namespace, choices: Choices) -> Plan:
@@ -103,9 +152,6 @@ def _choices(arguments: Namespace) -> Choices:
     def one(text: str | None, unit: str, option: str) -> float | None:
         return next(iter(several(text, unit, option)), None)
 
-    error = arguments.load_error
-    if error is not None and error.strip().endswith("%"):
-        error = str(0.01 * quantity(error.strip()[:-1], "", "--load-error"))
     return Choices(
         speeds=several(arguments.speed, "m/s", "--speed"),
         holds=several(arguments.hold, "s", "--hold"),
@@ -113,7 +159,7 @@ def _choices(arguments: Namespace) -> Choices:
         stiffnesses=several(arguments.stiffness, "N/m", "--stiffness"),
         fastest=one(arguments.fastest, "Hz", "--fastest") or float("inf"),
         noise=one(arguments.noise, "N", "--noise"),
-        load_error=one(error, "", "--load-error"),
+        load_error=None if arguments.load_error is None else _share(arguments.load_error, "--load-error"),
         asked=tuple(name.strip() for name in (arguments.asked or "").split(",") if name.strip()),
         budget=one(arguments.budget, "s", "--budget") or 0.0,
     )
