@@ -19,7 +19,8 @@ from data_io.record import within
 from identify.app.folder import Folder, read_json
 from identify.app.jobs import same_code
 from identify.base.wording import speed_text
-from identify.logs.classical import classical_table
+from identify.logs.classical import table_of
+from identify.logs.log_regime import look
 from identify.logs.segment import Cycles
 from identify.logs.segmented import Segmented
 from identify.report.quantity_text import quantity
@@ -145,9 +146,8 @@ def cycles_of(cycles: Cycles) -> list[dict[str, float]]:
 def seen_by_a_fit(log: Segmented) -> dict[str, Any]:
     """Cycles, classical table and account of a log with the cuts of its entry, as a fit will see it."""
     entry = log.entry
-    table = classical_table(
-        within(log.record, entry.window), log.found, drive_speed=log.speed, stiffness=log.rig.stiffness
-    )
+    shown = within(log.record, entry.window)  # on a clock of its own, so that its phases are looked for again
+    table = table_of(shown, look(shown, log.speed), stiffness=log.rig.stiffness)
     slope = log.found.stick_slope
     document: dict[str, Any] = {
         "cycles": cycles_of(log.found.cycles),

@@ -101,6 +101,7 @@ def application(page: Page, token: str, port: int) -> ASGIApp:
         "edit": ("POST", page.edit_scene),
         "save": ("POST", page.save_scene),
         "try": ("POST", page.try_values),
+        "costs": ("POST", page.effect_costs),
         "start-values": ("POST", page.start_values),
         "point": ("POST", page.see_point),
     }

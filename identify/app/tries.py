@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
+from statistics import median
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.app.folder import PageError
+from identify.base.errors import IdentifyError
 from identify.estimation.preview import preview
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.segmented import Segmented
@@ -24,6 +28,8 @@ from identify.simulation.simulate import run
 Array = NDArray[np.float64]
 POINTS = 2_000  # of a curve
 ACCURACY = 1e-4  # of switch times and forces: finer than a line on a screen
+RUNS, CYCLES = 5, 4.0  # of a simulation whose time is taken
+MODERATE = 1e-3  # drive speed where the scene says none [m/s]
 LOADS = 200  # pieces of the course of the load
 ONE_AT_A_TIME = threading.Lock()  # compiled functions of a model are used by one thread
 
@@ -110,6 +116,37 @@ def _strength(onsets: Array, arrests: Array, curve: Mapping[str, Array], at: Arr
     rests = [float(onset - begins[begins < onset][-1]) for onset in onsets]
     there = np.interp(onsets, at, curve["coefficient"])
     return [[rest, float(value)] for rest, value in zip(rests, there, strict=True)]
+
+
+def costs(scene: Scene, entry: LogEntry) -> dict[str, float]:
+    """Milliseconds of a simulated cycle that each effect of the scene takes: with all less without it.
+
+    An effect that the model cannot do without is left out.
+
+    Raises:
+        SceneError, SimulationError: a scene that cannot be simulated.
+    """
+    drive = scene.rig_for(entry).drive_speed
+    speed = max(abs(v) for _, v in drive) if isinstance(drive, tuple) else abs(drive or MODERATE)
+    load = scene.rig_for(entry).normal_force or 1.0
+
+    def taken(made: Scene) -> float:
+        values, model = made.values(entry), made.model
+        period = 4.0 * abs(values["mu_s"] - values["mu_k0"]) * load / (values["stiffness"] * speed)
+        seconds = []
+        for _ in range(RUNS + 1):  # the first one builds the model's functions
+            begun = perf_counter()
+            run(model, values, speed, load, CYCLES * period, accuracy=ACCURACY)
+            seconds.append(perf_counter() - begun)
+        return 1e3 * median(seconds[1:]) / CYCLES
+
+    found = {}
+    with ONE_AT_A_TIME:
+        whole, effects = taken(scene), scene.model.effects
+        for name in effects:
+            with suppress(IdentifyError, KeyError):
+                found[name] = whole - taken(scene.with_effects([other for other in effects if other != name]))
+    return found
 
 
 def start_from_data(scene: Scene) -> dict[str, Any]:

@@ -16,7 +16,7 @@ QUIET = (
 ).split()
 # every name but the server's own fails to resolve: a page that fetched anything from the network would show it
 NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"
-PATIENCE = 120.0  # seconds for something to appear
+PATIENCE = 60.0  # seconds for something to appear
 
 
 class Browser:

@@ -49,10 +49,12 @@ function scenes() {
 function jobs() {
   const put = JSON.parse(localStorage.getItem("put-away") ?? "[]");
   const cards = session.folder.jobs.filter((job) => job.state === "running" || !put.includes(job.id)).slice(0, 6);
+  const open = [...document.querySelectorAll("#jobs details[open]")].map((card) => card.dataset.job);
   refill(document.getElementById("jobs"), ...cards.map((job) => jobCard(job, session, () => {
     localStorage.setItem("put-away", JSON.stringify([job.id, ...put].slice(0, 200)));
     jobs();
   })));
+  for (const card of document.querySelectorAll("#jobs details")) card.open = open.includes(card.dataset.job);
 }
 
 const show = guarded(async () => {

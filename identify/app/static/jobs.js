@@ -26,13 +26,15 @@ export function jobCard(job, session, putAway) {
   const running = job.state === "running";
   const bar = running ? element("progress", { max: 1, "aria-label": `progress of ${job.kind}` }) : null;
   if (bar && job.share !== null && job.share !== undefined) bar.value = job.share;
+  if (!running) {
+    const message = job.message ? `: ${job.message}` : "";
+    return element("details", { class: "job", "data-job": job.id, "data-state": job.state },
+      element("summary", {}, element("strong", {}, job.kind), ` ${job.out}: ${WORDS[job.state]} after ${duration(job.seconds)}${message} `, result(job), " ", button("put away", putAway)), command(job.command));
+  }
   const cancel = button("cancel", async () => { await post("cancel", { id: job.id }); await session.look(); });
-  const told = running ? `${stage} (${duration(job.seconds)}${left(job)})` : `${WORDS[job.state]} after ${duration(job.seconds)}${job.message ? `: ${job.message}` : ""}`;
   return element("section", { class: "job", "data-job": job.id, "data-state": job.state },
-    element("p", {}, element("strong", {}, `${job.kind} `), job.out ? `${job.out}: ` : "", told, " ", running ? cancel : [result(job), " ", button("put away", putAway)]),
-    bar,
-    running && job.stages.length > 1 ? element("p", { class: "quiet" }, job.stages.map(([name, at]) => `${name} ${duration(at)}`).join(" → ")) : null,
-    command(job.command));
+    element("p", {}, element("strong", {}, job.kind), ` ${job.out}: ${stage} (${duration(job.seconds)}${left(job)}) `, cancel), bar,
+    job.stages.length > 1 ? element("p", { class: "quiet" }, job.stages.map(([name, at]) => `${name} ${duration(at)}`).join(" → ")) : null, command(job.command));
 }
 
 /** Start a job and say that it runs. */

@@ -1,5 +1,5 @@
 // Map: stick-slip or steady sliding over two quantities, with an operating point to drag, what was tested, and advice.
-import { button, choice, element, fileAddress, get, labelled, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { address, button, choice, element, fileAddress, get, labelled, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 import { line, mark, picture } from "./plots.js";
 
@@ -34,8 +34,9 @@ export async function mapView(host, asked, session) {
   let jobs = session.folder.jobs.filter((job) => job.kind === "stability" && job.state === "done"), made = null, view = null, advice = [], stop = () => {}, here = {};
   if (!source && !session.scene) { put(host, element("p", {}, "A map needs a fit or a scene; there is none yet.")); return undefined; }
   const base = () => source ? { fit: source } : { scene: session.scene };
+  const logs = async () => source ? (await get("fit", { path: source })).logs.map((log) => log.path) : ((await get("scene", { path: session.scene })).form?.logs ?? []).map((log) => log.path);
   const controls = element("div", { class: "bar" }), place = element("div", { id: "map" }), answer = element("div", { id: "answer", "aria-live": "polite" }), legend = element("p", { class: "quiet" });
-  const number = Number(asked.number ?? 0);
+  const number = Number(asked.number ?? 0), where = await logs();
   const point = newestWins(async () => {
     const found = await post("point", { ...base(), number, changes: here });
     refill(answer, element("h3", {}, (OUTCOMES[found.outcome] ?? [found.outcome])[0]), element("p", {}, found.text.split("\n").map((part) => [part, element("br")])), found.beyond ? element("p", { class: "warning" }, found.beyond) : "",
@@ -47,6 +48,7 @@ export async function mapView(host, asked, session) {
   const axes = before.axes, axis = (name) => axes.find((one) => one.name === name);
   let [across, up] = [axis(asked.x) ? asked.x : "drive_speed", axis(asked.y) ? asked.y : "stiffness"];
   const name = `map-${(source || session.scene).split("/").pop().replace(/\.toml$/, "")}`;
+  const speed = () => `drive_speed=${Number((axis("drive_speed").value * 1e3).toPrecision(10))} mm/s`;
   const range = (quantityName, low, high) => low.value.trim() && high.value.trim() ? [`${quantityName}=${low.value.trim()}:${high.value.trim()}`] : [];
   const field = (label) => element("input", { size: 9, "aria-label": label, placeholder: label });
   const limits = [field("from"), field("to"), field("from"), field("to")];
@@ -134,18 +136,19 @@ export async function mapView(host, asked, session) {
   const files = () => element("span", {}, ["svg", "csv"].map((kind) => [element("a", { href: fileAddress(`${name}.${kind}`, true) }, kind === "svg" ? "picture" : "data"), " "]));
   const about = () => source ? { result: `${source}/result.json` } : { scene: session.scene };
   controls.append(
-    labelled("of", choice([...fits.map((fit) => [fit, `the fit ${fit}`]), ...(session.scene ? [["", `the scene ${session.scene}`]] : [])], source, (to) => { location.hash = `#map?fit=${encodeURIComponent(to)}`; })),
+    labelled("of", choice([...fits.map((fit) => [fit, `the fit ${fit}`]), ...(session.scene ? [["", `the scene ${session.scene}`]] : [])], source, (to) => { location.hash = address("map", { fit: to }); })),
+    labelled("at the point of", choice(where.map((path, i) => [String(i), path]), String(number), (to) => { location.hash = address("map", { fit: source, number: to }); }, { id: "where" })),
     labelled("across", choice(axes.map((one) => [one.name, one.label]), across, (to) => { across = to; }, { id: "across" })), limits[0], limits[1],
     labelled("up", choice(axes.map((one) => [one.name, one.label]), up, (to) => { up = to; }, { id: "up" })), limits[2], limits[3], labelled("points", points),
     button("make the map", async () => {
       if (session.scene && !source) await post("save", { path: session.scene });
       const job = await start(session, { command: "stability", ...about(), map: [across, up], range: [...range(across, limits[0], limits[1]), ...range(up, limits[2], limits[3])], points: points.value,
-        at: [`drive_speed=${axis("drive_speed").value} m/s`], plot: `${name}.svg`, data: `${name}.csv` });
+        at: [speed()], plot: `${name}.svg`, data: `${name}.csv` });
       stop();
       stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done") load(ended.id).catch((error) => say(error.message)); else say(ended.message); });
     }, { class: "main" }),
     button("how to make it steady", async () => {
-      const job = await start(session, { command: "stability", ...about(), at: [`drive_speed=${axis("drive_speed").value} m/s`], advice: true });
+      const job = await start(session, { command: "stability", ...about(), at: [speed()], advice: true });
       whenEnded(job.id, session, async (ended) => {
         if (ended.state !== "done") { say(ended.message); return; }
         const found = (await get("job", { id: ended.id })).points[0].advice;

@@ -1,6 +1,8 @@
 // Curves over time (uPlot) and pictures of points and lines (a canvas of our own), readable without colour.
 import { element, newestWins, plain, refill, style } from "./base.js";
 
+const CLICK = 4; // pixels that a click may move
+
 /** Curves over time in panels one below the other, of which only the visible window is asked for.
 
     panels: [{label, unit, height, series: [{row, label, color, dash}]}]; ask(begin, end) gives rows, the first the time;
@@ -53,7 +55,14 @@ export class TimeView {
       this.go(at - (at - this.begin) * factor, at + (this.end - at) * factor);
     }, { passive: false });
     made.over.addEventListener("dblclick", () => this.go(...this.whole));
+    let pressed = 0;
+    made.over.addEventListener("click", (event) => {
+      if (this.mode() === "move" || Math.abs(event.clientX - pressed) > CLICK) return;
+      const time = made.posToVal(event.offsetX, "x");
+      this.picks?.(time, time, this.mode(), true);
+    });
     made.over.addEventListener("pointerdown", (event) => {
+      pressed = event.clientX;
       if (this.mode() === "move") this.grip = { x: event.clientX, width: made.over.clientWidth, begin: this.begin, end: this.end };
     });
     return made;
@@ -68,9 +77,9 @@ export class TimeView {
   selected(plot) {
     const { left, width } = plot.select, name = this.mode();
     if (plot.select.width || plot.select.height) plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    if (name === "move") return;
+    if (name === "move" || width <= CLICK) return;
     const [begin, end] = [left, left + width].map((at) => Math.min(Math.max(plot.posToVal(at, "x"), this.whole[0]), this.whole[1]));
-    this.picks?.(begin, end, name, width < 4);
+    this.picks?.(begin, end, name, false);
   }
 
   key(event) {

@@ -8,7 +8,7 @@ export async function sceneView(host, asked, session) {
     put(host, element("p", {}, "There is no scene yet: choose logs in ", link("the table", "logs"), " and make one from them."));
     return undefined;
   }
-  const path = session.scene, form = element("div", {}), state = element("div", { class: "bar" }), error = element("p", { class: "error", role: "alert" });
+  const path = session.scene, first = await get("scene", { path }), form = element("div", {}), state = element("div", { class: "bar" }), error = element("p", { class: "error", role: "alert" });
   const text = element("textarea", { "aria-label": "the scene as TOML", spellcheck: "false", oninput: () => { state.dataset.saved = "no"; typed(); } });
   const send = newestWins(async (asked, fromText) => show(await post("edit", { path, ...asked }), fromText));
   const typed = settled(() => send({ text: text.value }, true));
@@ -19,6 +19,9 @@ export async function sceneView(host, asked, session) {
     return made;
   };
 
+  let costs = {};
+  const stem = path.split("/").pop().replace(/\.toml$/, ""), last = session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && [stem, first.form?.name].includes(fit.path.slice(10)));
+  const reasons = Object.fromEntries(((last && await get("fit", { path: last.path }).catch(() => null))?.effects ?? []).map((reason) => [reason.effect, reason.sentence]));
   function effects(seen) {
     return seen.effects.map((effect) => {
       const box = element("input", { type: "checkbox", checked: effect.on, onchange: () => {
@@ -26,11 +29,11 @@ export async function sceneView(host, asked, session) {
         if (box.checked) on = [...on.filter((name) => !effect.role || seen.effects.find((one) => one.name === name).role !== effect.role), ...effect.needs.filter((name) => !on.includes(name)), effect.name];
         change(["effects"], on);
       } });
-      const costs = `costs ${effect.states} state${effect.states === 1 ? "" : "s"}, ${effect.searched} searched parameter${effect.searched === 1 ? "" : "s"}`;
-      const paid = effect.milliseconds ? `, ${plain(effect.milliseconds, 2)} ms of a simulated cycle` : "";
+      const said = `costs ${effect.states} state${effect.states === 1 ? "" : "s"}, ${effect.searched} searched parameter${effect.searched === 1 ? "" : "s"}`;
+      const paid = effect.name in costs ? `, ${plain(costs[effect.name], 2)} ms of a simulated cycle` : "";
       return element("div", { class: "effect", "data-effect": effect.name }, element("label", {}, box, " ", element("strong", {}, effect.name.replaceAll("_", " ")), ": ", effect.says),
-        element("small", {}, costs + paid, effect.parameters.length ? ` (${effect.parameters.join(", ")})` : "", effect.role ? `; one ${effect.role} at most` : "", effect.needs.length ? `; needs ${effect.needs.join(", ")}` : ""),
-        effect.matters ? element("small", {}, `Here: ${effect.matters}.`) : null, effect.told ? element("small", {}, `The last fit: ${effect.told}`) : null);
+        element("small", {}, said + paid, effect.parameters.length ? ` (${effect.parameters.join(", ")})` : "", effect.role ? `; one ${effect.role} at most` : "", effect.needs.length ? `; needs ${effect.needs.join(", ")}` : ""),
+        effect.matters ? element("small", {}, `Here: ${effect.matters}.`) : null, effect.on && reasons[effect.name] ? element("small", {}, `The last fit: ${reasons[effect.name]}.`) : null);
     });
   }
 
@@ -63,7 +66,7 @@ export async function sceneView(host, asked, session) {
         element("h3", {}, "Rig"),
         rig.map((field) => element("div", { class: "field" }, element("label", {}, `${field.label} (${field.unit})`), input(["rig", field.key], field.value, { placeholder: `such as "… ${field.unit}"`, label: field.label }), element("small", {}, field.help))),
         element("div", { class: "field" }, element("label", {}, "time for a fit"), input(["fit", "time_limit"], limit, { placeholder: "60 s" })),
-        element("h3", {}, "Effects"), seen.form.auto ? element("p", {}, "The scene leaves the choice to the fit (effects = \"auto\"). ", button("choose them here", () => change(["effects"], ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]))) : effects(seen.form),
+        element("h3", {}, "Effects ", button("measure what each costs", async () => { costs = await post("costs", { scene: path }); show(seen); })), seen.form.auto ? element("p", {}, "The scene leaves the choice to the fit (effects = \"auto\"). ", button("choose them here", () => change(["effects"], ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]))) : effects(seen.form),
         element("h3", {}, "Parameters"), parameters(seen.form), element("h3", {}, "Logs"), logs(seen.form));
     }
     for (const field of form.querySelectorAll("[data-place]")) {
@@ -76,6 +79,6 @@ export async function sceneView(host, asked, session) {
 
   put(host, element("h2", {}, path), state, error,
     element("div", { class: "columns" }, element("div", {}, form), element("div", {}, element("h3", {}, "The same as text"), text, command(`stickslip fit --scene ${path}`))));
-  show(await get("scene", { path }));
+  show(first);
   return undefined;
 }

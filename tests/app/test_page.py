@@ -1,0 +1,242 @@
+"""Each view of the page driven as a person would, in headless Chromium without a network."""
+
+import json
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+
+import pytest
+
+from identify.app.jobs import same_code
+
+TWO = ("1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz")
+SLOW_LOGS = ("0.1_mm_per_min.txt.gz", "0.1_mm_per_s.txt.gz", "0.1_mm_per_s_at_50_Hz.txt.gz")
+
+
+@pytest.fixture
+def two(root):
+    """The folder with two quick logs and a scene of them."""
+    for name in SLOW_LOGS:
+        (root / name).unlink()
+    text = (root / "pair.toml").read_text()
+    head, *logs = text.split("[[logs]]")
+    (root / "pair.toml").write_text("[[logs]]".join([head, *logs[2:]]))
+    return root
+
+
+def go(page, view):
+    page.ask(f"location.hash = {json.dumps(f'#{view}')}")
+
+
+def drawn(page, selector="#plots"):
+    page.wait(f"Number(document.querySelector('{selector}').dataset.drawn) > 0")
+
+
+def fit_by_hand(page):
+    """Press the button that fits, wait for the table of parameters."""
+    go(page, "fit")
+    page.click("fit")
+    page.wait("document.querySelector('.job progress')")
+    page.wait("document.querySelector('#parameters tbody tr')", 240)
+
+
+def test_the_table_of_logs_fills_itself_and_takes_what_is_dropped(two, page):
+    rows = "document.querySelectorAll('#logs tbody tr')"
+    page.wait(f"{rows}.length === 2 && [...{rows}].every((row) => row.textContent.includes('accept'))")
+    told = page.ask(f"[...{rows}[0].cells].map((cell) => cell.textContent)")
+    assert told[1:8] == ["1_mm_per_s.txt.gz", "cetr-text", "1 mm/s", "0.935\u00a0N", "1000\u00a0Hz", "13", "stick slip"]
+    page.ask(
+        "(() => { const files = new DataTransfer(), rows = Array.from({length: 50}, (_, i) => `${i / 10},1,${i % 9}`);"
+        "files.items.add(new File(['time,normal force,friction force\\ns,N,N\\n' + rows.join('\\n')], '<b>new.csv'));"
+        "const drop = new DragEvent('drop', {dataTransfer: files, bubbles: true});"
+        "document.querySelector('#view').dispatchEvent(drop); })()"
+    )
+    page.wait(f"{rows}.length === 3")
+    assert (two / "<b>new.csv").exists() and page.ask("document.querySelectorAll('#logs b').length") == 0
+
+
+def test_a_log_is_cut_by_dragging_and_the_table_follows(two, page):
+    go(page, "log?path=1_mm_per_s.txt.gz")
+    page.wait("document.querySelector('#view').dataset.seen === 'yes'")
+    drawn(page)
+    cycles = "Number(document.querySelector('#view').innerText.match(/(\\d+) cycles/)[1])"
+    slope = "document.querySelector('.classical').innerText.match(/stiffness of the sticks[^\\d]*([\\d.]+)/)[1]"
+    assert page.ask(cycles) == 13 and abs(float(page.ask(slope)) - 1470) < 10
+    page.drag(".u-over", (0.4, 0.5), (0.5, 0.5))
+    assert page.ask("document.querySelector('#view .hover').textContent").count("cycle")
+    page.click("[data-mode=window]")
+    page.drag(".u-over", (0.25, 0.5), (0.75, 0.5))
+    page.wait(f"{cycles} < 9")
+    kept = page.ask(cycles)
+    page.click("[data-mode=exclude]")
+    page.drag(".u-over", (0.5, 0.5), (0.5, 0.5))
+    page.wait(f"{cycles} === {kept - 1}")
+    draft = next((two / ".stickslip-app" / "drafts").iterdir())
+    entry = tomllib.loads(draft.read_text())["logs"][0]
+    assert entry["window"] == ["1 s", "3 s"] or abs(float(entry["window"][0].split()[0]) - 1.0) < 0.05
+    assert len(entry["exclude"]) == 1
+    page.click("the same cut for all logs")
+    page.wait("document.getElementById('said').textContent.includes('every log')")
+    assert all("window" in log for log in tomllib.loads(draft.read_text())["logs"])
+    page.call("Page.reload")
+    page.wait("document.querySelector('#view').dataset.seen === 'yes'")
+    page.wait(f"{cycles} === {kept - 1}")
+    page.click("take all cuts away")
+    page.wait(f"{cycles} === 13")
+
+
+def test_the_form_and_the_text_of_a_scene_say_the_same(two, page):
+    go(page, "scene?scene=pair.toml")
+    page.wait("document.querySelector('#view').dataset.shown")
+    text = "document.querySelector('textarea').value"
+    page.type("[data-place='rig.mass']", "180 g")
+    page.wait(f"{text}.includes('mass = \"180 g\"')")
+    assert "# h of eq. 1" in page.ask(text), "comments stay"
+    page.type("[data-place='rig.mass']", "180 parsecs")
+    page.wait("document.querySelector('[data-place=\"rig.mass\"]').getAttribute('aria-invalid') === 'true'")
+    assert "parsecs" in page.ask("document.querySelector('[role=alert]').textContent")
+    page.type("textarea", page.ask(text).replace("180 parsecs", "190 g").replace("1470", "1500"))
+    page.wait("document.querySelector('[data-place=\"rig.stiffness\"]').value === '1500 N/m'")
+    page.wait("document.querySelector('[role=alert]').textContent === ''")
+    page.ask("document.querySelector('[data-effect=power_law] input').click()")
+    page.wait(f"{text}.includes('power_law') && !{text}.includes('velocity_weakening')")
+    assert "costs" in page.ask("document.querySelector('[data-effect=contact_ageing]').innerText")
+    assert "1470" in (two / "pair.toml").read_text(), "the file is as it was until it is saved"
+    page.call("Page.reload")
+    page.wait(f"{text}.includes('190 g')")
+    page.click("save")
+    page.wait("document.querySelector('.bar').dataset.saved === 'yes'")
+    assert tomllib.loads((two / "pair.toml").read_text())["rig"]["mass"] == "190 g"
+
+
+def test_a_slider_moves_the_simulated_force(two, page):
+    go(page, "try?scene=pair.toml")
+    page.wait("document.querySelector('#view').dataset.tried")
+    off = "document.querySelector('#told').textContent"
+    before = page.ask(off)
+    page.type("[data-parameter=mu_s]", "250")
+    page.wait(f"{off} !== {json.dumps(before)}")
+    page.click("start from the data")
+    page.wait("document.getElementById('said').textContent.includes('started from')")
+    assert page.ask("document.querySelector('.slider output').textContent") != "0.6", "the sliders went along"
+    page.click("write as starts into the scene")
+    page.wait("document.getElementById('said').textContent.includes('starts')")
+    go(page, "scene")
+    page.wait("document.querySelector('textarea').value.includes('mu_s = {start = ')")
+
+
+def test_a_fit_is_seen_cancelled_and_outlives_its_page(two, page, serving):
+    go(page, "fit?scene=pair.toml")
+    page.click("fit")
+    page.wait("document.querySelector('.job progress')")
+    page.wait("/reading|detecting/.test(document.querySelector('.job').innerText)")
+    page.click("cancel")
+    page.wait("document.querySelector('[data-state=cancelled]')")
+    page.click("put away")
+    page.wait("!document.querySelector('.job')")
+    page.click("fit")
+    page.wait("document.querySelector('.job progress')")
+    page.call("Page.navigate", url="about:blank")  # closed in the middle of it
+    deadline = time.monotonic() + 240
+    while not (two / "stickslip-example-pair" / "result.json").exists() and time.monotonic() < deadline:
+        time.sleep(0.2)
+    page.open(serving.address + "#fit?path=stickslip-example-pair")
+    page.wait("document.querySelector('#parameters tbody tr')")
+    told = page.ask("document.querySelector('#parameters').innerText")
+    assert "mu_s" in told and "identified" in told
+    drawn(page, "#residuals")
+    span = "document.querySelector('#residuals').timeView.end - document.querySelector('#residuals').timeView.begin"
+    whole = page.ask(span)
+    page.click("[data-cycle]")
+    page.wait(f"{span} < {0.5 * whole}")
+    page.click("in the log")
+    page.wait(
+        "document.querySelector('#view').dataset.seen === 'yes' && document.querySelector('#plots').dataset.drawn"
+    )
+    assert page.ask("location.hash").startswith("#log?")
+
+
+def plainly(result):
+    """A result without what differs from run to run: times, and where it ran."""
+    left_out = {"timing_s", "seconds", "finished", "path", "accuracy", "search"}
+    if isinstance(result, dict):
+        return {key: plainly(value) for key, value in result.items() if key not in left_out}
+    return [plainly(value) for value in result] if isinstance(result, list) else result
+
+
+def test_from_a_folder_of_logs_to_a_map_in_the_page_alone_and_again_on_the_command_line(two, page, tmp_path):
+    (two / "pair.toml").unlink()
+    page.wait("document.querySelectorAll('#logs tbody tr').length === 2")
+    page.click("[aria-label='choose all logs']")
+    page.click("make a scene from the chosen logs")
+    page.wait("document.querySelector('textarea')?.value.includes('TODO')")
+    for place, value in (("rig.mass", "0.2 kg"), ("rig.stiffness", "1470 N/m"), ("rig.damping", "147 N/m")):
+        page.type(f"[data-place='{place}']", value)
+        page.wait(f"document.querySelector('textarea').value.includes({json.dumps(json.dumps(value))})")
+    page.wait("document.querySelector('[role=alert]').textContent === ''")
+    fit_by_hand(page)
+    go(page, "map?fit=stickslip-scene&number=1")
+    page.wait("document.querySelector('#answer h3')")
+    page.type("[aria-label^=points]", "12")
+    page.click("make the map")
+    page.wait("document.querySelector('#view').dataset.mapped === 'yes'", 240)
+    first = page.ask("document.querySelector('#answer').innerText")
+    page.drag("#map canvas", (0.5, 0.5), (0.9, 0.12))
+    page.wait(f"document.querySelector('#answer').innerText !== {json.dumps(first)}")
+    assert (two / "map-stickslip-scene.svg").exists() and (two / "map-stickslip-scene.csv").exists()
+    page.click("how to make it steady")
+    page.wait("document.getElementById('said').textContent.includes(' at ')", 240)
+
+    again = tmp_path / "again"
+    again.mkdir()
+    for name in (*TWO, "scene.toml"):
+        shutil.copyfile(two / name, again / name)
+    commands = page.ask("[...document.querySelectorAll('#jobs code')].map((code) => code.textContent)")
+    fit = next(command for command in commands if command.startswith("stickslip fit"))
+    words = [sys.executable, "-P", "-m", "identify", *shlex.split(fit)[1:]]
+    subprocess.run(words, cwd=again, env=same_code(), check=True, capture_output=True)
+    one, other = (json.loads((place / "stickslip-scene" / "result.json").read_text()) for place in (two, again))
+    assert plainly(one) == plainly(other) and one["status"] == "converged"
+
+
+def test_a_study_is_made_of_the_chosen_logs_and_its_points_lead_to_the_fits(two, page):
+    page.wait("document.querySelectorAll('#logs tbody tr').length === 2")
+    page.click("[aria-label='choose all logs']")
+    go(page, "study?scene=pair.toml")
+    page.type("[aria-label='label of 1_mm_per_s.txt.gz']", "steel")
+    page.type("[aria-label='label of 5_mm_per_s.txt.gz']", "steel")
+    page.type("[aria-label='step of 1_mm_per_s.txt.gz']", "2")
+    page.click("all in one group")
+    page.click("fit all groups")
+    page.wait("document.querySelectorAll('#groups tbody tr').length === 1", 300)
+    page.wait("!document.querySelector('.job progress')", 300)
+    page.wait("document.querySelector('#forest canvas')")
+    page.click("compare by material")
+    page.wait("document.querySelector('#study iframe')", 240)
+    go(page, "study?path=study")
+    page.wait("document.querySelector('#groups a')")
+    page.click("#groups a")
+    page.wait("document.querySelector('#parameters tbody tr')")
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_is_wider_than_the_screen(two, page, serving, width, dark):
+    page.size(width, 800, dark)
+    for view in ("logs", "log?path=1_mm_per_s.txt.gz", "scene?scene=pair.toml", "try?scene=pair.toml", "fit", "study"):
+        page.open(f"{serving.address}#{view}")
+        assert page.ask("document.documentElement.scrollWidth") <= width, view
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="3", modifiers=1)
+    page.wait("location.hash.startsWith('#scene')")
+
+
+def test_the_page_complains_to_the_browser_about_nothing_and_a_broken_script_is_seen(page):
+    page.ask("setTimeout(() => { throw new Error('seen'); })")
+    page.wait("true")
+    time.sleep(0.2)
+    page.ask("1")
+    assert any("seen" in complaint for complaint in page.complaints)
+    page.complaints.clear()
