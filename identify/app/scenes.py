@@ -32,7 +32,12 @@ RIG_FIELDS = {
     "normal_force": ("normal force", "N", "Only where the logs have no column of it."),
     "noise": ("noise of the force", "N", "Left out it is estimated from straight sticks."),
 }  # fmt: skip
-DAMPINGS = ("damping", "zeta", "loss_factor", "log_decrement")
+DAMPINGS = {
+    "damping": ("damping h", "N/m"),
+    "zeta": ("damping ratio zeta", "no unit"),
+    "loss_factor": ("loss factor", "no unit"),
+    "log_decrement": ("logarithmic decrement", "no unit"),
+}
 LOG_FIELDS = ("path", "drive_speed", "step", "window", "exclude", "skip_cycles", "tare", "normal_force", "labels")
 PLACES = (
     re.compile(r"\[(rig|fit|contact|initial|tolerances|quality)\] (\w+)"),
@@ -219,11 +224,11 @@ def form_of(document: Mapping[str, Any], scene: Scene | None) -> dict[str, Any]:
     rig = _table(document.get("rig"))
     said = _table(document.get("parameters"))
     damping = next((key for key in DAMPINGS if key in rig), "damping")
-    fields = [
-        {"key": damping if key == "damping" else key, "label": label, "unit": unit,
-         "help": how, "value": _shown(rig.get(damping if key == "damping" else key))}
-        for key, (label, unit, how) in RIG_FIELDS.items()
-    ]  # fmt: skip
+    fields = []
+    for name, (label, unit, how) in RIG_FIELDS.items():
+        key = damping if name == "damping" else name
+        label, unit = DAMPINGS.get(key, (label, unit))
+        fields.append({"key": key, "label": label, "unit": unit, "help": how, "value": _shown(rig.get(key))})
     logs = document.get("logs")
     return {
         "name": _shown(document.get("name")),
