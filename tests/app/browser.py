@@ -29,7 +29,7 @@ class Browser:
         port = self._until(lambda: self._port(), "Chromium did not start")
         pages = json.load(urllib.request.urlopen(f"http://127.0.0.1:{port}/json"))
         page = next(p for p in pages if p["type"] == "page")
-        self.socket = connect(page["webSocketDebuggerUrl"], max_size=None)
+        self.socket = connect(page["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
         self.number, self.complaints, self.asked = 0, [], []
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.call(f"{domain}.enable")

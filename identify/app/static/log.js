@@ -86,7 +86,7 @@ export async function logView(host, asked, session) {
   const panels = [
     { label: "friction", unit: "N", height: Math.min(330, Math.max(210, innerHeight * 0.38)), series: [{ row: 1, label: "friction force", color: "--force" }] },
     { label: "load", unit: "N", height: 120, series: [{ row: 2, label: "normal force", color: "--load" }] },
-    ...(about.has_speed ? [{ label: "speed", unit: "mm/s", height: 110, series: [{ row: 3, label: "drive speed", color: "--speed" }] }] : []),
+    ...(about.has_speed ? [{ label: "speed", unit: "mm/s", height: 135, series: [{ row: 3, label: "drive speed", color: "--speed" }] }] : []),
   ];
   const ask = async (begin, end) => {
     const rows = await curves("curves", { ...which, begin, end });
