@@ -106,8 +106,10 @@ def parse_name(text: str) -> Name:
     if match and match[1]:
         return Name(text, match[1].rstrip(" ,_"), match[2].strip())
     match = _SUFFIX.fullmatch(plain)
-    if match and role_of(text) is None and role_of(match[1]) is not None and kind_of(match[2]) in ("time", "force"):
-        return Name(text, match[1].strip(), match[2])
+    if match and role_of(text) is None and (role := role_of(match[1])) is not None:
+        unit = match[2].lower() if role == "time" else match[2]  # Time_S
+        if kind_of(unit) in ("time", "force"):
+            return Name(text, match[1].strip(), unit)
     return Name(text, text, None)
 
 

@@ -427,6 +427,8 @@ def _read_all(walk: Walk, lines: Lines) -> tuple[list[Table], tuple[str, ...]]:
     while not lines.at_end:
         if not _read_fast(walk, lines):
             lines.hand_back(walk.take(lines.segment()))
+            if walk.table is None:  # what waits for a table is walked again with what follows: in few, larger pieces
+                lines.size = min(4 * lines.size, BLOCK)
     return walk.finish()
 
 

@@ -327,3 +327,31 @@ def test_a_test_data_file_of_a_pcs_mtm(tmp_path, mark):
     assert [step.stop - step.start for step in record.steps] == [120, 120]
     right(read_log(tmp_path / "a.txt", step=2))
     assert record.normal_force[0] == 3.0 and record.channel_units["Sliding Speed"] == "m/s"
+
+
+ALL_HEADERS = (
+    "Time [s]\tSliding Time [s]\tCycles Reset\tDistance [m]\tLinear Position [m]\tSpeed [m/s]\tNormal Force [N]\t"
+    "Friction Force [N]\tPenetration Depth [m]\tCoefficient of Friction\tNominal Normal Force [N]\tSequence Count"
+)
+"""The headers that an owner of an Anton Paar tribometer lists (dancingmelon/tribo_python, note.txt)."""
+
+
+def instrumx(i, force):
+    return f"{i / 10}\t{i / 10 - 1}\t0\t{i / 1e4}\t0.001\t0.001\t3.0\t{force}\t1e-6\t{float(force) / 3:.5f}\t3\t1"
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "more"),
+    [
+        (ALL_HEADERS, instrumx, {}),
+        ("SetName,Cycle,Time_S,Size_mm,Friction_N", lambda i, f: f"slide,1,{i / 10},{i},{f}", {"normal_force": 3}),
+        ("time_s,recnum,hstress_mpa,mu", lambda i, f: f"{i / 10},{i},5.0,{float(f) / 3!r}", {"normal_force": "3 N"}),
+        ("Time(Sec),Wear(Micrometers),Frictional Force(N),Coefficient of Friction,Speed(RPM)",
+         lambda i, f: f"{i / 10},1.0,{f},{float(f) / 3:.5f},191", {"normal_force": 3}),
+        ('"Time","Extension","Load"\n"(s)","(mm)","(N)"', lambda i, f: f'"{i / 10}","{i / 100}","{f}"',
+         {"normal_force": 3, "columns": {"friction_force": "Load"}}),
+    ],
+    ids=["Anton Paar InstrumX", "CellScale", "a rock rig", "Ducom", "a sled on an Instron"],
+)  # fmt: skip
+def test_layouts_that_others_describe(tmp_path, head, row, more):
+    right(read_log(table(tmp_path, head, row, "a.txt"), **more))
