@@ -170,7 +170,7 @@ def verdicts(number: int) -> dict[str, Any]:
         "number": number,
         "status": found.status.value,
         "expected": dict(zip(k.names, expected, strict=True)),
-        "given": {name: given[name] for name in k.names},
+        "given": {name: given.get(name, "") for name in k.names},
     }
 
 

@@ -132,7 +132,7 @@ def _planned(arguments: Namespace, choices: Choices) -> Plan:
         return plan(scene, [log for log in logs if log.left_out is None], choices)
     result = read_result(Path(arguments.source))
     scene = scene_of(result, arguments.source)
-    if result["status"] != Status.CONVERGED:
+    if Status(result["status"]) is not Status.CONVERGED:
         raise CommandLineError(f"{arguments.source} tells no pair ({result['message']}); plan from the scene instead")
     pair = pair_of(result, scene, 0)
     if pair.untold:

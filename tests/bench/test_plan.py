@@ -15,6 +15,8 @@ from identify.bench.rehearsal import Design, rehearse
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
+from identify.report.stored_result import as_json
+from tests.fake_fit import fit_of_a_scene
 
 EFFECTS = [*MAIN, "varying_normal_force"]
 
@@ -106,3 +108,10 @@ def test_the_command_plans_and_says_what_is_wrong(tmp_path, monkeypatch, capsys)
     for wrong, words in ((["--for", "a"], "a is not searched"), (["--speed", "-1 mm/s"], "positive")):
         assert cli.main(["plan", "pair.toml", *wrong]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_a_fit_is_planned_from_its_estimates(tmp_path, capsys):
+    (tmp_path / "result.json").write_text(as_json(fit_of_a_scene().result))
+    assert cli.main(["plan", str(tmp_path / "result.json"), "--speed", "1 mm/s", "--hold", "1 s", "--json"]) in (0, 3)
+    document = json.loads(capsys.readouterr().out)
+    assert document["status"] in ("done", "nothing_to_add") and document["now"]["mu_s"] is not None
