@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 MOST_POINTS = 4_000  # of a curve that is sent
 STRETCHES = MOST_POINTS // 2  # each with its lowest and its highest value
 BLOCK = 64  # samples whose extremes are kept beside the samples
+READERS = 2  # logs that are read at a time
 HELD = 2_000_000_000  # bytes of all logs in memory; the one that was asked for last stays
 
 
@@ -105,6 +106,7 @@ class OpenLogs:
         self._folder = folder
         self._logs: OrderedDict[tuple[Any, ...], OpenLog] = OrderedDict()
         self._lock = threading.Lock()
+        self._readers = threading.Semaphore(READERS)
 
     def opened(self, name: str, options: Mapping[str, Any] | None = None) -> OpenLog:
         """The log of that name, as `data_io.read_log` reads it with these options; reading begins where it has not.
@@ -147,7 +149,8 @@ class OpenLogs:
             opened.share = share
 
         try:
-            record = read(progress=told)
+            with self._readers:
+                record = read(progress=told)
             drive = told_drive(record)
             opened.programme = tuple((float(start), float(speed)) for start, speed in drive.programme or ())
             for role in ("friction_force", "normal_force"):

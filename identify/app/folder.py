@@ -15,7 +15,8 @@ from identify.studies.planning import NOT_LOGS
 OWN = ".stickslip-app"  # what the page keeps: jobs, drafts of scenes, what was seen in logs
 DEEPEST = 3  # folders within each other that are listed
 MOST_FILES = 5_000
-NO_LOGS = (*NOT_LOGS, ".tex", ".zip", ".log")
+OWN_TABLES = (".map.csv", ".map_boundaries.csv", ".manifest.csv")  # as the page names what it has written
+NO_LOGS = (*NOT_LOGS, ".tex", ".zip", ".log", *OWN_TABLES)
 
 
 class PageError(IdentifyError):
@@ -108,7 +109,7 @@ class Folder:
 
     def _may_be_a_log(self, path: Path) -> bool:
         inside = path.resolve()
-        named = path.suffix.lower() not in NO_LOGS and path.name != "index.csv"
+        named = not path.name.lower().endswith(NO_LOGS) and path.name != "index.csv"
         return named and inside.is_relative_to(self.root) and inside.is_file()
 
 

@@ -32,6 +32,7 @@ KILLED = (
     "ended from outside before it was done (killed, out of memory, or the machine stopped); nothing half-written is "
     "left behind: start it again"
 )
+AT_ONCE = max(os.cpu_count() or 1, 2)  # jobs
 LAST = 20_000  # bytes of the progress that are looked at
 
 
@@ -63,11 +64,15 @@ class Jobs:
         """Start `stickslip` with these words.
 
         Raises:
-            PageError: a job that writes to the same place is at work.
+            PageError: a job that writes to the same place is at work, or as many as the machine has cores.
         """
         with self._lock:
-            busy = [job for job in self.listed() if out and job["out"] == out and job["state"] == "running"]
-            if busy:
+            running = [job for job in self.listed() if job["state"] == "running"]
+            if len(running) >= AT_ONCE:
+                raise PageError(
+                    f"{len(running)} jobs are running, one for each core of the machine; cancel one or wait"
+                )
+            if out and any(job["out"] == out for job in running):
                 raise PageError(f"{out} is being written by a job that runs; wait, cancel it, or choose another name")
             name = f"{time.time_ns():x}"
             place = self._place / name
@@ -193,11 +198,7 @@ def _state(place: Path) -> tuple[str, str]:
     if (place / "cancelled").exists() and (document is None or document.get("status") == "error"):
         return "cancelled", "cancelled; nothing half-written is left behind"
     if document is None:
-        return (
-            "killed",
-            "ended from outside before it was done (killed, out of memory, or the machine stopped); nothing \
-half-written is left behind: start it again",
-        )
+        return "killed", KILLED
     message = str(document.get("message") or "")
     return ("failed" if document.get("status") == "error" else "done"), message
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import queue
 import subprocess
 import sys
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ from identify.report.quantity_text import quantity
 from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that looking at one log may take
+NICE = 10  # of the process that looks: what a person waits for goes first
 SEVERITIES = ("reject", "warning")
 
 
@@ -39,6 +42,7 @@ class Looks:
         self._waiting: set[str] = set()
         self._seen: dict[str, tuple[list[int], dict[str, Any]]] = {}
         self._process: subprocess.Popen[bytes] | None = None
+        self._closed = False
         threading.Thread(target=self._work, daemon=True).start()
 
     def of(self, name: str) -> dict[str, Any] | None:
@@ -59,7 +63,8 @@ class Looks:
         return None
 
     def close(self) -> None:
-        """Stop looking."""
+        """Stop looking; what was being looked at is looked at again another time."""
+        self._closed = True
         if self._process is not None:
             self._process.kill()
 
@@ -71,11 +76,13 @@ class Looks:
         return self._folder.own("looks", f"{hashlib.sha256(name.encode('utf-8', 'surrogateescape')).hexdigest()}.json")
 
     def _work(self) -> None:
-        while True:
+        while not self._closed:
             name = self._asked.get()
             try:
                 stamp = self._stamp(name)
                 log = self._inspected(name)
+                if self._closed:
+                    return
                 with atomic_write(self._place(name)) as handle:
                     json.dump({"stamp": stamp, "log": log}, handle)
                 self._seen[name] = stamp, log
@@ -85,7 +92,7 @@ class Looks:
                 self._waiting.discard(name)
 
     def _inspected(self, name: str) -> dict[str, Any]:
-        """Of a process of its own, so that no log can harm the server."""
+        """Of a process of its own, behind everything else that runs, so that no log can harm or hold up the server."""
         words = [sys.executable, "-P", "-m", "identify", "inspect", f"./{name}", "--json", "--quiet"]
         self._process = subprocess.Popen(
             words,
@@ -94,7 +101,10 @@ class Looks:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for the server, which then closes this
         )
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, NICE)
         try:
             document = json.loads(self._process.communicate(timeout=LONGEST)[0])
         except subprocess.TimeoutExpired:

@@ -167,7 +167,7 @@ def plainly(result):
     return [plainly(value) for value in result] if isinstance(result, list) else result
 
 
-def test_from_a_folder_of_logs_to_a_map_in_the_page_alone_and_again_on_the_command_line(two, page, tmp_path):
+def test_from_a_folder_of_logs_to_a_map_in_the_page_alone_and_again_on_the_command_line(two, page, serving, tmp_path):
     (two / "pair.toml").unlink()
     page.wait("document.querySelectorAll('#logs tbody tr').length === 2")
     page.click("[aria-label='choose all logs']")
@@ -187,7 +187,8 @@ def test_from_a_folder_of_logs_to_a_map_in_the_page_alone_and_again_on_the_comma
     first = page.ask("document.querySelector('#answer').innerText")
     page.drag("#map canvas", (0.5, 0.5), (0.9, 0.12))
     page.wait(f"document.querySelector('#answer').innerText !== {json.dumps(first)}")
-    assert (two / "map-stickslip-scene.svg").exists() and (two / "map-stickslip-scene.csv").exists()
+    assert (two / "stickslip-scene.map.svg").exists() and (two / "stickslip-scene.map.csv").exists()
+    assert not [log for log in serving.page.folder.found().logs if "map" in log], "what the page wrote is no log"
     page.click("how to make it steady")
     page.wait("document.getElementById('said').textContent.includes(' at ')", 240)
 

@@ -37,7 +37,7 @@ function residualView(host, path, seen, session) {
       view = new TimeView(plots, {
         begin: rows[0].length ? rows[0][0] : 0, end: last, ask: (begin, to) => curves("residuals", { path, number: log.number, begin, end: to }),
         panels: [{ label: "force", unit: "N", height: 210, series: [{ row: 1, label: "measured", color: "--force" }, { row: 2, label: "fitted", color: "--model", dash: [6, 4] }] },
-          { label: "difference", unit: "N", height: 120, series: [{ row: 3, label: "measured − fitted", color: "--ink" }] }],
+          { label: "difference", unit: "N", height: 150, series: [{ row: 3, label: "measured − fitted", color: "--ink" }] }],
         drawOver: (plot) => log.cycles.filter((c) => bad(c.misfit_z)).forEach((c) => shade(plot, c.onset, c.arrest, style("--bad"), { hatch: 6, label: "misfit" })),
       });
       plots.timeView = view;

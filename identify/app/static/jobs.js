@@ -6,7 +6,7 @@ const BUDGET = 60; // seconds of a fit whose scene and command say nothing
 
 /** Where the result of a job is looked at. */
 function result(job) {
-  if (job.state !== "done") return null;
+  if (job.state !== "done" || !job.out) return null;
   if (job.kind === "fit") return link("see the fit", "fit", { path: job.out });
   if (job.kind === "batch" || job.kind === "compare") return link("see the study", "study", { path: job.out, kind: job.kind });
   if (job.kind === "scene") return link("see the scene", "scene", { scene: job.out });
@@ -22,6 +22,7 @@ function left(job) {
 }
 
 export function jobCard(job, session, putAway) {
+  const name = job.out ? ` ${job.out}` : "";
   const stage = job.stages.length ? job.stages[job.stages.length - 1][0] : "starting";
   const running = job.state === "running";
   const bar = running ? element("progress", { max: 1, "aria-label": `progress of ${job.kind}` }) : null;
@@ -29,11 +30,11 @@ export function jobCard(job, session, putAway) {
   if (!running) {
     const message = job.message ? `: ${job.message}` : "";
     return element("details", { class: "job", "data-job": job.id, "data-state": job.state },
-      element("summary", {}, element("strong", {}, job.kind), ` ${job.out}: ${WORDS[job.state]} after ${duration(job.seconds)}${message} `, result(job), " ", button("put away", putAway)), command(job.command));
+      element("summary", {}, element("strong", {}, job.kind), `${name}: ${WORDS[job.state]} after ${duration(job.seconds)}${message} `, result(job), " ", button("put away", putAway)), command(job.command));
   }
   const cancel = button("cancel", async () => { await post("cancel", { id: job.id }); await session.look(); });
   return element("section", { class: "job", "data-job": job.id, "data-state": job.state },
-    element("p", {}, element("strong", {}, job.kind), ` ${job.out}: ${stage} (${duration(job.seconds)}${left(job)}) `, cancel), bar,
+    element("p", {}, element("strong", {}, job.kind), `${name}: ${stage} (${duration(job.seconds)}${left(job)}) `, cancel), bar,
     job.stages.length > 1 ? element("p", { class: "quiet" }, job.stages.map(([name, at]) => `${name} ${duration(at)}`).join(" → ")) : null, command(job.command));
 }
 

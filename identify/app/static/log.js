@@ -42,7 +42,7 @@ export async function logView(host, asked, session) {
     put(host, element("p", {}, "Which log? ", logs.map((log) => [link(log.path, "log", { path: log.path }), " "])));
     return undefined;
   }
-  const tools = element("div", { class: "bar" }), hint = element("small", {}), hover = element("p", { class: "hover", "aria-live": "off" }), plots = element("div", { id: "plots" });
+  const tools = element("div", { class: "bar" }), hint = element("small", {}), hover = element("p", { class: "hover quiet", "aria-live": "off" }, "Point at a slip to read its numbers."), plots = element("div", { id: "plots" });
   const beside = element("div", {}), title = element("h2", {});
   put(host, title, tools, hint, plots, hover, beside);
   let mode = "move", view = null, cycles = [], cut = null, over = false;

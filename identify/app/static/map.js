@@ -47,11 +47,13 @@ export async function mapView(host, asked, session) {
   const before = await post("point", { ...base(), number, changes: {} });
   const axes = before.axes, axis = (name) => axes.find((one) => one.name === name);
   let [across, up] = [axis(asked.x) ? asked.x : "drive_speed", axis(asked.y) ? asked.y : "stiffness"];
-  const name = `map-${(source || session.scene).split("/").pop().replace(/\.toml$/, "")}`;
+  const name = `${(source || session.scene).split("/").pop().replace(/\.toml$/, "")}.map`;
   const speed = () => `drive_speed=${Number((axis("drive_speed").value * 1e3).toPrecision(10))} mm/s`;
   const range = (quantityName, low, high) => low.value.trim() && high.value.trim() ? [`${quantityName}=${low.value.trim()}:${high.value.trim()}`] : [];
   const field = (label) => element("input", { size: 9, "aria-label": label, placeholder: label });
   const limits = [field("from"), field("to"), field("from"), field("to")];
+  const inUnits = () => limits.forEach((limit, i) => { const unit = axis(i < 2 ? across : up)?.unit; limit.placeholder = `${i % 2 ? "to" : "from"}${unit ? ` … ${unit}` : ""}`; });
+  inUnits();
   const points = element("input", { value: asked.points ?? "40", size: 3, "aria-label": "points along each quantity" });
 
   const draw = () => {
@@ -70,6 +72,7 @@ export async function mapView(host, asked, session) {
         mark(context, tox(here[x.name]), toy(here[y.name]), style("--paper"), "circle", 3);
       } });
     drag(view, x, y, logs);
+    showFiles();
     const shares = Object.entries(made.map.shares).map(([outcome, share]) => `${(OUTCOMES[outcome] ?? [outcome])[0]} ${Math.round(100 * share)} %`);
     legend.textContent = `${shares.join("; ")}. Solid line: end of stick-slip; dashed: sliding loses its stability; hatched: tested by the logs. Drag the point, or move it with the arrow keys.`;
     host.dataset.mapped = "yes";
@@ -133,13 +136,13 @@ export async function mapView(host, asked, session) {
     draw();
     await point();
   };
-  const files = () => element("span", {}, ["svg", "csv"].map((kind) => [element("a", { href: fileAddress(`${name}.${kind}`, true) }, kind === "svg" ? "picture" : "data"), " "]));
+  const files = element("span", {}), showFiles = () => refill(files, ["svg", "csv"].map((kind) => [element("a", { href: fileAddress(`${name}.${kind}`, true) }, kind === "svg" ? "picture" : "data"), " "]));
   const about = () => source ? { result: `${source}/result.json` } : { scene: session.scene };
   controls.append(
     labelled("of", choice([...fits.map((fit) => [fit, `the fit ${fit}`]), ...(session.scene ? [["", `the scene ${session.scene}`]] : [])], source, (to) => { location.hash = address("map", { fit: to }); })),
     labelled("at the point of", choice(where.map((path, i) => [String(i), path]), String(number), (to) => { location.hash = address("map", { fit: source, number: to }); }, { id: "where" })),
-    labelled("across", choice(axes.map((one) => [one.name, one.label]), across, (to) => { across = to; }, { id: "across" })), limits[0], limits[1],
-    labelled("up", choice(axes.map((one) => [one.name, one.label]), up, (to) => { up = to; }, { id: "up" })), limits[2], limits[3], labelled("points", points),
+    labelled("across", choice(axes.map((one) => [one.name, one.label]), across, (to) => { across = to; inUnits(); }, { id: "across" })), limits[0], limits[1],
+    labelled("up", choice(axes.map((one) => [one.name, one.label]), up, (to) => { up = to; inUnits(); }, { id: "up" })), limits[2], limits[3], labelled("points", points),
     button("make the map", async () => {
       if (session.scene && !source) await post("save", { path: session.scene });
       const job = await start(session, { command: "stability", ...about(), map: [across, up], range: [...range(across, limits[0], limits[1]), ...range(up, limits[2], limits[3])], points: points.value,
@@ -156,7 +159,7 @@ export async function mapView(host, asked, session) {
         draw();
         say(advice.filter((c) => c.advised.value !== null).map((c) => `${c.label} at ${c.at} ${quantity(c.advised.value, c.advised.unit, 3)}${c.extrapolated ? " (outside the tested range)" : ""}`).join("; or ") || "it is steady, or nothing reaches that");
       });
-    }), files());
+    }), files);
   put(host, element("h2", {}, "Map"), controls, place, legend, answer);
   const known = asked.job ? jobs.find((job) => job.id === asked.job) : jobs.find((job) => job.out === `${name}.csv`);
   if (known) await load(known.id).catch((error) => say(error.message)); else { here = {}; await point(); }

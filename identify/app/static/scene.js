@@ -40,7 +40,7 @@ export async function sceneView(host, asked, session) {
   function parameters(seen) {
     return element("div", { class: "wide" }, element("table", {}, element("thead", {}, element("tr", {}, ["parameter", "start", "lower", "upper", "held at"].map((name) => element("th", {}, name)))),
       element("tbody", {}, seen.parameters.map((p) => element("tr", {},
-        element("td", {}, element("label", { title: p.meaning }, `${p.symbol} ${p.name}`), element("br"), element("small", {}, p.meaning)),
+        element("td", { class: "meaning" }, element("label", { title: p.meaning }, `${p.symbol} ${p.name}`), element("br"), element("small", {}, p.meaning)),
         ["start", "lower", "upper", "fixed"].map((word) => element("td", {}, p.kind === "given" && (word === "lower" || word === "upper") ? "" : input(["parameters", p.name, word], p[word],
           { size: 9, label: `${word} of ${p.name}`, placeholder: word === "start" ? quantity(p.value, p.unit, 3) : word === "fixed" && p.kind === "given" ? quantity(p.value, p.unit, 3) : "" }))))))));
   }
@@ -78,7 +78,7 @@ export async function sceneView(host, asked, session) {
   }
 
   put(host, element("h2", {}, path), state, error,
-    element("div", { class: "columns" }, element("div", {}, form), element("div", {}, element("h3", {}, "The same as text"), text, command(`stickslip fit --scene ${path}`))));
+    element("div", { class: "columns" }, element("div", {}, form), element("div", { class: "beside" }, element("h3", {}, "The same as text"), text, command(`stickslip fit --scene ${path}`))));
   show(first);
   return undefined;
 }

@@ -41,7 +41,7 @@ export async function studyView(host, asked, session) {
   const rows = manifest(session, make);
   if (rows) make.append(element("div", { class: "bar" }, button("fit all groups", async () => {
     await post("save", { path: session.scene });
-    const written = await post("manifest", { path: `${out.value}.csv`, rows: rows() });
+    const written = await post("manifest", { path: `${out.value}.manifest.csv`, rows: rows() });
     const job = await start(session, { command: "batch", source: [written.path], scene: session.scene, out: out.value, resume: session.folder.batches.includes(out.value) });
     path = out.value;
     remember({ path });

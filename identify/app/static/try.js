@@ -60,7 +60,7 @@ export async function tryView(host, asked, session) {
   const shown = seen.form.parameters.filter((p) => p.kind === "friction");
   const logs = seen.form.logs.map((log, i) => [String(i), `${i + 1}: ${log.path}`]);
   const amount = (label, value, change, low = 0) => labelled(label, element("input", { type: "number", min: low, max: 999, value: String(value), size: 4, "aria-label": label, onchange: (event) => { change(Number(event.target.value)); note(); simulate(); } }));
-  const box = element("input", { type: "checkbox", disabled: !own, onchange: () => { sliders.forEach((one) => one.narrow(box.checked)); simulate(); } });
+  const box = element("input", { type: "checkbox", onchange: () => { sliders.forEach((one) => one.narrow(box.checked)); simulate(); } });
   put(host, element("h2", {}, `Try values: ${path}`),
     element("div", { class: "bar" }, labelled("log", choice(logs, String(number), (to) => { number = Number(to); note(); simulate(); })), amount("from cycle", first + 1, (to) => { first = to - 1; }, 1), amount("cycles", count, (to) => { count = to; }, 1),
       button("start from the data", async () => {
@@ -72,7 +72,7 @@ export async function tryView(host, asked, session) {
         draw(await post("try", { scene: path, number, first, count, values }));
       }),
       own ? button("values of the fit", () => { for (const [name, entry] of Object.entries(own.parameters)) if (entry.value !== null) sliders.get(name)?.set(entry.value); note(); return simulate(); }) : null,
-      element("label", {}, box, " over the 95 % intervals of the fit"),
+      own ? element("label", {}, box, " over the 95 % intervals of the fit") : null,
       button("write as starts into the scene", async () => {
         const changes = shown.map((p) => ({ keys: ["parameters", p.name, "start"], value: `${values[p.name].toPrecision(6)} ${p.unit}`.trim() }));
         await post("edit", { path, changes });
