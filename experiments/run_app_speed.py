@@ -1,10 +1,10 @@
 """How fast the page is: first picture, pan and zoom of ten million samples, and the try sliders, in headless Chromium.
 
-Prints a table. Needs the extra `app`, websockets and Chromium. `--samples N` for a smaller log.
+Prints a table. Needs the extra `app`, websockets and Chromium. python experiments/run_app_speed.py [samples]
 """
 
-import argparse
 import resource
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -12,13 +12,16 @@ from statistics import median
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from data_io import Record, write_hdf5
 from identify.app.folder import Folder
 from identify.app.server import Serving
-from tests.app.browser import Browser
+from tests.app.browser import CHROMIUM, Browser
 
 TURNS = 50
 RATE = 2000.0  # [Hz]
+STARTED = 4.0  # seconds after which a fit is at work
 
 
 def long_log(path: Path, samples: int) -> None:
@@ -40,7 +43,7 @@ def waited(browser: Browser, counter: str, act: str) -> float:
     )
 
 
-def curves_of(browser: Browser, serving: Serving, name: str) -> None:
+def curves_of(browser: Browser, serving: Serving, name: str, turns: int) -> None:
     """First picture, pan and zoom of one log."""
     opened = serving.page.logs.opened(name)
     began = time.perf_counter()
@@ -54,13 +57,13 @@ def curves_of(browser: Browser, serving: Serving, name: str) -> None:
     drawn, view = "document.querySelector('#plots').dataset.drawn", "document.querySelector('#view').timeView"
     browser.wait(f"{view}")
     zooms, pans = [], []
-    for turn in range(TURNS):
+    for turn in range(turns):
         share = 0.9 ** (turn % 25)
         zooms.append(waited(browser, drawn, f"{view}.go({view}.begin, {view}.begin + {view}.whole[1] * {share})"))
         step = f"0.1 * ({view}.end - {view}.begin)"
         pans.append(waited(browser, drawn, f"{view}.go({view}.begin + {step}, {view}.end + {step})"))
     longest = max(zooms + pans)
-    print(f"median of {TURNS}: zoom  {median(zooms):8.1f} ms;  pan {median(pans):8.1f} ms (longest {longest:.0f} ms)")
+    print(f"median of {turns}: zoom  {median(zooms):8.1f} ms;  pan {median(pans):8.1f} ms (longest {longest:.0f} ms)")
     points = browser.ask(f"{view}.rows[0].length")
     heap = browser.call("Runtime.getHeapUsage")["usedSize"]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -68,7 +71,7 @@ def curves_of(browser: Browser, serving: Serving, name: str) -> None:
     print(f"server at most {peak:.0f} MB, the writing of the log included")
 
 
-def sliders_of(browser: Browser, serving: Serving) -> None:
+def sliders_of(browser: Browser, serving: Serving, turns: int) -> None:
     """From a slider to the curve, for the demo's log at 1 mm/s."""
     browser.open(f"{serving.address}#try?scene=pair.toml&number=2")
     browser.wait("document.querySelector('#view').dataset.tried")
@@ -79,30 +82,41 @@ def sliders_of(browser: Browser, serving: Serving) -> None:
             "document.querySelector('#view').dataset.tried",
             f"{slider}.value = {200 + turn % 9}; {slider}.dispatchEvent(new Event('input'))",
         )
-        for turn in range(TURNS)
+        for turn in range(turns)
     ]
-    print(f"slider to curve, median of {TURNS}  {median(tries):8.1f} ms (longest {max(tries):.0f} ms)")
+    print(f"slider to curve, median of {turns}  {median(tries):8.1f} ms (longest {max(tries):.0f} ms)")
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=10_000_000)
-    samples = parser.parse_args().samples
+def cancel_of(serving: Serving) -> None:
+    """From the cancel of a fit at work until none of its processes is left."""
+    job = serving.page.start_job({"command": "fit", "scene": "pair.toml", "out": "cancelled"})
+    time.sleep(STARTED)
+    began = time.perf_counter()
+    ended = serving.page.cancel_job({"id": job["id"]})
+    print(f"cancel to idle  {time.perf_counter() - began:8.2f} s (the fit is {ended['state']})")
+
+
+def main(fast: bool = False, samples: int = 10_000_000) -> None:
+    """Print the table; fast: of 100,000 samples, five turns."""
+    if CHROMIUM is None:
+        print("no Chromium is installed (Debian: apt-get install chromium): nothing was measured")
+        return
     with tempfile.TemporaryDirectory() as place:
         root = Path(place)
-        long_log(root / "long.h5", samples)
+        long_log(root / "long.h5", 100_000 if fast else samples)
         serving = Serving(Folder.at(root))
         serving.page.put_examples({})
         serving.start()
         browser = Browser()
+        turns = 5 if fast else TURNS
         try:
-            curves_of(browser, serving, "long.h5")
-            sliders_of(browser, serving)
+            curves_of(browser, serving, "long.h5", turns)
+            sliders_of(browser, serving, turns)
+            cancel_of(serving)
         finally:
             browser.close()
             serving.stop()
 
 
 if __name__ == "__main__":
-    main()
+    main(samples=int(sys.argv[1]) if len(sys.argv) > 1 else 10_000_000)

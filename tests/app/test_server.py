@@ -17,6 +17,7 @@ from identify.app.commands import words_of
 from identify.app.curves import BLOCK, Blocks, extremes
 from identify.app.folder import Folder, PageError
 from identify.app.jobs import same_code
+from identify.app.looks import Looks
 from identify.app.scenes import edited
 from identify.cli import main as cli
 
@@ -190,18 +191,40 @@ def test_a_cancelled_fit_is_idle_within_two_seconds(client, serving, root):
     assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == []
 
 
-@pytest.mark.slow
-def test_fits_killed_at_random_instants_leave_nothing_half_written(client, serving, root):
+@pytest.mark.parametrize(("kills", "latest"), [(10, 1.5), pytest.param(50, 8.0, marks=pytest.mark.slow)])
+def test_fits_killed_at_random_instants_leave_nothing_half_written(client, serving, root, kills, latest):
     rng = random.Random(51)
-    for _ in range(50):
+    for _ in range(kills):
         _, job = client.post("start", command="fit", scene="pair.toml", out="one")
-        time.sleep(rng.uniform(0.0, 8.0))
+        time.sleep(rng.uniform(0.0, latest))
         os.killpg(serving.page.jobs._children[job["id"]].pid, signal.SIGKILL)
         found = wait_for(client, job["id"], "killed") if not (root / "one").exists() else None
         assert found is None or "start it again" in found["message"]
         assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == []
         for result in root.glob("one/result.json"):
             assert client.get("fit", path="one")[0] == 200, result
+
+
+def test_there_are_no_more_jobs_than_cores(client, monkeypatch):
+    monkeypatch.setattr("identify.app.jobs.AT_ONCE", 1)
+    _, job = client.post("start", command="fit", scene="pair.toml", out="one")
+    status, told = client.post("start", command="fit", scene="pair.toml", out="two")
+    assert status == 400 and "cancel one or wait" in told["error"]
+    client.post("cancel", id=job["id"])
+    status, job = client.post("start", command="fit", scene="pair.toml", out="two")
+    assert status == 200 and job["state"] == "running"
+
+
+def test_a_look_that_is_cut_short_is_no_verdict_on_the_log(root):
+    looks, name = Looks(Folder.at(root)), "1_mm_per_s.txt.gz"
+    assert looks.of(name) is None
+    deadline = time.monotonic() + 30
+    while looks._process is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    looks.close()
+    looks._process.wait(5)
+    time.sleep(0.2)
+    assert not list((root / ".stickslip-app").glob("looks/*.json"))
 
 
 def test_a_server_that_starts_again_finds_what_ran(client, serving, root):
