@@ -76,7 +76,7 @@ class Looks:
         return self._folder.own("looks", f"{hashlib.sha256(name.encode('utf-8', 'surrogateescape')).hexdigest()}.json")
 
     def _work(self) -> None:
-        while not self._closed:
+        while True:
             name = self._asked.get()
             try:
                 stamp = self._stamp(name)
