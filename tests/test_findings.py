@@ -12,6 +12,7 @@ ELSEWHERE = {
     "read_in_part": "tests/test_partly_read.py",
     "load_trembles": "tests/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/test_prepare.py",  # a warning of the fit: the scene's effects decide it
+    "settings_above": "tests/data_io/test_layouts.py",  # of thousands of rows
     "unreadable": "tests/test_inspect.py",  # the reader's sentence as a verdict, see tests/refusal_cases.py
 }
 PAIRS = [(code, number) for code, pairs in finding_cases.CASES.items() for number in range(len(pairs))]

@@ -20,8 +20,10 @@ SHIPPED = [
 
 def packed(path: Path, patterns: dict[str, list[str]]) -> bool:
     """Whether the package data take a file in, for every package or for its own."""
-    named = [*patterns["*"], *patterns.get(".".join(path.parent.parts), [])]
-    return any(fnmatch(path.name, pattern) for pattern in named)
+    package = next(p for p in path.parents if (ROOT / p / "__init__.py").exists())
+    inside = path.relative_to(package)
+    named = patterns.get(".".join(package.parts), [])
+    return any(fnmatch(path.name, pattern) for pattern in patterns["*"]) or any(inside.match(p) for p in named)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=str)

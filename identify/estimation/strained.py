@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from identify.base.quantiles import student
 from identify.base.wording import three_figures
 from identify.logs.log_data import Guess, LogData
 from identify.shooting.passes import Solved
@@ -74,7 +74,7 @@ def odd_stick(solved: Solved, names: Sequence[str]) -> str:
         return ""
     worst = int(np.argmax(np.abs(off)))
     times = abs(float(off[worst])) / float(np.sqrt(np.sum(np.delete(off, worst) ** 2) / (n - 1)))
-    if times < float(student.isf(0.5 * CHANCE / n, n - 1)):
+    if times < float(student(1.0 - 0.5 * CHANCE / n, n - 1)):
         return ""
     log = next(i for i, place in enumerate(layout.places) if layout.varied[worst] in place.strength)
     cycle = int(np.flatnonzero(layout.places[log].strength == layout.varied[worst])[0])
