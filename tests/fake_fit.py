@@ -97,6 +97,7 @@ def log_curves(speed: float, samples: int, cycles: int = 9, scatter: float = 0.0
         noise=NOISE,
         drive_speed=speed,
         cycles=table,
+        measured=table[:, :4],
         slip=_detail(slip, speed, float(onset[cycles // 2]), cycles // 2 + 1, time),
     )
 
@@ -169,7 +170,13 @@ def failed(fit: Fit, status: str, message: str) -> Fit:
 def without_cycles(fit: Fit) -> Fit:
     """The same logs with nothing detected and nothing fitted."""
     bare = tuple(
-        replace(log, fitted_force=np.full_like(log.time, np.nan), cycles=np.empty((0, 5)), slip=None)
+        replace(
+            log,
+            fitted_force=np.full_like(log.time, np.nan),
+            cycles=np.empty((0, 5)),
+            measured=np.empty((0, 4)),
+            slip=None,
+        )
         for log in fit.logs
     )
     message = "No log holds three complete stick-slip cycles; drive slower, or press harder, and record again."

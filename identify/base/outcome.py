@@ -52,6 +52,7 @@ class LogCurves:
     nothing was fitted (outside the fitted window, masked samples, or no fit at all); `used` marks
     the samples that count; `cycles` has one row per fitted or detected cycle:
     onset time [s], arrest time [s], onset force [N], arrest force [N], chi^2 z-score (NaN if not fitted).
+    `measured`: the cycles as they were detected (k, 4), the same without the score, whatever a fit makes of them.
     `raw_force`: the friction force as it was read, with the fit's sign, None where nothing was corrected;
     `cuts`: (kind, start [s], stop [s]) of what the scene leaves out, and of the interval of a tare.
     """
@@ -65,6 +66,7 @@ class LogCurves:
     noise: float
     drive_speed: float
     cycles: Array
+    measured: Array
     slip: SlipDetail | None
     raw_force: Array | None = None
     cuts: tuple[tuple[str, float, float], ...] = ()

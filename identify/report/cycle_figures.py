@@ -31,6 +31,10 @@ from identify.report.style import (
 
 FEWEST = 3  # cycles that a log must show
 BINS = 14
+MEASURED = (
+    *("log", "cycle", "onset_s", "arrest_s", "onset_force_N", "arrest_force_N"),
+    *("strength", "drop_N", "hold_s"),
+)
 COLOURS = (ONSET, SLIDING, FITTED, ARREST, RESIDUAL, QUIET)
 
 Array = NDArray[np.float64]
@@ -42,7 +46,7 @@ def draw_measured(logs: Sequence[LogCurves]) -> Drawing | None:
     Strength: friction over normal force at the onset; hold time: from an arrest to the next onset. None where no log
     shows `FEWEST` cycles.
     """
-    seen = [(number, log, _cycles(log)) for number, log in enumerate(logs, 1) if len(log.cycles) >= FEWEST]
+    seen = [(number, log, _cycles(log)) for number, log in enumerate(logs, 1) if len(log.measured) >= FEWEST]
     if not seen:
         return None
     figure = Figure(figsize=(WIDE, 2.3))
@@ -62,17 +66,16 @@ def draw_measured(logs: Sequence[LogCurves]) -> Drawing | None:
     if np.all(speeds > 0.0):
         _logarithmic(axes[4])
     frame(axes[4], "drive speed (mm/s)", "", "mean coefficient (1)")
-    together = np.concatenate([np.column_stack([np.full(len(c), n), c]) for n, _, c in seen])
     return Drawing(
         name="measured",
         figure=figure,
-        alt=f"How the {len(together)} measured cycles of {len(seen)} logs scatter, and what strength and mean follow.",
+        alt=f"How the {sum(len(c) for _, _, c in seen)} measured cycles of {len(seen)} logs scatter, and what strength "
+        "and mean follow.",
         caption="The cycles as measured, without a model. Strength: friction over normal force at the onset; hold "
         "time: from an arrest to the next onset. A strength that rises with the hold time is contact ageing; one that "
         "scatters at equal hold times is a surface that differs from place to place.",
         wide=True,
         tables={
-            "measured_cycles": dict(zip(("log", "strength", "drop_N", "hold_s"), together.T, strict=True)),
             "measured_means": {"drive_speed_m_per_s": speeds, "mean_coefficient": means},
         },
     )
@@ -80,14 +83,26 @@ def draw_measured(logs: Sequence[LogCurves]) -> Drawing | None:
 
 def _cycles(log: LogCurves) -> Array:
     """Strength, drop [N] and hold time [s] (NaN of the first) of every cycle, (c, 3)."""
-    onset, arrest, peak, valley, _ = log.cycles.T
+    onset, arrest, peak, valley = log.measured.T
     load = np.interp(onset, log.time, log.normal_force)
-    return np.column_stack([peak / load, peak - valley, np.append(np.nan, onset[1:] - arrest[:-1])])
+    return np.column_stack([peak / load, peak - valley, np.append(np.nan, onset[1:] - arrest[:-1])[: onset.size]])
+
+
+def measured_cycles(logs: Sequence[LogCurves]) -> dict[str, Array]:
+    """The cycles of all logs as they were measured, by column: of a fit that was accepted and of one that was not."""
+    rows = [
+        np.column_stack(
+            [np.full(len(log.measured), n), np.arange(1, len(log.measured) + 1), log.measured, _cycles(log)]
+        )
+        for n, log in enumerate(logs, 1)
+    ]
+    table = np.concatenate(rows) if rows else np.empty((0, len(MEASURED)))
+    return dict(zip(MEASURED, table.T, strict=True))
 
 
 def _mean_coefficient(log: LogCurves) -> float:
     """Friction over normal force, mean from the first onset to the last."""
-    inside = log.used & (log.time >= log.cycles[0, 0]) & (log.time <= log.cycles[-1, 0])
+    inside = log.used & (log.time >= log.measured[0, 0]) & (log.time <= log.measured[-1, 0])
     return float(np.nanmean(log.friction_force[inside] / log.normal_force[inside])) if inside.any() else np.nan
 
 

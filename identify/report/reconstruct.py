@@ -43,6 +43,7 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
         log.data.noise,
         log.data.drive_speed,
         cycles,
+        _detected(log),
         slip if slip is not None and as_fitted(slip, log.record.time, fitted) else None,
         *_as_read(log),
     )
@@ -51,17 +52,16 @@ def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess,
 def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
     """Curves of a fit that was refused: cycles as they were measured, for how they scatter is what the reader is sent
     to; the misfit of each where there are as many as were fitted."""
-    cycles = detected_curves(log).cycles
+    found = _detected(log)
+    cycles = np.column_stack([found, np.full(len(found), np.nan)])
     if cycles.shape == fitted.cycles.shape:
         cycles[:, -1] = fitted.cycles[:, -1]
-    return replace(fitted, cycles=cycles)
+    return replace(fitted, cycles=cycles, measured=found)
 
 
 def detected_curves(log: Prepared) -> LogCurves:
     """Curves of a log that was not fitted: its detected cycles only."""
-    c = log.segmentation.cycles
-    nothing = np.full(c.count, np.nan)
-    cycles = np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force, nothing])
+    found = _detected(log)
     return LogCurves(
         log.name,
         log.record.time,
@@ -71,10 +71,17 @@ def detected_curves(log: Prepared) -> LogCurves:
         log.used,
         float(log.segmentation.noise),
         log.data.drive_speed,
-        cycles,
+        np.column_stack([found, np.full(len(found), np.nan)]),
+        found,
         None,
         *_as_read(log),
     )
+
+
+def _detected(log: Prepared) -> Array:
+    """Onset and arrest [s] of every cycle that was seen in the record, and the forces there [N], (k, 4)."""
+    c = log.segmentation.cycles
+    return np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force])
 
 
 def _as_read(log: Prepared) -> tuple[Array | None, tuple[tuple[str, float, float], ...]]:

@@ -27,6 +27,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     OSError where the folder cannot be written.
     """
     # Matplotlib and HDF5 are slow to import: only who writes a report pays for them.
+    from identify.report.cycle_figures import measured_cycles
     from identify.report.hdf5 import write_result_h5
     from identify.report.report_figures import pictures
     from identify.report.report_page import render_page
@@ -35,7 +36,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     page, document = render_page(fit, drawn), as_json(fit.result)
     table = classical_csv(fit.result.get("logs", ()))
     latex = latex_table(fit.result.get("parameters", {}))
-    figures: dict[str, str | bytes] = {}
+    figures: dict[str, str | bytes] = {"measured_cycles.csv": figure_csv(measured_cycles(fit.logs))}
     for picture in drawn:
         figures[f"{picture.name}.svg"] = picture.svg
         figures[f"{picture.name}.png"] = picture.png

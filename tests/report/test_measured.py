@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.report.cycle_figures import draw_cycles, draw_measured
+from identify.report.cycle_figures import draw_cycles, draw_measured, measured_cycles
 from identify.report.report_files import write_report
 from tests.fake_fit import failed, fake_fit, without_cycles
 
@@ -15,9 +15,9 @@ def test_the_numbers_are_those_of_the_cycles():
     logs = fake_fit(samples=2000, scatter=0.1).logs
     drawn = draw_measured(logs)
     assert drawn is not None
-    table = drawn.tables["measured_cycles"]
+    table = measured_cycles(logs)
     first = table["log"] == 1
-    cycles = logs[0].cycles
+    cycles = logs[0].measured
     load = np.interp(cycles[:, 0], logs[0].time, logs[0].normal_force)
     assert table["strength"][first] == pytest.approx(cycles[:, 2] / load)
     assert table["hold_s"][first][1:] == pytest.approx(cycles[1:, 0] - cycles[:-1, 1]) and np.isnan(table["hold_s"][0])
@@ -30,9 +30,9 @@ def test_the_numbers_are_those_of_the_cycles():
 
 def test_a_log_with_hardly_a_cycle_is_left_out_and_none_at_all_draws_nothing():
     fit = fake_fit(samples=2000)
-    few = replace(fit.logs[0], cycles=fit.logs[0].cycles[:2])
+    few = replace(fit.logs[0], measured=fit.logs[0].measured[:2])
     drawn = draw_measured([few, *fit.logs[1:]])
-    assert drawn is not None and set(drawn.tables["measured_cycles"]["log"]) == {2, 3, 4}
+    assert drawn is not None and drawn.tables["measured_means"]["mean_coefficient"].size == 3
     assert draw_measured(without_cycles(fit).logs) is None
 
 
@@ -42,10 +42,14 @@ def test_only_a_refused_fit_shows_it_and_its_captions_say_as_measured(tmp_path):
     write_report(refused, tmp_path / "refused")
     page = (tmp_path / "refused" / "report.html").read_text(encoding="utf-8")
     assert 'id="measured"' in page and "cycle to cycle as measured" in page and "motion as fitted" not in page
+    table = tmp_path / "refused" / "figures" / "measured_cycles.csv"
+    header, *rows = table.read_text().splitlines()
     assert (
-        (tmp_path / "refused" / "figures" / "measured_cycles.csv").read_text().startswith("log,strength,drop_N,hold_s")
+        header == "log,cycle,onset_s,arrest_s,onset_force_N,arrest_force_N,strength,drop_N,hold_s" and len(rows) == 18
     )
+    of_refused = table.read_bytes()
     write_report(fit, tmp_path / "refused")
     assert 'id="measured"' not in (tmp_path / "refused" / "report.html").read_text(encoding="utf-8")
-    assert not list((tmp_path / "refused" / "figures").glob("measured*"))
+    assert [path.name for path in (tmp_path / "refused" / "figures").glob("measured*")] == ["measured_cycles.csv"]
+    assert table.read_bytes() == of_refused
     assert "as fitted" in draw_cycles(fit.logs[0], 1).caption
