@@ -150,8 +150,8 @@ class Jobs:
         about = read_json(place / "job.json") or {}
         if _running(place) and "pid" in about:
             (place / "cancelled").touch()
-            deadline = time.monotonic() + GRACE
             for number in (signal.SIGINT, signal.SIGKILL):
+                deadline = time.monotonic() + GRACE
                 with suppress(ProcessLookupError):
                     os.killpg(about["pid"], number)
                 while _running(place) and time.monotonic() < deadline:
@@ -182,7 +182,7 @@ def _running(place: Path) -> bool:
     """Whether a process holds its lock: no number of a process is trusted, which another one may have by now."""
     try:
         with (place / "alive").open("rb") as alive:
-            fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(alive, fcntl.LOCK_SH | fcntl.LOCK_NB)  # two that look are not in each other's way
     except BlockingIOError:
         return True
     except OSError:
