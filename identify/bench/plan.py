@@ -110,7 +110,7 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted: Pair 
     then = known.known + sum((tried.all(log.design, log.times) for log in chosen), start=np.zeros(()))
     at_speed = min(designs, key=lambda design: abs(math.log(design.speed / speed)) + bool(design.holds))
     drop_now, drop_then = (_drop(tried, at_speed, precision[0]) for precision in (known.known, then))
-    price = _price(tried, chosen) if chosen else {}
+    price = _price(tried, chosen, logs) if chosen else {}
     now = known.halves(known.known)
     return Plan(known, now, chosen, at_speed.speed, drop_now, drop_then, price, dict(scene.rig.tolerances))
 
@@ -133,8 +133,10 @@ def _knowledge(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted:
     spread = np.where(np.isfinite(unknowns.prior_sd), unknowns.prior_sd, unknowns.spread)[free]
     covariance = np.diag(spread**2)
     if fitted is not None and fitted.covariance is not None:
-        told = [names.index(name) for name in fitted.names if name in names]
-        mine = [i for i, name in enumerate(fitted.names) if name in names]
+        # What the fit does not tell has an infinite variance there: as open as before it.
+        finite = np.isfinite(np.diag(fitted.covariance))
+        mine = [i for i, name in enumerate(fitted.names) if name in names and finite[i]]
+        told = [names.index(fitted.names[i]) for i in mine]
         size = np.where(unknowns.logarithmic, np.array([values[n] for n in unknowns.names]), 1.0)[free[kept[told]]]
         known = np.asarray(fitted.covariance)[np.ix_(mine, mine)] / np.outer(size, size)
         covariance[np.ix_(kept[told], kept[told])] = known
@@ -235,7 +237,7 @@ def _drop(tried: Rehearsals, design: Design, precision: Array) -> float:
     return float(NORMAL * np.sqrt(slopes @ inverse(precision) @ slopes))
 
 
-def _price(tried: Rehearsals, chosen: Sequence[PlannedLog]) -> dict[str, Array]:
+def _price(tried: Rehearsals, chosen: Sequence[PlannedLog], logs: Sequence[Prepared]) -> dict[str, Array]:
     """By how much each parameter (k,) moves, as shares of what it is judged by, where the rig is wrong by 5 % and the
     fit does not know: linear, from the information of all parameters together at the likeliest place."""
     k = tried.knowledge
@@ -244,7 +246,8 @@ def _price(tried: Rehearsals, chosen: Sequence[PlannedLog]) -> dict[str, Array]:
     values = unknowns.values(theta, k.base)
     wide = replace(unknowns, free=unknowns.free | (rig & (values > 0.0)))
     free = np.flatnonzero(wide.free)
-    total = np.zeros((free.size, free.size))
+    held = [told_by(wide, theta, log, log.data.normal_force_sd, k.distance) for log in logs]
+    total = np.asarray(sum(held, start=np.zeros((free.size, free.size))))
     for log in chosen:
         made = rehearse(wide, theta, base_of(unknowns, k.base, log.design), log.design, k.distance, k.longest)
         if made is not None:

@@ -132,7 +132,7 @@ def _price_lines(plan: Plan) -> list[str]:
     wanted = plan.knowledge.wanted
     rows = [[f"{100 * WRONG:.0f} % off in", *(plan.knowledge.names[i] for i in wanted)]]
     for name, shift in plan.price.items():
-        rows.append([RIG_WORDS[name], *(f"{100.0 * float(shift[i]):.2g} %" for i in wanted)])
+        rows.append([RIG_WORDS[name], *(_moved(float(shift[i])) for i in wanted)])
     lines = [
         "",
         wrapped("the price of a wrong rig, taken as exact, by how much it moves each parameter:"),
@@ -147,13 +147,18 @@ def _price_lines(plan: Plan) -> list[str]:
         remedy = "time a stroke of known length" if worst == "drive_speed" else "make the records of docs/measuring.md"
         lines.append(
             wrapped(
-                f"measure {RIG_WORDS[worst]}{known} first: 5 % of it moves {name} by {100.0 * moves:.2g} %, which the "
+                f"measure {RIG_WORDS[worst]}{known} first: 5 % of it moves {name} by {_moved(moves)}, which the "
                 f"logs tell to {shown_half(half)}; {remedy}, and state what stays open as a tolerance"
             )
         )
     else:
         lines.append(wrapped("a rig known to 5 % is good enough for these logs: no record of it is needed first"))
     return lines
+
+
+def _moved(shift: float) -> str:
+    """A shift as a share; a linear one beyond the whole is only known to be that large."""
+    return f"{100.0 * shift:.2g} %" if shift < 1.0 else "over 100 %"
 
 
 def step_table(plan: Plan) -> str:

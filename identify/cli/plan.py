@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from argparse import ArgumentParser, Namespace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -113,6 +114,8 @@ def _planned(arguments: Namespace, choices: Choices) -> Plan:
     Raises:
         CommandLineError: a fit that did not converge.
     """
+    import numpy as np
+
     from identify.base.outcome import Status
     from identify.bench.plan import plan
     from identify.logs.prepare import prepare
@@ -137,6 +140,9 @@ def _planned(arguments: Namespace, choices: Choices) -> Plan:
     pair = pair_of(result, scene, 0)
     if pair.untold:
         raise CommandLineError(f"{arguments.source}: {pair.untold}; plan from a scene instead")
+    loads = [log["normal_force_N"] for log in result["logs"] if log.get("normal_force_N")]
+    if loads and not choices.loads:
+        choices = replace(choices, loads=(float(np.median(loads)),))
     return plan(scene, (), choices, pair)
 
 

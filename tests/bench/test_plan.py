@@ -16,7 +16,7 @@ from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
 from identify.report.stored_result import as_json
-from tests.fake_fit import fit_of_a_scene
+from tests.fake_fit import fit_of_a_scene, with_verdicts
 
 EFFECTS = [*MAIN, "varying_normal_force"]
 
@@ -110,8 +110,14 @@ def test_the_command_plans_and_says_what_is_wrong(tmp_path, monkeypatch, capsys)
         assert words in capsys.readouterr().err
 
 
-def test_a_fit_is_planned_from_its_estimates(tmp_path, capsys):
-    (tmp_path / "result.json").write_text(as_json(fit_of_a_scene().result))
+@pytest.mark.parametrize("untold", [False, True])
+def test_a_fit_is_planned_from_its_estimates_at_the_load_of_its_logs(tmp_path, capsys, untold):
+    """What a fit does not tell has no standard error: it is as open as before, and the plan is for just that."""
+    fit = with_verdicts(fit_of_a_scene()) if untold else fit_of_a_scene()
+    logs = [log | {"normal_force_N": 0.5} for log in fit.result["logs"]]
+    (tmp_path / "result.json").write_text(as_json(fit.result | {"logs": logs}))
     assert cli.main(["plan", str(tmp_path / "result.json"), "--speed", "1 mm/s", "--hold", "1 s", "--json"]) in (0, 3)
     document = json.loads(capsys.readouterr().out)
     assert document["status"] in ("done", "nothing_to_add") and document["now"]["mu_s"] is not None
+    assert (document["now"]["a"] is None or document["now"]["a"] > 1.0) == untold
+    assert {log["normal_force"] for log in document["logs"]} <= {0.5} and (document["logs"] or not untold)
