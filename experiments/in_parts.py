@@ -21,6 +21,15 @@ def read(paths: Sequence[str | Path]) -> list[dict[str, Any]]:
     return [json.loads(line) for path in paths for line in Path(path).read_text(encoding="utf-8").splitlines()]
 
 
+def kind_and_cases(study: Callable[[str, int, int, Path], object]) -> Callable[[Sequence[str]], None]:
+    """The part of a study of several kinds that a command line names: KIND FIRST LAST FILE."""
+
+    def part(said: Sequence[str]) -> None:
+        study(said[0], int(said[1]), int(said[2]), Path(said[3]))
+
+    return part
+
+
 def started(
     main: Callable[[], object],
     table: Callable[[list[dict[str, Any]]], None],

@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
-from experiments.in_parts import append, started
+from experiments.in_parts import append, kind_and_cases, started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, RIG, USUAL
 from identify import Scene
@@ -34,7 +34,7 @@ from identify.base.quantiles import NORMAL
 from identify.bench.designs import Knowledge, PlannedLog, Rehearsals
 from identify.bench.plan import Choices, plan
 from identify.bench.plan_words import verdict
-from identify.bench.rehearsal import Design
+from identify.bench.rehearsal import LogDesign
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock
@@ -140,7 +140,7 @@ def _random_worst(tried: Rehearsals, logs: Sequence[PlannedLog], number: int) ->
     for _ in range(RANDOM_SETS):
         told = []
         for log in logs:
-            design = Design(float(np.exp(random.uniform(*np.log((1e-3 / 30.0, 1e-3 * 30.0))))), 1.0)
+            design = LogDesign(float(np.exp(random.uniform(*np.log((1e-3 / 30.0, 1e-3 * 30.0))))), 1.0)
             made = tried.at(design, 0)
             if made is not None:
                 long = log.duration / made.duration if made.slips else 1.0
@@ -155,7 +155,7 @@ def verdicts(number: int) -> dict[str, Any]:
     random = np.random.default_rng([SEED, 3, number])
     planned = plan(made, (), replace(CHOICES, budget=61.0, speeds=(1e-3,)))
     k, tried = planned.knowledge, Rehearsals(planned.knowledge)
-    design = Design(float(random.choice([1e-4, 1e-3, 5e-3])), 1.0)
+    design = LogDesign(float(random.choice([1e-4, 1e-3, 5e-3])), 1.0)
     rehearsed = tried.at(design, 0)
     if rehearsed is None or not rehearsed.slips:
         return {"study": "verdicts", "number": number, "status": "nothing slips"}
@@ -220,10 +220,5 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
     return lines
 
 
-def part(said: Sequence[str]) -> None:
-    """The cases that the words of a command line name."""
-    study(said[0], int(said[1]), int(said[2]), Path(said[3]))
-
-
 if __name__ == "__main__":
-    started(main, table, part)
+    started(main, table, kind_and_cases(study))

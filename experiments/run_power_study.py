@@ -16,25 +16,25 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identify.bench.power import Comparison
+from identify.bench.power import TwoMaterials
 
 DRAWS, SEED = 4000, 54
 # Difference, scatter of sticks, between people, of their response, cycles, paired; volunteers.
 DESIGNS = (
-    (Comparison(0.15, 0.20, 0.20, 0.10, 5, True), 6),
-    (Comparison(0.15, 0.20, 0.20, 0.10, 30, True), 6),
-    (Comparison(0.10, 0.20, 0.20, 0.10, 30, True), 12),
-    (Comparison(0.10, 0.40, 0.30, 0.05, 10, True), 20),
-    (Comparison(0.30, 0.20, 0.30, 0.15, 20, True), 4),
-    (Comparison(0.15, 0.20, 0.20, 0.10, 5, False), 10),
-    (Comparison(0.30, 0.20, 0.20, 0.10, 30, False), 8),
-    (Comparison(0.30, 0.20, 0.30, 0.10, 30, False), 20),
-    (Comparison(0.20, 0.50, 0.10, 0.10, 4, False), 15),
-    (Comparison(0.05, 0.20, 0.20, 0.10, 30, False), 30),
+    (TwoMaterials(0.15, 0.20, 0.20, 0.10, 5, True), 6),
+    (TwoMaterials(0.15, 0.20, 0.20, 0.10, 30, True), 6),
+    (TwoMaterials(0.10, 0.20, 0.20, 0.10, 30, True), 12),
+    (TwoMaterials(0.10, 0.40, 0.30, 0.05, 10, True), 20),
+    (TwoMaterials(0.30, 0.20, 0.30, 0.15, 20, True), 4),
+    (TwoMaterials(0.15, 0.20, 0.20, 0.10, 5, False), 10),
+    (TwoMaterials(0.30, 0.20, 0.20, 0.10, 30, False), 8),
+    (TwoMaterials(0.30, 0.20, 0.30, 0.10, 30, False), 20),
+    (TwoMaterials(0.20, 0.50, 0.10, 0.10, 4, False), 15),
+    (TwoMaterials(0.05, 0.20, 0.20, 0.10, 30, False), 30),
 )
 
 
-def simulated(design: Comparison, volunteers: int, draws: int, seed: int) -> float:
+def simulated(design: TwoMaterials, volunteers: int, draws: int, seed: int) -> float:
     """Share of simulated studies in which the test tells the materials apart."""
     random = np.random.default_rng([SEED, seed])
     shape = (draws, volunteers)

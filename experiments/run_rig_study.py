@@ -27,7 +27,7 @@ from scipy.linalg import expm
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record, read_log
-from experiments.in_parts import append, started
+from experiments.in_parts import append, kind_and_cases, started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL, random_case, scene_of
 from identify import Scene
@@ -230,10 +230,5 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
     return lines
 
 
-def part(said: Sequence[str]) -> None:
-    """The cases that the words of a command line name."""
-    study(said[0], int(said[1]), int(said[2]), Path(said[3]))
-
-
 if __name__ == "__main__":
-    started(main, table, part)
+    started(main, table, kind_and_cases(study))

@@ -13,7 +13,7 @@ from identify.bench import next_log as choosing
 from identify.bench import next_log as words
 from identify.bench.designs import SAFE, driven
 from identify.bench.next_log import Advice, NextLog, next_logs
-from identify.bench.rehearsal import Design, rehearse
+from identify.bench.rehearsal import LogDesign, rehearse
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock
 from identify.identification import find
@@ -75,7 +75,7 @@ def rehearsed(found, *, load_sd: float | None = None) -> np.ndarray:
     for log in found.attempt.prepared:
         data, seconds = log.data, log.data.end - log.data.begin
         theta = found.attempt.solved.theta
-        made = rehearse(found.unknowns, theta, data.base, Design(data.drive_speed, log.mean_load), 1e-4, seconds)
+        made = rehearse(found.unknowns, theta, data.base, LogDesign(data.drive_speed, log.mean_load), 1e-4, seconds)
         known = data.normal_force_sd if load_sd is None else load_sd
         total += seconds / made.duration * made.information(1.0 / data.interval, data.noise**2, known)
     return np.sqrt(np.diag(np.linalg.inv(total)))
@@ -97,7 +97,7 @@ def test_slopes_of_a_rehearsal_are_those_of_the_closed_forms():
     base = unknowns.base(RIG)
     theta = unknowns.theta(np.array([(DEMO | RIG)[name] for name in unknowns.names]), base)
     speed = SPEEDS[1][0]
-    made = rehearse(unknowns, theta, base, Design(speed, 1.0), 1e-4, 20.0)
+    made = rehearse(unknowns, theta, base, LogDesign(speed, 1.0), 1e-4, 20.0)
     names = [unknowns.names[i] for i in np.flatnonzero(unknowns.free)]
     at = names.index("mu_s")
     heavier = made.gram.shape[0] - made.cycles
@@ -120,9 +120,8 @@ def test_a_log_in_which_the_spring_pulls_the_mass_back_is_none_to_ask_for():
         base = unknowns.base(rig | {"damping": damping})
         theta = unknowns.theta(np.array([values[name] for name in unknowns.names]), base)
         motion = run(assemble(MAIN), values, 1e-4, 1.0, 20.0)
-        made.append(
-            (motion.arrests.size - motion.onsets.size, rehearse(unknowns, theta, base, Design(1e-4, 1.0), 3e-4, 20.0))
-        )
+        told = rehearse(unknowns, theta, base, LogDesign(1e-4, 1.0), 3e-4, 20.0)
+        made.append((motion.arrests.size - motion.onsets.size, told))
     assert made[0][0] > 0 and made[0][1] is None
     assert made[1][0] <= 0 and made[1][1] is not None
 

@@ -13,7 +13,7 @@ MOST = 10_000  # words of a list
 
 
 @dataclass(frozen=True)
-class Kind:
+class PageCommand:
     """One command the page may run: what of it are paths (several, one), what is text, what is yes or no; `out` names
     what it writes."""
 
@@ -29,12 +29,12 @@ class Kind:
 KINDS = {
     kind.name: kind
     for kind in (
-        Kind("fit", "logs", ("scene", "out"), ("accuracy", "time-limit", "starts"), ("set",),
+        PageCommand("fit", "logs", ("scene", "out"), ("accuracy", "time-limit", "starts"), ("set",),
              ("profile", "effects-table", "accuracy-table")),
-        Kind("scene", "logs", ("out",)),
-        Kind("batch", "source", ("scene", "out"), ("jobs", "time-limit"), (), ("resume",)),
-        Kind("compare", "fits", ("out",), ("by",)),
-        Kind("stability", "", ("scene", "result", "plot", "data"), ("points",), ("map", "at", "range"),
+        PageCommand("scene", "logs", ("out",)),
+        PageCommand("batch", "source", ("scene", "out"), ("jobs", "time-limit"), (), ("resume",)),
+        PageCommand("compare", "fits", ("out",), ("by",)),
+        PageCommand("stability", "", ("scene", "result", "plot", "data"), ("points",), ("map", "at", "range"),
              ("advice", "draws"), out="data"),
     )
 }  # fmt: skip

@@ -37,7 +37,7 @@ LAST = 20_000  # bytes of the progress that are looked at
 
 
 @dataclass(frozen=True)
-class Progress:
+class JobProgress:
     """How far a job is: its stages so far with the seconds at which each began, share of the whole (None: unknown), and
     the words it said."""
 
@@ -203,7 +203,7 @@ def _state(place: Path) -> tuple[str, str]:
     return ("failed" if document.get("status") == "error" else "done"), message
 
 
-def _progress(path: Path) -> Progress:
+def _progress(path: Path) -> JobProgress:
     """From the lines of standard error: those of --progress json, and the words among them."""
     try:
         with path.open("rb") as handle:
@@ -223,7 +223,7 @@ def _progress(path: Path) -> Progress:
         share = told.get("share")
         if not stages or stages[-1][0] != stage:
             stages.append((stage, at))
-    return Progress(tuple(stages), share, "\n".join(words).strip())
+    return JobProgress(tuple(stages), share, "\n".join(words).strip())
 
 
 def _modified(place: Path) -> float:

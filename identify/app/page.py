@@ -24,7 +24,7 @@ from identify.app.looks import Looks, row_of, seen_by_a_fit
 from identify.app.points import answer_at, axes_of, site_of
 from identify.app.results import batch_seen, fit_row, fit_seen, residuals
 from identify.app.scenes import Scenes, edited, scene_of, with_log
-from identify.app.tries import Stretch, costs, start_from_data, tried
+from identify.app.tries import TriedCycles, costs, start_from_data, tried
 from identify.logs.segmented import Segmented, segmented
 from identify.report.stored_result import read_result
 from identify.report.stored_result import scene_of as scene_of_result
@@ -178,7 +178,7 @@ class Page:
         scene, number = self._scene(asked), self._log_number(asked)
         log = self._segmented(scene, asked, number)
         values = {str(key): float(value) for key, value in (asked.get("values") or {}).items()}
-        stretch = Stretch(int(_number(asked, "first", 0)), int(_number(asked, "count", 8)))
+        stretch = TriedCycles(int(_number(asked, "first", 0)), int(_number(asked, "count", 8)))
         return tried(scene, scene.logs[number], log, values, stretch)
 
     def effect_costs(self, asked: Asked) -> dict[str, float]:

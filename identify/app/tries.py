@@ -35,7 +35,7 @@ ONE_AT_A_TIME = threading.Lock()  # compiled functions of a model are used by on
 
 
 @dataclass(frozen=True)
-class Stretch:
+class TriedCycles:
     """The cycles of a log that are tried: how many, from which on (from 0)."""
 
     first: int = 0
@@ -43,7 +43,7 @@ class Stretch:
 
 
 def tried(
-    scene: Scene, entry: LogEntry, log: Segmented, values: Mapping[str, float], stretch: Stretch
+    scene: Scene, entry: LogEntry, log: Segmented, values: Mapping[str, float], stretch: TriedCycles
 ) -> dict[str, Any]:
     """Simulate some cycles of a log with other values of the parameters.
 

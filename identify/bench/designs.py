@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.quantiles import NORMAL
-from identify.bench.rehearsal import Design, Rehearsal, rehearse
+from identify.bench.rehearsal import LogDesign, Rehearsal, rehearse
 from identify.estimation.covariance import IDENTIFIED, inverse, sizes
 from identify.estimation.hints import WANTED, round_up
 from identify.logs.log_data import LogData
@@ -102,7 +102,7 @@ class PlannedLog:
     place); halves (k,): typical half lengths of the intervals with this log and those before it; tells: those of all
     logs together, by name, of what is asked for and would not be known well enough without this one."""
 
-    design: Design
+    design: LogDesign
     times: int
     rate: float
     duration: float
@@ -116,9 +116,9 @@ class Rehearsals:
     """Rehearsed logs, each made when it is first asked for."""
 
     knowledge: Knowledge
-    made: dict[tuple[Design, int], Rehearsal | None] = field(default_factory=dict)
+    made: dict[tuple[LogDesign, int], Rehearsal | None] = field(default_factory=dict)
 
-    def at(self, design: Design, place: int) -> Rehearsal | None:
+    def at(self, design: LogDesign, place: int) -> Rehearsal | None:
         """A log of this design at one of the places."""
         if (design, place) not in self.made:
             k = self.knowledge
@@ -126,13 +126,13 @@ class Rehearsals:
             self.made[design, place] = rehearse(k.unknowns, k.places[place], base, design, k.distance, k.longest)
         return self.made[design, place]
 
-    def rate(self, design: Design) -> float:
+    def rate(self, design: LogDesign) -> float:
         """The sampling rate to ask for [Hz]."""
         made = self.at(design, 0)
         assert made is not None
         return min(round_up(max(self.knowledge.rate, WANTED / made.slip)), self.knowledge.fastest)
 
-    def information(self, design: Design, times: int, place: int) -> Array:
+    def information(self, design: LogDesign, times: int, place: int) -> Array:
         """Information (k, k) of the log, recorded so many times over; of as long a log where it takes longer there."""
         k, first, made = self.knowledge, self.at(design, 0), self.at(design, place)
         if made is None or first is None:
@@ -141,7 +141,7 @@ class Rehearsals:
         load_sd, long = k.load_error * design.normal_force, times * first.duration / made.duration
         return made.information(1.0 / seconds, k.variance, load_sd, long)[np.ix_(k.kept, k.kept)]
 
-    def all(self, design: Design, times: int) -> Array:
+    def all(self, design: LogDesign, times: int) -> Array:
         """Information (d, k, k) of the log at every place."""
         return np.array([self.information(design, times, place) for place in range(len(self.knowledge.places))])
 
@@ -156,7 +156,7 @@ def told_by(unknowns: Unknowns, theta: Array, log: Prepared, load_sd: float, dis
     count, data = int(np.count_nonzero(unknowns.free)), log.data
     total = np.zeros((count, count))
     for speed, seconds in driven(data):
-        made = rehearse(unknowns, theta, data.base, Design(speed, log.mean_load), distance, seconds)
+        made = rehearse(unknowns, theta, data.base, LogDesign(speed, log.mean_load), distance, seconds)
         if made is not None:
             long = seconds / made.duration if made.slips else 1.0
             total += made.information(1.0 / data.interval, data.noise**2, load_sd, long)
@@ -172,7 +172,7 @@ def driven(data: LogData) -> list[tuple[float, float]]:
     return [(abs(speed), seconds) for speed, seconds in pieces if speed != 0.0 and seconds > 0.0]
 
 
-def base_of(unknowns: Unknowns, base: Array, design: Design) -> Array:
+def base_of(unknowns: Unknowns, base: Array, design: LogDesign) -> Array:
     """Base values of the rig with the spring of a design; its damping ratio stays."""
     if design.stiffness is None:
         return base
@@ -189,7 +189,7 @@ def dials(low: float, high: float, of_a_decade: Sequence[float]) -> list[float]:
     return [speed for speed in speeds if low <= speed <= high]
 
 
-def choose(tried: Rehearsals, designs: Sequence[Design], budget: float, setup: float, most: int) -> list[PlannedLog]:
+def choose(tried: Rehearsals, designs: Sequence[LogDesign], budget: float, setup: float, most: int) -> list[PlannedLog]:
     """The logs that tell what is asked for, in the order they were chosen.
 
     Args:
@@ -198,7 +198,7 @@ def choose(tried: Rehearsals, designs: Sequence[Design], budget: float, setup: f
         budget: time for all logs together [s], setting each up takes `setup` [s] of it.
         most: logs.
     """
-    chosen: list[tuple[Design, int]] = []
+    chosen: list[tuple[LogDesign, int]] = []
     left = budget
     while len(chosen) < most and len(tried.knowledge.told(_known(tried, chosen))) < len(tried.knowledge.wanted):
         best = _best(tried, designs, _known(tried, chosen), left, setup)
@@ -209,29 +209,29 @@ def choose(tried: Rehearsals, designs: Sequence[Design], budget: float, setup: f
     return _described(tried, _needed(tried, chosen))
 
 
-def _known(tried: Rehearsals, chosen: Sequence[tuple[Design, int]]) -> Array:
+def _known(tried: Rehearsals, chosen: Sequence[tuple[LogDesign, int]]) -> Array:
     return np.asarray(tried.knowledge.known + sum((tried.all(*log) for log in chosen), start=np.zeros(())))
 
 
-def _seconds(tried: Rehearsals, log: tuple[Design, int]) -> float:
+def _seconds(tried: Rehearsals, log: tuple[LogDesign, int]) -> float:
     made = tried.at(log[0], 0)
     return 0.0 if made is None else made.duration * log[1]
 
 
 def _best(
-    tried: Rehearsals, designs: Sequence[Design], known: Array, left: float, setup: float
-) -> tuple[Design, int] | None:
+    tried: Rehearsals, designs: Sequence[LogDesign], known: Array, left: float, setup: float
+) -> tuple[LogDesign, int] | None:
     """The log that lowers the variances most for its time; None where none is worth it."""
     k = tried.knowledge
 
-    def gain(log: tuple[Design, int], place: int) -> float:
+    def gain(log: tuple[LogDesign, int], place: int) -> float:
         theta = k.places[place]
         return k.score(known[place], theta) - k.score(known[place] + tried.information(*log, place), theta)
 
-    def rate(gain: float, log: tuple[Design, int]) -> float:
+    def rate(gain: float, log: tuple[LogDesign, int]) -> float:
         return gain / (_seconds(tried, log) + setup)
 
-    possible: list[tuple[float, tuple[Design, int]]] = []
+    possible: list[tuple[float, tuple[LogDesign, int]]] = []
     for design in designs:
         made = tried.at(design, 0)
         time = min(left - setup, k.longest if not design.holds else np.inf)
@@ -249,7 +249,7 @@ def _best(
     return max(worth, key=lambda option: option[0])[1] if worth else None
 
 
-def _needed(tried: Rehearsals, chosen: list[tuple[Design, int]]) -> list[tuple[Design, int]]:
+def _needed(tried: Rehearsals, chosen: list[tuple[LogDesign, int]]) -> list[tuple[LogDesign, int]]:
     """The logs without those that the later ones made superfluous; the same design twice is one longer log."""
     k = tried.knowledge
     merged = {design: 0 for design, _ in chosen}
@@ -264,7 +264,7 @@ def _needed(tried: Rehearsals, chosen: list[tuple[Design, int]]) -> list[tuple[D
     return logs
 
 
-def _described(tried: Rehearsals, logs: Sequence[tuple[Design, int]]) -> list[PlannedLog]:
+def _described(tried: Rehearsals, logs: Sequence[tuple[LogDesign, int]]) -> list[PlannedLog]:
     out, k = list[PlannedLog](), tried.knowledge
     told = k.told(_known(tried, logs))
     for number, (design, times) in enumerate(logs, 1):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from identify.base.outcome import Status
 from identify.base.wording import speed_text, three_figures
 from identify.bench.designs import Knowledge, Rehearsals, choose, dials, driven, told_by
-from identify.bench.rehearsal import Design
+from identify.bench.rehearsal import LogDesign
 from identify.diagnosis.findings import Findings
 from identify.estimation.covariance import IDENTIFIED, WEAK, Estimate, inverse
 from identify.estimation.hints import hints, onsets
@@ -67,7 +67,7 @@ def next_logs(found: Findings) -> Advice | None:
     if known is None:
         return None
     load = _typical(found)[0].mean_load
-    designs = [Design(speed, load) for speed in _speeds(found)]
+    designs = [LogDesign(speed, load) for speed in _speeds(found)]
     planned = choose(Rehearsals(known), designs, math.inf, SETUP, MOST)
     logs = tuple(
         NextLog(log.design.speed, load, log.duration, log.rate, log.slips, log.tells) for log in planned if log.tells

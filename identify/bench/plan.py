@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL
 from identify.bench.designs import Knowledge, PlannedLog, Rehearsals, base_of, choose, dials, driven, told_by
-from identify.bench.rehearsal import Design, rehearse
+from identify.bench.rehearsal import LogDesign, rehearse
 from identify.estimation.covariance import inverse
 from identify.estimation.tolerances import by_drive_speed
 from identify.logs.prepare import Prepared
@@ -58,7 +58,7 @@ class Choices:
 
 
 @dataclass(frozen=True)
-class Plan:
+class RecordingPlan:
     """knowledge before; now (k,): typical half lengths of the 95 % intervals, as shares of what each is judged by;
     logs to record; drop_now, drop_then: half lengths of the mean drop at the drive speed of the scene, as shares, NaN
     where no slip was rehearsed; price: by name of what is 5 % wrong, by how much each parameter (k,) would move, as the
@@ -84,7 +84,7 @@ class Plan:
         return sum(log.duration + SETUP for log in self.logs)
 
 
-def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted: Pair | None = None) -> Plan:
+def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted: Pair | None = None) -> RecordingPlan:
     """What to record next.
 
     Args:
@@ -112,7 +112,7 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted: Pair 
     drop_now, drop_then = (_drop(tried, at_speed, precision[0]) for precision in (known.known, then))
     price = _price(tried, chosen, logs) if chosen else {}
     now = known.halves(known.known)
-    return Plan(known, now, chosen, at_speed.speed, drop_now, drop_then, price, dict(scene.rig.tolerances))
+    return RecordingPlan(known, now, chosen, at_speed.speed, drop_now, drop_then, price, dict(scene.rig.tolerances))
 
 
 def _knowledge(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted: Pair | None) -> Knowledge:
@@ -201,25 +201,25 @@ def _speed(scene: Scene, logs: Sequence[Prepared]) -> float:
     return float(np.exp(np.mean(np.log(speeds)))) if speeds else 1e-3
 
 
-def _designs(known: Knowledge, speed: float, load: float, choices: Choices) -> list[Design]:
+def _designs(known: Knowledge, speed: float, load: float, choices: Choices) -> list[LogDesign]:
     """Among which is chosen: steady drives, and drives with holds, at about three times the speed of the scene."""
     speeds = choices.speeds or tuple(dials(speed / BEYOND, speed * BEYOND, DIALS))
     values = dict(zip(known.unknowns.names, known.unknowns.values(known.places[0], known.base).tolist(), strict=True))
     out = []
     for spring in choices.stiffnesses or (None,):
         for normal_force in choices.loads or (load,):
-            out += [Design(v, normal_force, spring) for v in speeds]
+            out += [LogDesign(v, normal_force, spring) for v in speeds]
             stiffness = spring or values["stiffness"]
             cycle = 2.0 * (values["mu_s"] - values["mu_k0"]) * normal_force / stiffness
             first = values["mu_s"] * normal_force / stiffness + cycle
             fast = min(speeds, key=lambda v: abs(math.log(v / (3.0 * speed))))
-            steady = Design(fast, normal_force, spring)
+            steady = LogDesign(fast, normal_force, spring)
             for holds in (choices.holds,) if choices.holds else HOLDS:
                 out.append(_held(steady, holds, first / fast, 1.5 * cycle / fast))
     return out
 
 
-def _held(steady: Design, holds: Sequence[float], first: float, run: float) -> Design:
+def _held(steady: LogDesign, holds: Sequence[float], first: float, run: float) -> LogDesign:
     """A drive that stands for so long each [s], after a first run [s], and runs in between [s]."""
     programme, at = [(0.0, steady.speed)], first
     for hold in holds:
@@ -228,7 +228,7 @@ def _held(steady: Design, holds: Sequence[float], first: float, run: float) -> D
     return replace(steady, drive=tuple(programme), duration=at)
 
 
-def _drop(tried: Rehearsals, design: Design, precision: Array) -> float:
+def _drop(tried: Rehearsals, design: LogDesign, precision: Array) -> float:
     """Half length of the 95 % interval of the mean drop in a log of this design, as a share of it."""
     made = tried.at(design, 0)
     if made is None or not made.drop > 0.0:

@@ -10,7 +10,7 @@ from typing import Any
 
 from identify.base.wording import columns, speed_text, three_figures, wrapped
 from identify.bench.designs import PlannedLog
-from identify.bench.plan import SETUP, WRONG, Plan
+from identify.bench.plan import SETUP, WRONG, RecordingPlan
 from identify.estimation.covariance import IDENTIFIED, WEAK
 from identify.prediction.wording import listed
 
@@ -65,7 +65,7 @@ def seconds_text(seconds: float) -> str:
     return f"{math.ceil(seconds / step - 1e-9) * step:.3g} s"
 
 
-def said(plan: Plan) -> str:
+def said(plan: RecordingPlan) -> str:
     """The whole plan for a terminal."""
     lines = [wrapped(_sentence(plan))]
     lines += [wrapped(f"{number}. {described(log)}", "  ") for number, log in enumerate(plan.logs, 1)]
@@ -76,7 +76,7 @@ def said(plan: Plan) -> str:
     return "\n".join([*lines, *_price_lines(plan)])
 
 
-def _sentence(plan: Plan) -> str:
+def _sentence(plan: RecordingPlan) -> str:
     if not plan.logs:
         told = all(half <= IDENTIFIED for _, half in _asked(plan))
         return (
@@ -96,12 +96,12 @@ def _minutes(seconds: float) -> str:
     return f"{math.ceil(seconds / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
 
 
-def _asked(plan: Plan) -> list[tuple[str, float]]:
+def _asked(plan: RecordingPlan) -> list[tuple[str, float]]:
     k = plan.knowledge
     return [(k.names[i], float(plan.then[i])) for i in k.wanted]
 
 
-def _rows(plan: Plan) -> list[list[str]]:
+def _rows(plan: RecordingPlan) -> list[list[str]]:
     """Parameter, interval now, after each log, expected verdict; the drop at the end."""
     names, steps = plan.knowledge.names, [plan.now, *(log.halves for log in plan.logs)]
     heads = ["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]
@@ -118,14 +118,14 @@ def _rows(plan: Plan) -> list[list[str]]:
     return rows
 
 
-def _open_words(plan: Plan, names: Sequence[str]) -> str:
+def _open_words(plan: RecordingPlan, names: Sequence[str]) -> str:
     return (
         f"{listed(list(names))} stays open: no set of logs within the budget, at the speeds, loads and springs that "
         "were tried, tells more; allow a longer --budget, or another --load or --stiffness"
     )
 
 
-def _price_lines(plan: Plan) -> list[str]:
+def _price_lines(plan: RecordingPlan) -> list[str]:
     """The table of what a wrong rig does, and whether a record of the rig is worth making first."""
     if not plan.price:
         return []
@@ -161,7 +161,7 @@ def _moved(shift: float) -> str:
     return f"{100.0 * shift:.2g} %" if shift < 1.0 else "over 100 %"
 
 
-def step_table(plan: Plan) -> str:
+def step_table(plan: RecordingPlan) -> str:
     """The step programme, one row per step of the drive, as CSV in the units of a CETR script."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -183,7 +183,7 @@ def _steps(log: PlannedLog) -> list[tuple[float, float]]:
     return [(speed, end - start) for (start, speed), end in zip(drive, ends, strict=True)] * log.times
 
 
-def plan_document(plan: Plan) -> dict[str, Any]:
+def plan_document(plan: RecordingPlan) -> dict[str, Any]:
     """What --json prints, SI; half lengths as shares of what each parameter is judged by, null where it is not told."""
     names = plan.knowledge.names
 

@@ -21,7 +21,7 @@ CHANCE = 0.8  # of telling two materials apart, that a study is usually planned 
 
 
 @dataclass(frozen=True)
-class Comparison:
+class TwoMaterials:
     """Two materials on people. difference: of the logarithms of their strength; scatter: from stick to stick; between:
     from person to person; response: of one person's difference from that of another; cycles: of each person on each
     material, all logs together; paired: whether everybody tries both materials."""

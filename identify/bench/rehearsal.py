@@ -38,7 +38,7 @@ SMALL = 1e-8, 1e-5  # by steps of a logarithm, and of a spread, that are as smal
 
 
 @dataclass(frozen=True)
-class Design:
+class LogDesign:
     """How a log is recorded: drive: its speed [m/s], or a programme of (start [s], speed [m/s]) that lasts `duration`
     [s] (0: as long as its cycles take); normal_force [N]; stiffness [N/m] of the spring, None: that of the rig."""
 
@@ -72,7 +72,7 @@ class Rehearsal:
     first stick, from an unloaded spring and a fresh contact, is another one and comes once.
     """
 
-    design: Design
+    design: LogDesign
     duration: float
     slips: int
     slip: float
@@ -112,7 +112,7 @@ class Rehearsal:
 
 
 def rehearse(
-    unknowns: Unknowns, theta: Array, base: Array, design: Design, distance: float, longest: float
+    unknowns: Unknowns, theta: Array, base: Array, design: LogDesign, distance: float, longest: float
 ) -> Rehearsal | None:
     """The log of a design, from rest with a fresh contact; None where nothing slips within `longest` [s], the spring
     pulls the mass back after a slip, which no fit follows, or the model refuses.

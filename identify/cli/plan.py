@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from identify.cli.common import NOT_SUCCEEDED, Answer, CommandLineError, Terminal, file_to_write, quantity
 
 if TYPE_CHECKING:
-    from identify.bench.plan import Choices, Plan
+    from identify.bench.plan import Choices, RecordingPlan
 
 NAME = "plan"
 HELP = "which few logs to record next, what they will tell, and what a wrong rig would do (docs/planning.md)"
@@ -76,13 +76,13 @@ def _people(arguments: Namespace, terminal: Terminal) -> Answer:
         CommandLineError, IdentifyError: one sentence each.
     """
     from identify.base.wording import wrapped
-    from identify.bench.power import CHANCE, Comparison, cycles_needed
+    from identify.bench.power import CHANCE, TwoMaterials, cycles_needed
 
     names = ("difference", "scatter", "between", "response")
     difference, scatter, between, response = (_share(getattr(arguments, name), f"--{name}") for name in names)
     cycles = cycles_needed(scatter, 0.1)
     paired, groups = (
-        Comparison(math.log1p(difference), scatter, between, response, cycles, way).volunteers()
+        TwoMaterials(math.log1p(difference), scatter, between, response, cycles, way).volunteers()
         for way in (True, False)
     )
     few = cycles_needed(scatter, 0.05)
@@ -108,7 +108,7 @@ def _share(text: str, option: str) -> float:
     return quantity(text.strip().removesuffix("%"), "", option) / (100.0 if percent else 1.0)
 
 
-def _planned(arguments: Namespace, choices: Choices) -> Plan:
+def _planned(arguments: Namespace, choices: Choices) -> RecordingPlan:
     """The plan of a scene, with what its logs are expected to tell, or of a fit.
 
     Raises:

@@ -177,16 +177,6 @@ def _fits_better(one: Solved, other: Solved) -> bool:
     return one.solution.success and one.problem.samples >= other.problem.samples and not there <= here + BETTER
 
 
-def solve_moved(attempt: Attempt, cut: Sequence[Prepared], motion: list[Guess], unknowns: Unknowns) -> Attempt:
-    """Solve the logs of an attempt with another motion from another theta (unknowns.start), the sequence of modes kept.
-
-    Args:
-        cut: the logs, to what could be followed.
-    """
-    solved = solve_in_passes([log.data for log in cut], motion, unknowns.softened())
-    return replace(attempt, prepared=tuple(cut), solved=solved, gate=_gated(solved, cut))
-
-
 def judged(attempt: Attempt) -> Attempt:
     """The attempt with the gate of its own solution: one that was taken over from another model has that model's."""
     return replace(attempt, gate=_gated(attempt.solved, attempt.prepared))

@@ -174,8 +174,6 @@ def _largest(at: Array, size: Array, apart: float) -> list[float]:
 # Some logs first: those a start describes are solved, and the others join at their answer.
 # ----------------------------------------------------------------------------------------------------------------------
 
-BETTER = 0.1  # of the misfit of the worst log: a start that is so much better on a log is good there
-
 
 def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
     """Solve again with the logs that took no part so far, their slips mended at the answer, where it can be placed on

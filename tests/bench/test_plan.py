@@ -11,7 +11,7 @@ from identify import Scene
 from identify.bench.designs import base_of
 from identify.bench.plan import Choices, plan
 from identify.bench.plan_words import said, step_table, verdict
-from identify.bench.rehearsal import Design, rehearse
+from identify.bench.rehearsal import LogDesign, rehearse
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
@@ -50,7 +50,7 @@ def test_holds_tell_the_ageing_that_one_peak_leaves_open(planned):
 
 def test_what_comes_after_the_first_slip_adds_in_proportion_to_its_time():
     """The first stick, from an unloaded spring and a fresh contact, comes once and is not counted again."""
-    made = rehearsed(Design(1e-3, 1.0))
+    made = rehearsed(LogDesign(1e-3, 1.0))
     told = [made.information(1000.0, 25e-6, 1e-4, times) for times in (1.0, 2.0, 3.0, 0.5)]
     more = told[1] - told[0]
     np.testing.assert_allclose(told[2] - told[1], more, rtol=1e-9)
@@ -61,8 +61,8 @@ def test_what_comes_after_the_first_slip_adds_in_proportion_to_its_time():
 
 def test_the_drop_and_its_slopes_are_those_of_the_simulator():
     """Of a quasi-static slip without ageing the drop is twice the step of friction; with more mu_s it grows by two."""
-    made = rehearsed(Design(1e-4, 1.0), free=("mu_s", "mu_k0"))
-    more = rehearsed(Design(1e-4, 2.0), free=("mu_s", "mu_k0"))
+    made = rehearsed(LogDesign(1e-4, 1.0), free=("mu_s", "mu_k0"))
+    more = rehearsed(LogDesign(1e-4, 2.0), free=("mu_s", "mu_k0"))
     assert 0.25 < made.drop < 2.0 * 0.32 and more.drop > 1.5 * made.drop
     assert 0.5 < made.drop_slopes[0] < 2.5 and made.drop_slopes[1] < 0.0
 
@@ -70,9 +70,9 @@ def test_the_drop_and_its_slopes_are_those_of_the_simulator():
 def test_a_softer_spring_is_rehearsed_with_the_damping_ratio_kept():
     unknowns = from_scene(scene())
     base = unknowns.base(RIG)
-    softer = dict(zip(unknowns.names, base_of(unknowns, base, Design(1e-3, 1.0, 735.0)).tolist(), strict=True))
+    softer = dict(zip(unknowns.names, base_of(unknowns, base, LogDesign(1e-3, 1.0, 735.0)).tolist(), strict=True))
     assert softer["stiffness"] == 735.0 and softer["damping"] == pytest.approx(73.5) and softer["mass"] == 0.2
-    soft, stiff = rehearsed(Design(1e-3, 1.0, 735.0)), rehearsed(Design(1e-3, 1.0))
+    soft, stiff = rehearsed(LogDesign(1e-3, 1.0, 735.0)), rehearsed(LogDesign(1e-3, 1.0))
     assert soft.duration / soft.slips > 1.5 * stiff.duration / stiff.slips
 
 

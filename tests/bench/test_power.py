@@ -6,7 +6,7 @@ import pytest
 
 from experiments.run_power_study import main
 from identify.base.errors import IdentifyError
-from identify.bench.power import Comparison, cycles_needed
+from identify.bench.power import TwoMaterials, cycles_needed
 from identify.cli import main as cli
 
 
@@ -15,13 +15,13 @@ def test_chances_are_those_of_simulated_studies(capsys):
 
 
 def test_the_fewest_volunteers_are_the_fewest():
-    design = Comparison(0.15, 0.2, 0.2, 0.1, 20, True)
+    design = TwoMaterials(0.15, 0.2, 0.2, 0.1, 20, True)
     fewest = design.volunteers(0.8)
     assert design.chance(fewest) >= 0.8 > design.chance(fewest - 1)
-    assert Comparison(0.15, 0.2, 0.2, 0.1, 20, False).volunteers(0.8) > 2 * fewest
-    assert Comparison(1e-3, 0.2, 0.2, 0.1, 20, False).volunteers(0.8) is None
+    assert TwoMaterials(0.15, 0.2, 0.2, 0.1, 20, False).volunteers(0.8) > 2 * fewest
+    assert TwoMaterials(1e-3, 0.2, 0.2, 0.1, 20, False).volunteers(0.8) is None
     with pytest.raises(IdentifyError, match="differ by more than 0"):
-        Comparison(0.0, 0.2, 0.2, 0.1, 20, True)
+        TwoMaterials(0.0, 0.2, 0.2, 0.1, 20, True)
 
 
 def test_cycles_of_a_scatter_of_20_percent():
