@@ -12,21 +12,20 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "tests")]
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import effects_case as case  # noqa: E402
-
-from identify.base.errors import FitError, IdentifyError  # noqa: E402
-from identify.effects.quantities import Effect  # noqa: E402
-from identify.logs.log_data import Grid, Guess, LogData  # noqa: E402
-from identify.logs.unknowns import from_scene  # noqa: E402
-from identify.model.model import assemble  # noqa: E402
-from identify.scene import Scene  # noqa: E402
-from identify.shooting.transcription import lay_out  # noqa: E402
-from identify.simulation.drive import NormalForce  # noqa: E402
-from identify.simulation.phases import initial_states  # noqa: E402
-from identify.simulation.simulate import run  # noqa: E402
-from identify.simulation.trajectory import Trajectory  # noqa: E402
+from identify.base.errors import FitError, IdentifyError
+from identify.effects.quantities import Effect
+from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.unknowns import from_scene
+from identify.model.model import assemble
+from identify.scene import Scene
+from identify.shooting.transcription import lay_out
+from identify.simulation.drive import NormalForce
+from identify.simulation.phases import initial_states
+from identify.simulation.simulate import run
+from identify.simulation.trajectory import Trajectory
+from tests.support import effects_case as case
 
 CYCLES = 2
 SPEED, DURATION, RATE = 5e-4, 5.0, 1000.0  # m/s, s, Hz: slips that wear off all ageing, under every effect

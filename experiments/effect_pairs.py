@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "tests")]
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import effects_case as case  # noqa: E402
-
-from identify.base.errors import SceneError  # noqa: E402
-from identify.effects import ALL, MAIN  # noqa: E402
-from identify.effects.quantities import Effect  # noqa: E402
-from identify.model.model import assemble  # noqa: E402
+from identify.base.errors import SceneError
+from identify.effects import ALL, MAIN
+from identify.effects.quantities import Effect
+from identify.model.model import assemble
+from tests.support import effects_case as case
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,9 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
-import oracle
-
+sys.path.append(str(Path(__file__).resolve().parent.parent))
 from experiments.hard_scenes import Answer, Array, Scene
+from tests.support import oracle
 
 mp.mp.dps = 60
 NONE = np.empty(0)

@@ -20,9 +20,10 @@ SPOIL = 1e-4
 EVERY = 8  # case in the fast form
 HEAD = f"""# Hard cases of the simulation
 
-Printed by `experiments/run_hard_cases.py`; the same table is run by `tests/test_hard_cases.py`. Error: the largest of
-switch times, over the mean time between onsets, and of forces, over the largest force; at the default accuracy. Spoilt:
-the same error with the spring {SPOIL:g} too stiff in our run only, the control that an error would be seen."""
+Printed by `experiments/run_hard_cases.py`; the same table is run by `tests/simulation/test_hard_cases.py`. Error: the
+largest of switch times, over the mean time between onsets, and of forces, over the largest force; at the default
+accuracy. Spoilt: the same error with the spring {SPOIL:g} too stiff in our run only, the control that an error would be
+seen."""
 
 
 def measured(case: HardCase) -> tuple[str, bool]:

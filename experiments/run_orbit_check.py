@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "tests")]
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import oracle  # noqa: E402
-
-from identify.model.model import assemble  # noqa: E402
-from identify.prediction.cycle import CycleMap, loads  # noqa: E402
-from identify.prediction.orbit import settle  # noqa: E402
-from identify.prediction.solutions import solution_set  # noqa: E402
+from identify.model.model import assemble
+from identify.prediction.cycle import CycleMap, loads
+from identify.prediction.orbit import settle
+from identify.prediction.solutions import solution_set
+from tests.support import oracle
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}

@@ -33,8 +33,8 @@ HEAD = f"""{HEADING}
 Printed by `experiments/run_property_draws.py`: any composition of effects, half of the scenes with quantities from the
 whole admissible box, the others from where skin on polymer lies; accuracies of 1e-4, 1e-6 and 1e-8, each run held
 against one a hundred times tighter, the energy added up by quadrature, a share against an independent integrator. What
-they have found wrong is in `tests/test_found_by_draws.py`. "As far as the scene allows": the error is no larger than
-{SHARE:g} times what disturbances as large as the accuracy make."""
+they have found wrong is in `tests/simulation/test_found_by_draws.py`. "As far as the scene allows": the error is no
+larger than {SHARE:g} times what disturbances as large as the accuracy make."""
 
 
 def judged(first: int, last: int, stop_at: float = float("inf"), kept: Path | None = None) -> list[Verdict]:

@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
-import oracle
-
+sys.path.append(str(Path(__file__).resolve().parent.parent))
 from experiments.draws import Draw
 from experiments.energy import balance
 from identify.base.errors import SceneError, SimulationError
@@ -26,6 +24,7 @@ from identify.simulation.plan import admit, plan, scales
 from identify.simulation.simulate import phases
 from identify.simulation.steppers import STIFF
 from identify.simulation.trajectory import Trajectory, inside
+from tests.support import oracle
 
 Array = NDArray[np.float64]
 

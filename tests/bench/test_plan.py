@@ -16,7 +16,7 @@ from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
 from identify.report.stored_result import as_json
-from tests.fake_fit import fit_of_a_scene, with_verdicts
+from tests.support.fake_fit import fit_of_a_scene, with_verdicts
 
 EFFECTS = [*MAIN, "varying_normal_force"]
 

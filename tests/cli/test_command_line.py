@@ -12,7 +12,7 @@ from identify.cli import main as cli
 from identify.cli.common import Answer
 from identify.cli.completion import script_for
 from identify.cli.progress import Progress
-from tests.fake_fit import fit_of_a_scene
+from tests.support.fake_fit import fit_of_a_scene
 
 LOG = examples.FOLDER / "5_mm_per_s.txt.gz"
 

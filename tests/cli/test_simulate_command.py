@@ -9,7 +9,7 @@ from identify.cli import main as cli
 from identify.report.stored_result import as_json
 from identify.scene import Scene
 from identify.simulation.simulate import simulate
-from tests.fake_fit import EFFECTS, RIG, TRUTH, fit_of_a_scene
+from tests.support.fake_fit import EFFECTS, RIG, TRUTH, fit_of_a_scene
 
 SHORT = ["--duration", "2 s", "--rate", "1 kHz", "--out", "log.csv"]
 

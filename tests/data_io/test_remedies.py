@@ -1,7 +1,8 @@
 """Every remedy that a refusal of the readers names is applied to the very input that caused it, and gets further.
 
-The refusals are those of `tests/refusal_cases.py`, which holds one for each sentence in the sources. Collected are all
-that name an option or a key of a scene; where the sentence leaves a name open, each of the names it lists is tried.
+The refusals are those of `tests/support/refusal_cases.py`, which holds one for each sentence in the sources. Collected
+are all that name an option or a key of a scene; where the sentence leaves a name open, each of the names it
+lists is tried.
 """
 
 import itertools
@@ -12,7 +13,7 @@ import pytest
 
 from data_io import LogError, read_log
 from data_io.values import UnitError
-from tests.refusal_cases import CASES
+from tests.support.refusal_cases import CASES
 
 MENTIONED = r"(?<!unless )(?<!where no column is the time give )"
 OPTION = re.compile(
@@ -30,7 +31,7 @@ def said(name, folder, monkeypatch, **more):
         given.update(options, path=path)
         return read_log(path, *positional, **{**options, **more})
 
-    monkeypatch.setattr("tests.refusal_cases.read_log", remembering)
+    monkeypatch.setattr("tests.support.refusal_cases.read_log", remembering)
     try:
         CASES[name][0](folder, monkeypatch)
     except (LogError, UnitError) as error:

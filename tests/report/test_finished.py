@@ -10,7 +10,7 @@ import pytest
 import identify
 from identify import Fit, FitError, Scene, SceneError, simulate
 from identify.report.stored_result import as_json
-from tests.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene
+from tests.support.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene
 
 
 @pytest.fixture(scope="module")

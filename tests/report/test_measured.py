@@ -7,7 +7,7 @@ import pytest
 
 from identify.report.cycle_figures import draw_cycles, draw_measured, measured_cycles
 from identify.report.report_files import write_report
-from tests.fake_fit import failed, fake_fit, without_cycles
+from tests.support.fake_fit import failed, fake_fit, without_cycles
 
 
 def test_the_numbers_are_those_of_the_cycles():

@@ -9,7 +9,7 @@ from identify.report.report_page import render_page
 from identify.report.report_tables import Cell
 from identify.report.text_tables import latex_table
 from identify.report.uncertainty_figures import draw_correlation
-from tests.fake_fit import failed, fake_fit, with_verdicts
+from tests.support.fake_fit import failed, fake_fit, with_verdicts
 
 
 @pytest.fixture(scope="module")

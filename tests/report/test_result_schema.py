@@ -5,12 +5,12 @@ from __future__ import annotations
 import copy
 
 import pytest
-from document_check import SCHEMA, check_document, validator
 
 from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.examples import FOLDER
 from identify.logs.regime import Regime
+from tests.support.document_check import SCHEMA, check_document, validator
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from identify.estimation.tolerances import _directions, added_by_tolerances
 from identify.identification import find
 from identify.report.result import _farther
 from identify.report.summary import parameter_table, tolerances_text
-from tests.fake_fit import EFFECTS, RIG, fake_fit
+from tests.support.fake_fit import EFFECTS, RIG, fake_fit
 
 NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 

@@ -1,0 +1,106 @@
+"""`stickslip verify`: what it compares, what it says of it, and from which starts it searches again."""
+
+import copy
+from types import SimpleNamespace
+
+import pytest
+
+from identify import examples, identification
+from identify.cli import main as cli
+from identify.cli import verify
+from identify.report import stored_result
+from identify.scene import Scene
+from tests.support.fake_fit import failed, fake_fit
+
+
+def _entry(value, error, interval, verdict):
+    return {"value": value, "standard_error": error, "interval": interval, "verdict": verdict}
+
+
+STORED = {
+    "status": "converged",
+    "message": "",
+    "parameters": {
+        "mu_s": _entry(0.6, 0.001, [0.598, 0.602], "identified"),
+        "t_cr": _entry(2.0, None, [None, 3.0], "not identifiable"),
+        "a": _entry(500.0, None, [None, None], "fixed"),
+    },
+}
+
+
+def _compared(**changed):
+    again = copy.deepcopy(STORED)
+    for name, entry in changed.items():
+        again["parameters"][name] |= entry
+    return verify.compare(STORED, again)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"t_cr": {"interval": [None, None]}}, "the upper end of t_cr was 3 and is open now"),
+        ({"t_cr": {"interval": [0.1, 3.0]}}, "the lower end of t_cr was open and is 0.1 now"),
+        ({"t_cr": {"interval": [None, 300.0]}}, "the upper end of t_cr was 3 and is 300 now"),
+        ({"mu_s": {"value": 0.61}}, "mu_s was 0.6 and is 0.61 (+10 standard errors)"),
+        ({"a": {"value": 501.0}}, "a was fixed at 500 and is fixed at 501 now"),
+    ],
+)
+def test_what_differs_is_said(changed, said):
+    assert _compared(**changed) == [said]
+
+
+def test_between_its_ends_a_value_that_nothing_tells_may_lie_anywhere():
+    assert not _compared(t_cr={"value": 1.0, "interval": [None, 3.01]})
+    assert not _compared(mu_s={"value": 0.600001, "interval": [0.0, 1.0]}), "a value with an error has it for its ends"
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("mu_s", "a"), "reproduced: converged; every value that has a standard error within 0.01 of it"),
+        (("t_cr",), "reproduced: converged; what has none with the same verdict and the same open and closed ends"),
+        (("a",), "reproduced: converged; a result without values to compare"),
+    ],
+)
+def test_what_was_compared_is_said(names, said):
+    assert verify.reproduced(STORED | {"parameters": {name: STORED["parameters"][name] for name in names}}) == said
+
+
+def test_a_result_that_failed_has_no_values_to_compare():
+    fit = fake_fit()
+    assert "every value" in verify.reproduced(fit.result)
+    assert "every value" not in verify.reproduced(failed(fit, "model_misfit", "").result)
+
+
+@pytest.mark.parametrize(("asked", "recorded"), [("data", "data"), ("user", "user"), (None, "data")])
+def test_starts_are_recorded(monkeypatch, asked, recorded):
+    """The scene gives no start, so that the data's are taken if nobody says."""
+    searched = []
+
+    def find(*_, starts, **_more):
+        searched.append(starts)
+        return [], SimpleNamespace(unknowns=None, attempt=None, status=None, estimated=None)
+
+    monkeypatch.setattr(identification, "find", find)
+    monkeypatch.setattr(identification, "document", lambda *_: {"provenance": {}})
+    result = identification.fit(Scene.from_toml(examples.SCENE_AT_50_HZ), starts=asked).result
+    assert (result["provenance"]["starts"], searched) == (recorded, [recorded])
+
+
+@pytest.mark.parametrize(("recorded", "taken"), [("data", "data"), ("user", "user"), (None, None), ("odd", None)])
+def test_verify_searches_from_the_recorded_starts(monkeypatch, recorded, taken):
+    scene, asked = Scene.from_toml(examples.SCENE_AT_50_HZ), []
+    provenance = {"version": "0", "packages": {}, "scene": {}, "seed": 7, "starts": recorded}
+    result = dict(fake_fit().result) | {"provenance": provenance}
+
+    def fit(_scene, *, starts, seed, **_):
+        asked.append((starts, seed))
+        return SimpleNamespace(result=result)
+
+    monkeypatch.setattr(identification, "fit", fit)
+    monkeypatch.setattr(stored_result, "read_result", lambda _: result)
+    monkeypatch.setattr(stored_result, "scene_of", lambda *_: scene)
+    monkeypatch.setattr(verify, "unchanged", lambda path, *_: path)
+    monkeypatch.setattr(verify, "places_of", lambda *_: [0])
+    assert cli.main(["verify", "result.json"]) == 0
+    assert asked == [(taken, 7)]

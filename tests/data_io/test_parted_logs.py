@@ -1,0 +1,164 @@
+"""A log that was cut into parts, past its fit: batch, verify and the calculators find its parts under one log."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cli import folder, refused, stickslip  # noqa: F401
+
+from data_io import Record, write_csv
+from experiments.study_problem import DEMO
+from identify import Scene, examples, identification, report
+from identify.base.outcome import numbers_of, places_of
+from identify.cli import operating as counsel
+from identify.logs.parting import parted, parts_of
+from identify.logs.scene_records import with_records
+from identify.prediction import sources as tested
+from identify.report.finished import Fit
+from identify.studies.batch_store import RESULT, write_document
+from identify.studies.making import make
+from identify.studies.planning import plan
+from tests.support.batch_case import SCENE
+
+LOGS = """
+[[logs]]
+path = "back_and_forth.csv"
+drive_speed = [[0, "1 mm/s"], [1, "-1 mm/s"]]
+[[logs]]
+path = "one_way.csv"
+drive_speed = "5 mm/s"
+stiffness = "3000 N/m"
+"""
+ERROR = 1e-3  # of every parameter, relative
+
+
+def answer(scene, records=None, **_):
+    """In the place of a fit: the truth, and the logs of the scene cut as a fit cuts them."""
+    cut, read = parted(*with_records(scene, records))
+    known = {"unit": "", "interval": [None, None], "verdict": "identified", "reason": ""}
+    found = {name: {"value": v, "standard_error": ERROR * abs(v), **known} for name, v in DEMO.items()}
+    correlation = {"names": list(DEMO), "matrix": np.eye(len(DEMO)).tolist()}
+    logs = [_log(*log) for log in zip(cut.logs, read, parts_of(scene, cut.logs), strict=True)]
+    versions = {"version": "0", "packages": {}}
+    result = {"schema": 1, "status": "converged", "message": "as it is", "parameters": found, "logs": logs}
+    provenance = {"scene": scene.as_document(), "seed": 0, "asked": {"accuracy": "default"}, **versions}
+    return Fit({**result, "correlation": correlation, "provenance": provenance}, ())
+
+
+def _log(entry, record, number):
+    speed = max(abs(v) for _, v in entry.drive_speed) if isinstance(entry.drive_speed, tuple) else entry.drive_speed
+    return {
+        **({} if number is None else {"part_of": number}),
+        "path": str(entry.path),
+        "sha256": record.metadata["sha256"],
+        "labels": dict(entry.labels),
+        "normal_force_N": 1.0,
+        "drive_speed_m_per_s": speed,
+        "reason_left_out": None,
+    }
+
+
+@pytest.fixture
+def fitted(tmp_path, monkeypatch):
+    """The folder of one group of a batch: a log of two strokes and one that goes one way; and how the group ended."""
+    monkeypatch.setattr(identification, "fit", answer)
+    monkeypatch.setattr(report, "write_report", lambda fit, part: write_document(part / RESULT, fit.result))
+    time = np.arange(400) / 200
+    for name in ("back_and_forth.csv", "one_way.csv"):
+        force = 0.5 + 0.01 * np.random.default_rng(len(name)).standard_normal(time.size)
+        write_csv(Record(time, np.ones(time.size), force), tmp_path / name)
+    (tmp_path / "scene.toml").write_text(SCENE + LOGS)
+    (tmp_path / "m.csv").write_text("path,group\nback_and_forth.csv,G\none_way.csv,G\n")
+    (job,) = plan(tmp_path / "m.csv", tmp_path / "scene.toml").jobs
+    return tmp_path / "part", make(job, tmp_path / "part")
+
+
+def test_a_log_of_two_strokes_is_answered_by_batch_verify_and_the_calculators(fitted, folder, capsys):  # noqa: F811
+    part, end = fitted
+    assert (end.status, end.message) == ("converged", "as it is"), end.detail
+    result = json.loads((part / RESULT).read_text())
+    assert [log.get("part_of") for log in result["logs"]] == [1, 1, None]
+    code, words, _ = stickslip(capsys, "verify", part / RESULT)
+    assert code == 0 and "reproduced" in words
+    code, out, _ = stickslip(capsys, "stability", "--result", part / RESULT, "--json")
+    points = json.loads(out)["points"]
+    assert code == 0 and [p["name"] for p in points] == ["back_and_forth.csv", "one_way.csv"]
+
+
+def test_a_result_with_too_few_logs_or_parts_of_none_is_no_result(fitted, folder, capsys):  # noqa: F811
+    result = json.loads((fitted[0] / RESULT).read_text())
+    for logs in (result["logs"][:2], result["logs"][2:], [log | {"part_of": "1"} for log in result["logs"]]):
+        Path("result.json").write_text(json.dumps(result | {"logs": logs}))
+        assert "no result" in refused(capsys, "verify", "result.json")
+    for changed in (3, 0):
+        logs = [result["logs"][0] | {"part_of": changed}, *result["logs"][1:]]
+        Path("result.json").write_text(json.dumps(result | {"logs": logs}))
+        assert "no result" in refused(capsys, "stability", "--result", "result.json")
+
+
+def test_a_log_that_changed_while_it_was_fitted_is_seen_behind_its_parts(tmp_path, fitted, monkeypatch):
+    (job,) = plan(tmp_path / "m.csv", tmp_path / "scene.toml").jobs
+    (tmp_path / "one_way.csv").write_text((tmp_path / "one_way.csv").read_text() + "\n")
+    end = make(job, tmp_path / "again")
+    assert end.status == "outdated" and "one_way.csv" in end.message
+
+
+def test_what_was_tested_goes_by_the_log_of_the_scene():
+    logs = [{"part_of": 1}, {"part_of": 1}, {"reason_left_out": "it slides"}]
+    scene = {"rig": {"stiffness": 1000.0}, "logs": [{}, {"stiffness": 2000.0}]}
+    found = tested.Tested.of_result({"logs": logs, "provenance": {"scene": scene}})
+    assert found.ranges == {"stiffness": (1000.0, 1000.0)}
+
+
+def test_parts_stand_under_the_number_of_their_log():
+    logs = [{}, {"part_of": 2}, {"part_of": 2}, {}, {"part_of": 4}, {}]
+    assert numbers_of(logs) == [0, 1, 1, 2, 3, 4] and numbers_of([]) == []
+    assert [places_of(logs, number) for number in range(6)] == [[0], [1, 2], [3], [4], [5], []]
+
+
+def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
+    entry = {"path": "runs.csv", "drive_speed": [[0, 1e-3], [1, -1e-3]]}
+    document = Scene.from_toml(examples.SCENE).as_document()
+    scene = Scene.from_document(document | {"logs": [entry | {"run": 1}, entry | {"run": 2}]}, Path())
+    time = np.arange(400) / 200
+    records = [Record(time, np.ones(400), np.random.default_rng(i).standard_normal(400)) for i in range(2)]
+    assert parts_of(scene, parted(scene, records)[0].logs) == [1, 1, 2, 2]
+
+
+def counselled(monkeypatch, logs, told, parameters=None):
+    """The operating point at which `with_counsel` asks, as (values, drive speed), of a scene and a result with these
+    logs."""
+    monkeypatch.setattr(counsel, "probability_document", lambda *at: at)
+    monkeypatch.setattr(counsel, "stabilising_changes", lambda *at: at)
+    scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
+    known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
+    found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})
+    result = {"status": "converged", "parameters": found, "logs": told, "provenance": {"scene": scene.as_document()}}
+    after = counsel.with_counsel(scene, Fit(result, ())).result["logs"]
+    (at,) = [log["derived"]["sureness"] for log in after if "sureness" in log["derived"]]
+    return at[1], at[2]
+
+
+def told(path, drop, **more):
+    derived = {"stability": {}, "amplitude": {"drop": {"value": drop}}}
+    return {"path": path, "drive_speed_m_per_s": 1e-3, "normal_force_N": 1.0, "derived": derived, **more}
+
+
+@pytest.mark.parametrize("names", [("slow.csv", "very_slow.csv"), ("a/slow.csv", "b/slow.csv")])
+def test_a_log_is_not_counselled_by_one_whose_name_its_own_ends_with(monkeypatch, names):
+    logs = [{"path": name, "drive_speed": 1e-3, "stiffness": 1000.0 * k} for k, name in enumerate(names, 1)]
+    values, _ = counselled(monkeypatch, logs, [told(names[0], None), told(names[1], 0.2)])
+    assert values["stiffness"] == 2000.0
+
+
+def test_the_counsel_for_a_stroke_with_parameters_of_its_own_takes_them(monkeypatch):
+    logs = [{"path": "turns.csv", "drive_speed": [[0, 1e-3], [1, -1e-3]]}]
+    forth, back = ({"labels": {"stroke": word}, "part_of": 1} for word in ("1 forth", "2 back"))
+    known = {"unit": "", "standard_error": 1e-3, "verdict": "identified", "per": "stroke"}
+    own = {
+        "mu_s": {**known, "value": 0.6, "group": "1 forth"},
+        "mu_s (2 back)": {**known, "value": 0.7, "group": "2 back", "parameter": "mu_s"},
+    }
+    at = counselled(monkeypatch, logs, [told("turns.csv", None, **forth), told("turns.csv", 0.2, **back)], own)
+    assert (at[0]["mu_s"], at[1]) == (0.7, 1e-3)

@@ -1,0 +1,142 @@
+"""Logs that contradict each other: against linear regressions solved apart, and in fits that only look right."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from data_io import Record
+from experiments.study_problem import DEMO, NAMES, RIG
+from identify.base.outcome import Status
+from identify.diagnosis import findings as held
+from identify.estimation import agreement
+from identify.estimation.agreement import Pull, contradiction, pulls
+from identify.estimation.attempt import Clock
+from identify.identification import find
+from identify.logs.unknowns import from_scene
+from identify.model.model import assemble
+from identify.scene import Scene
+from identify.simulation.simulate import run
+
+NORMAL_FORCE, NOISE = 1.0, 5e-3
+LOGS = ((1e-4, 20.0, 200.0), (1e-3, 4.0, 500.0), (5e-3, 1.5, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
+OTHER = 1.3  # times the characteristic speed parameter a in the second log
+
+
+def _regressions(random, truths):
+    """Designs and observations of noise 1; the second design knows nothing of the third parameter."""
+    designs = [random.standard_normal((count, 3)) for count in (40, 25, 60)]
+    designs[1][:, 2] = 0.0
+    return designs, [x @ truth + random.standard_normal(len(x)) for x, truth in zip(designs, truths, strict=True)]
+
+
+def _pulls(designs, seen):
+    """The pulls, and the common answer with its covariance."""
+    covariance = np.linalg.inv(sum(x.T @ x for x in designs))
+    answer = covariance @ sum(x.T @ y for x, y in zip(designs, seen, strict=True))
+    moves = np.stack([covariance @ x.T @ (y - x @ answer) for x, y in zip(designs, seen, strict=True)])
+    spreads = np.stack([covariance @ x.T @ x @ covariance for x in designs])
+    return pulls(moves, spreads), answer
+
+
+def test_a_pull_is_the_distance_between_a_log_alone_and_the_others_alone():
+    truth = np.array([1.0, -2.0, 0.5])
+    designs, seen = _regressions(np.random.default_rng(1), [truth] * 3)
+    found, answer = _pulls(designs, seen)
+    assert [pull.freedom for pull in found] == [3, 2, 3]
+    for number in range(3):
+        others = [i for i in range(3) if i != number]
+        x, y = np.vstack([designs[i] for i in others]), np.concatenate([seen[i] for i in others])
+        mine = np.arange(found[number].freedom)  # what this log tells; the rest of its design is nought
+        own = designs[number][:, mine]
+        alone, apart = (np.linalg.lstsq(a, b, rcond=None)[0][mine] for a, b in ((own, seen[number]), (x, y)))
+        spread = np.linalg.inv(own.T @ own) + np.linalg.inv(x.T @ x)[np.ix_(mine, mine)]
+        assert found[number].squared == pytest.approx((alone - apart) @ np.linalg.solve(spread, alone - apart))
+        assert found[number].shift == pytest.approx(np.linalg.lstsq(x, y, rcond=None)[0] - answer)
+
+
+def test_pulls_of_logs_that_agree_are_chi_squared_and_those_of_a_stranger_are_not():
+    random, truth = np.random.default_rng(2), np.array([1.0, -2.0, 0.5])
+    drawn = [_pulls(*_regressions(random, [truth] * 3))[0] for _ in range(400)]
+    for number, freedom in enumerate((3, 2, 3)):
+        squared = np.array([pull[number].squared for pull in drawn])
+        assert np.mean(squared) == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / squared.size))
+        assert 0.9 < np.mean(squared < chi2.ppf(0.95, freedom)) < 0.98
+        assert not any(pull[number].contradicts for pull in drawn)
+    stranger = _pulls(*_regressions(random, [truth, truth, truth + 2.0]))[0]
+    assert stranger[2].contradicts and not any(pull[1].contradicts for pull in drawn)
+
+
+def test_a_direction_that_one_log_alone_tells_is_compared_with_nothing():
+    designs, seen = _regressions(np.random.default_rng(3), [np.ones(3)] * 3)
+    designs = [np.column_stack([x[:, :2], np.zeros(len(x))]) for x in designs[:2]] + [designs[2]]
+    seen = [x @ np.ones(3) for x in designs[:2]] + [seen[2]]
+    found, _ = _pulls(designs, seen)
+    assert [pull.freedom for pull in found] == [2, 2, 2]
+
+
+def _record(truth, log, seed):
+    speed, duration, rate = log
+    motion = run(assemble(NAMES), truth | RIG, speed, NORMAL_FORCE, duration)
+    times = np.arange(round(duration * rate) + 1) / rate
+    noise = NOISE * np.random.default_rng(seed).standard_normal(times.size)
+    return Record(times, np.full(times.size, NORMAL_FORCE), motion.sample(times)["force"] + noise)
+
+
+@lru_cache(maxsize=2)
+def _records(factor):
+    truths = [DEMO, DEMO | {"a": factor * DEMO["a"]}, DEMO]
+    return tuple(_record(truth, log, seed) for seed, (truth, log) in enumerate(zip(truths, LOGS, strict=True)))
+
+
+def _found(factor, **parameters):
+    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
+    document = {"effects": [*NAMES, "varying_normal_force"], "rig": dict(RIG), "logs": logs}
+    scene = Scene.from_document(document | ({"parameters": parameters} if parameters else {}), Path())
+    _, found = find(scene, list(_records(factor)), clock=Clock(), progress=lambda _stage, _share: None)
+    return found
+
+
+@pytest.mark.slow
+def test_a_log_of_another_pair_is_named_though_the_misfit_is_noise(monkeypatch):
+    found = _found(OTHER)
+    assert found.status is Status.MODEL_MISFIT
+    assert "log_2.csv contradicts the other logs" in found.message
+    without = re.search(r"without it a is (\S+) s/m instead of", found.message)
+    assert without is not None and float(without[1]) == pytest.approx(DEMO["a"], rel=0.15)
+    assert found.attempt.gate.chi2_per_sample == pytest.approx(1.0, abs=0.05)  # nothing else sees it
+    monkeypatch.setattr(agreement, "CHANCE", 0.0)  # negative control: as it was before logs were held side by side,
+    monkeypatch.setattr(held, "CLEAR", np.inf)  # and before the rig was held against the data
+    silent = _found(OTHER)
+    assert silent.status is Status.CONVERGED
+    a = next(e for e in silent.estimates if e.name == "a")
+    assert a.verdict == "identified" and not a.lower <= DEMO["a"] <= a.upper
+
+
+def test_a_log_is_blamed_only_where_the_fit_without_it_is_another():
+    scene = Scene.from_document(
+        {"effects": [*NAMES], "rig": dict(RIG), "logs": [{"path": "a.csv", "drive_speed": 1e-3}]}, Path()
+    )
+    unknowns = from_scene(scene)
+    theta, size = unknowns.start, int(np.count_nonzero(unknowns.free))
+    far = theta + np.where(np.array(unknowns.names) == "a", np.log(2.0), 0.0)
+    found = [Pull(0, 200.0, 2, np.full(size, 0.5)), Pull(1, 1.0, 2, np.zeros(size)), Pull(2, 0.0, 0, np.zeros(size))]
+    at = (found, unknowns, theta, unknowns.base(RIG), ["one.csv", "two.csv"])
+    assert "one.csv contradicts" in contradiction(*at)
+    assert "without it a is" in contradiction(*at, lambda _log: far)
+    assert contradiction(*at, lambda _log: theta) == ""
+
+
+def test_logs_of_one_pair_agree():
+    assert _found(1.0).status is Status.CONVERGED
+
+
+def test_logs_are_not_blamed_for_what_the_user_says_beside_them():
+    # Of bounds: tests/estimation/test_sharing.py.
+    prior = {"prior": {"mean": 0.6 * DEMO["a"], "sd": 0.02 * DEMO["a"]}}
+    assert "contradicts the other logs" not in _found(1.0, a=prior).message

@@ -1,0 +1,222 @@
+"""What is asked of a fit beyond its values: profile, bootstrap, tables, accuracy, preview. It is there, and right."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
+from identify import examples
+from identify.base.errors import FitError
+from identify.base.outcome import Status
+from identify.cli import main as cli
+from identify.effects import MAIN
+from identify.estimation import examined as fine_enough
+from identify.estimation.combinations import combinations, directions
+from identify.estimation.preview import preview
+from identify.estimation.search import search
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
+from identify.model.model import assemble
+from identify.scene import Scene
+from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, FitOptions, accuracy_of
+from identify.simulation.simulate import run
+from tests.support.document_check import check_document
+
+LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
+
+
+@pytest.fixture(scope="module")
+def deep(tmp_path_factory):
+    """The folder of a fit of two example logs with everything asked for."""
+    out = tmp_path_factory.mktemp("deep") / "result"
+    asked = ["--profile", "--bootstrap", "40", "--accuracy-table", "--effects-table"]
+    assert cli.main(["fit", *LOGS, "--scene", str(examples.SCENE), "--out", str(out), *asked]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def document(deep):
+    return check_document(json.loads((deep / "result.json").read_text()))
+
+
+def test_all_that_was_asked_for_is_said(document, deep):
+    asked = document["provenance"]["asked"]
+    everything = {"profile": True, "bootstrap": 40, "accuracy_table": True, "effects_table": True}
+    assert asked == {"accuracy": "default"} | everything
+    page = (deep / "report.html").read_text(encoding="utf-8")
+    assert "accuracy default, profile, bootstrap 40, accuracy table, effects table" in page
+    assert FitOptions.again(asked) == FitOptions(profile=True), (
+        "what is run again to verify is what decides the numbers"
+    )
+
+
+def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(document):
+    profile = document["profile"]
+    assert profile["limit"] == pytest.approx(3.8415, abs=1e-4)
+    assert set(profile["parameters"]) == {"mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"}
+    for name, curve in profile["parameters"].items():
+        entry = document["parameters"][name]
+        assert entry["interval"] == pytest.approx(curve["interval"])
+        values, loss = np.array(curve["values"]), np.array(curve["loss"])
+        assert np.all(np.diff(values) > 0) and values.size >= 7
+        assert np.min(loss) == pytest.approx(0.0, abs=1e-6) and loss[0] > 3.5 and loss[-1] > 3.5
+        # The ends are where the loss reaches its limit: by the curve itself, in between its points.
+        root = np.sqrt(loss) * np.sign(values - entry["value"])
+        ends = np.interp([-np.sqrt(3.8415), np.sqrt(3.8415)], root, values)
+        half = 0.5 * (curve["interval"][1] - curve["interval"][0])
+        assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
+        # The covariance holds how the ridge bends past the ends besides: up to a quarter more, never less.
+        assert 0.8 < half / (1.96 * entry["standard_error"]) < 1.01
+
+
+def test_bootstrap_intervals_hold_the_value_and_are_of_the_same_size(document):
+    bootstrap = document["bootstrap"]
+    assert (bootstrap["replicates"], bootstrap["failed"]) == (40, 0)
+    for name, entry in bootstrap["parameters"].items():
+        low, high = entry["interval"]
+        value = document["parameters"][name]["value"]
+        assert low < value < high
+        assert 0.4 < entry["spread_in_standard_errors"] < 2.0
+        assert entry["pieces"] >= 2
+
+
+def test_accuracy_table_says_what_each_level_moves(document):
+    rows = document["accuracy_table"]
+    assert [row["accuracy"] for row in rows] == ["coarse", "default", "tight"]
+    assert rows[0]["steps"] < rows[1]["steps"] <= rows[2]["steps"]
+    assert all(row["seconds"] > 0 and row["iterations"] > 0 for row in rows)
+    assert set(rows[2]["shift_in_standard_errors"].values()) == {0.0}
+    left = [max(abs(e) for e in row["left_in_standard_errors"].values()) for row in rows]
+    assert left[0] > left[2] and left[1] <= DEFAULT.share and left[2] <= TIGHT.share
+    # The shift of the coarse answer is the error that was foretold for it.
+    for name, shift in rows[0]["shift_in_standard_errors"].items():
+        assert shift == pytest.approx(rows[0]["left_in_standard_errors"][name], abs=0.2 * left[0] + left[2])
+
+
+def test_every_effect_is_left_out_once(document):
+    rows = {row["without"]: row for row in document["effects_table"]}
+    assert rows[None]["delta_bic"] == 0.0
+    assert rows[None]["left_out_cycles"] == pytest.approx(1.0, abs=0.2)
+    for effect in ("hysteresis_damping", "contact_ageing", "velocity_weakening"):
+        row = rows[effect]
+        assert row["verdict"]
+        assert row["delta_bic"] is None or row["delta_bic"] > 10.0, "the logs were made with it"
+    assert rows["hysteresis_damping"]["left_out_cycles"] > rows[None]["left_out_cycles"]
+
+
+def test_the_report_shows_it_all(deep):
+    page = (deep / "report.html").read_text()
+    for words in ("How sure is it", "Intervals by each method", "What accuracy costs", "with and without each effect"):
+        assert words in page
+    assert (deep / "figures" / "profile.png").stat().st_size > 5000
+    assert (deep / "figures" / "profile_D.csv").read_text().startswith("value,loss")
+
+
+def test_a_preview_draws_and_stops(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["fit", LOGS[0], "--scene", str(examples.SCENE), "--out", "mine", "--preview", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["status"] == "preview" and told["logs"][0]["cycles"] > 3
+    assert [item.name for item in tmp_path.iterdir()] == ["mine-preview.png"]
+    assert (tmp_path / "mine-preview.png").read_bytes().startswith(b"\x89PNG")
+    assert "off by" in told["logs"][0]["text"]
+
+
+def test_a_preview_compares_the_start_as_far_as_it_is_placed():
+    """A slip that the end of the log cuts is on no data: the guess of it says nothing of the start."""
+    rig, noise = dict(RIG) | {"drive_speed": 5e-3}, 4e-3
+    scene = Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": [{"path": "a.csv"}]})
+    time = np.arange(1500) / 1000.0
+    force = run(assemble(MAIN), DEMO | RIG, 5e-3, 1.0, 1.5).sample(time)["force"]
+    force += noise * np.random.default_rng(3).standard_normal(time.size)
+    whole = prepare(scene, scene.logs[0], Record(time, np.ones(time.size), force), from_scene(scene))
+    cycles = whole.segmentation.cycles
+    rows = time < cycles.fall[-1]
+    (seen,) = preview(scene, [Record(time[rows], np.ones(np.count_nonzero(rows)), force[rows])]).logs
+    drawn = np.isfinite(seen.guess)
+    assert seen.onset.size == cycles.count - 1
+    assert seen.arrest[-1] < seen.time[drawn][-1] < cycles.onset[-1], "through the last whole slip, not beyond"
+    assert np.sqrt(np.mean((seen.guess - seen.force)[drawn] ** 2)) < 2 * noise
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--accuracy", "fine"], "expected coarse, default, tight"),
+        (["--accuracy", "-1"], "or a number"),
+        (["--bootstrap", "5"], "200 is usual"),
+    ],
+)
+def test_what_cannot_be_asked_is_one_sentence(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["fit", LOGS[0], "--scene", str(examples.SCENE), *arguments]) == 2
+    told = capsys.readouterr().err
+    assert words in told and told.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_levels_of_accuracy_by_name_and_number():
+    assert [accuracy_of(name) for name in ("coarse", "default", "tight")] == [COARSE, DEFAULT, TIGHT]
+    assert accuracy_of("0.03").share == 0.03
+    with pytest.raises(FitError):
+        accuracy_of("nan")
+
+
+def test_combinations_that_are_sharper_than_their_parts_are_named():
+    values = {"mu_s": 0.6, "mu_k0": 0.4, "D": 40e-6, "t_cr": 0.5, "a": 300.0, "delta_mu_k": -0.1}
+    names, logs = ["D", "t_cr"], [True, True]
+    # Both known to 10 %, their ratio to 1 %.
+    ridge = np.array([[0.01, 0.01 - 5e-5], [0.01 - 5e-5, 0.01]])
+    (ratio,) = combinations(names, logs, values, ridge)
+    assert ratio.natural.name == "D/t_cr"
+    assert ratio.value == pytest.approx(8e-5)
+    assert ratio.standard_error / ratio.value == pytest.approx(0.01, rel=1e-6)
+    assert ratio.sharper == pytest.approx(10.0, rel=1e-6)
+    low, high = ratio.interval
+    assert low * high == pytest.approx(ratio.value**2)
+    assert combinations(names, logs, values, 0.01 * np.eye(2)) == [], "parts that are independent are told apart"
+    best, worst = directions(names, logs, values, ridge)
+    assert best.size == pytest.approx(np.sqrt(5e-5)) and worst.size == pytest.approx(np.sqrt(0.02 - 5e-5))
+    assert np.sign(best.moves["D"]) == -np.sign(best.moves["t_cr"])
+    assert worst.text.startswith("known worst") and "t_cr +11 %" in worst.text
+
+
+def test_what_no_combination_tells_is_not_told_in_numbers():
+    """A ridge of a factor 1e8: its ratio is told where it is known to a factor of three, and not where it is not."""
+    values, names, logs = {"D": 40e-6, "t_cr": 0.5}, ["D", "t_cr"], [True, True]
+    for error, told in ((0.3, 1), (0.8, 0)):
+        across, along = np.array([1.0, -1.0]) / np.sqrt(2.0), np.array([1.0, 1.0]) / np.sqrt(2.0)
+        ridge = 0.5 * error**2 * np.outer(across, across) + 18.0**2 * np.outer(along, along)
+        assert len(combinations(names, logs, values, ridge)) == told
+    assert directions(names, logs, values, ridge)[1].text in (
+        "known worst: D and t_cr together, which these logs do not tell",
+        "known worst: t_cr and D together, which these logs do not tell",
+    )
+
+
+def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypatch):
+    case = simulated_case(DEMO, 3)
+    logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in (2, 3)]
+    scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs})
+    records, finest = [case.records[i] for i in (2, 3)], FitOptions(accuracy=replace(DEFAULT, share=1e-9))
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    answer, _ = search(prepared, unknowns)
+    assert answer.gate.status is Status.CONVERGED
+
+    def finer(status):
+        def again(attempt, _unknowns, **_):
+            return replace(attempt, gate=replace(attempt.gate, status=status, message="the finer one"))
+
+        monkeypatch.setattr(fine_enough, "resolve", again)
+        attempt, _, shares = fine_enough.fine_enough(answer, unknowns, finest)
+        assert max(map(abs, shares.values())) > 1e-9, "what the steps cost is told"
+        return attempt
+
+    assert finer(Status.SOLVER_FAILED) is answer
+    assert finer(Status.MODEL_MISFIT).gate.status is Status.MODEL_MISFIT, "what finer steps tell of the model counts"

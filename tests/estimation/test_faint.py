@@ -1,0 +1,139 @@
+"""Slips that the noise hides, and slips that come to rest by a hair: followed by the model, not as they were seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from experiments.run_recovery_study import Study
+from experiments.study_problem import SPEEDS
+from identify.base.outcome import Status
+from identify.effects import MAIN
+from identify.estimation import attempt
+from identify.estimation.attempt import Attempt, Clock, place_on, solve_from
+from identify.estimation.certainty import hanging
+from identify.estimation.events import join
+from identify.logs.prepare import Prepared
+from identify.logs.segment import segment
+from identify.logs.unknowns import Unknowns
+from identify.model.model import assemble
+from identify.simulation.simulate import run
+from tests.support.taken_logs import error, taken
+
+NOISE = 5e-3
+# Slow, middle, fast: drive speed [m/s], duration [s], rate [Hz].
+SLOW, FAINT, FAST, FASTEST = (1e-4 / 60, 800.0, 20.0), (1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0)
+# Slips of 7 mN at 0.1 mm/s.
+HIDDEN = {"mu_s": 0.5729, "mu_k0": 0.5188, "delta_mu_k": -0.05276, "a": 408.2, "D": 1.134e-4, "t_cr": 0.4387}
+HIDDEN_RIG = {"mass": 0.2148, "stiffness": 1436.0, "damping": 83.31}
+# Rests of 0.6 ms between slips of 70 ms at 1 mm/s.
+BY_A_HAIR = {"mu_s": 0.2524, "mu_k0": 0.1763, "delta_mu_k": -0.06767, "a": 46.75, "D": 1.865e-5, "t_cr": 1.851}
+HAIR_RIG = {"mass": 0.2756, "stiffness": 2079.0, "damping": 261.3}
+
+
+@lru_cache(maxsize=4)
+def logs(
+    pair: tuple[tuple[str, float], ...], rig: tuple[tuple[str, float], ...], drives: tuple[tuple[float, ...], ...]
+) -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
+    """Noisy logs of a pair as the fit takes them, the search started at the truth, and how many slips each has."""
+    truth, random, records, slips = dict(pair) | dict(rig), np.random.default_rng(3), [], []
+    for speed, duration, rate in drives:
+        motion = run(assemble(MAIN), truth, speed, 1.0, duration)
+        time = np.arange(round(duration * rate) + 1) / rate
+        force = motion.sample(time)["force"] + NOISE * random.standard_normal(time.size)
+        records.append(Record(time, np.ones(time.size), force))
+        slips.append(int(motion.arrests.size))
+    return (*taken(records, drives, dict(pair), dict(rig)), tuple(slips))
+
+
+def hidden() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
+    return logs(tuple(HIDDEN.items()), tuple(HIDDEN_RIG.items()), (FAINT, FAST, FASTEST))
+
+
+def by_a_hair() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
+    return logs(tuple(BY_A_HAIR.items()), tuple(HAIR_RIG.items()), (SLOW, FAST))
+
+
+def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:
+    prepared, _, slips = hidden()
+    assert [log.manner.faint for log in prepared] == [True, False, False]
+    assert prepared[0].segmentation.count < 0.7 * slips[0]
+    # What lies between the slips that were seen holds others: lines through it would show twice the noise.
+    assert prepared[0].segmentation.noise == pytest.approx(NOISE, rel=0.05)
+    # A quarter of the noise, and every slip is seen.
+    time, force = prepared[0].record.time, prepared[0].record.friction_force
+    true = run(assemble(MAIN), HIDDEN | HIDDEN_RIG, FAINT[0], 1.0, FAINT[1]).sample(time)["force"]
+    half_period = prepared[0].rig.half_period
+    assert segment(time, force, half_period=half_period).faint
+    clear = segment(time, true + 0.25 * (force - true), half_period=half_period)
+    assert not clear.faint and abs(clear.count - slips[0]) <= 1
+
+
+def test_a_faint_log_joins_as_the_model_follows_it() -> None:
+    prepared, unknowns, slips = hidden()
+    others = solve_from(prepared, [1, 2], unknowns, Clock())
+    assert others is not None and others.gate.status is Status.CONVERGED
+    joined = join(others, prepared, [0], unknowns, Clock())
+    assert joined.logs == (0, 1, 2) and joined.gate.status is Status.CONVERGED
+    assert joined.solved.guesses[0].arrests == slips[0] > 2 * prepared[0].falls.size
+    # Two fast logs hardly tell contacts that age slowly from slips that are long; hundreds of small ones do.
+    assert error(others, unknowns, "D") > 0.1 > 0.02 > error(joined, unknowns, "D")
+
+
+# A start from which these logs and the fastest, solved cycle by cycle, come to an answer that is off by 14 % in a.
+ASTRAY = (-4e-5, 9e-5, -1.09e-3, 2.292e-2, 5.82e-3, 0.1182)
+
+
+@lru_cache(maxsize=1)
+def both_ways() -> tuple[tuple[list[Prepared], Unknowns], list[Attempt], Attempt | None]:
+    """What is solved, all that was solved on the way, and what is given back."""
+    case = Study("wide").case(15)[0]
+    prepared, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)
+    start = unknowns.start.copy()
+    start[unknowns.free] += ASTRAY
+    tried: list[Attempt] = []
+    really = attempt._solved
+
+    def noted(*given: Any) -> Attempt:
+        tried.append(really(*given))
+        return tried[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(attempt, "_solved", noted)
+        given_back = solve_from(prepared, [0, 2], replace(unknowns, start=start), Clock())
+    return (prepared, replace(unknowns, start=start)), tried, given_back
+
+
+@pytest.mark.slow
+def test_slips_that_rest_by_a_hair_are_solved_both_ways() -> None:
+    _, tried, both = both_ways()
+    as_seen = tried[0]
+    assert both is not None and both is tried[1]
+    assert both.gate.status is Status.CONVERGED and hanging(both.solved, ["slow", "fast"]) is None
+    # A rest that the data do not want, and that can get no shorter, holds it there.
+    said = hanging(as_seen.solved, ["slow", "fast"])
+    assert said is not None and said.startswith("fast: ")
+    assert both.excess < as_seen.excess - 20.0
+
+
+@pytest.mark.slow
+def test_a_solver_that_fails_on_such_a_rest_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Whether it fails there, or comes to an end, is a matter of rounding: it differs from machine to machine.
+    (prepared, unknowns), tried, both = both_ways()
+    gave_up = replace(tried[0].solved, solution=replace(tried[0].solved.solution, success=False, infeasibility=1.0))
+    given = iter([replace(tried[0], solved=gave_up), both])
+    monkeypatch.setattr(attempt, "_solved", lambda *_: next(given))
+    assert solve_from(prepared, [0, 2], unknowns, Clock()) is both
+
+
+def test_rests_shorter_than_a_slip_is_placed_exactly_are_followed() -> None:
+    prepared, unknowns, slips = by_a_hair()
+    placed = place_on(prepared, [1], unknowns)
+    assert [number for number, _, _ in placed] == [1]
+    _, log, guess = placed[0]
+    assert log.manner.name == "course" and guess.cycles == 0 and guess.arrests == slips[1]

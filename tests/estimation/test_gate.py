@@ -1,0 +1,196 @@
+"""The gate lets right answers through and each kind of wrong one not; every refusal says where and what to do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import identify.estimation.goodness_of_fit as room
+from identify.base.outcome import Status
+from identify.estimation.goodness_of_fit import pass_gate
+from identify.estimation.residual_autocorrelation import Remembered
+from identify.shooting.passes import COARSE, solve_in_passes
+from tests.support import shooting_case as case
+
+NAMES = ("calm.csv", "brisk.csv")
+EXACT = (False, False)
+
+
+def _fit(change=lambda data: data, falls=lambda falls: falls):
+    """Two noisy logs, changed, and the passes from the truth with these falls."""
+    logs = [case.simulated(case.PAIR, *speed) for speed in (case.MIDDLE, case.FAST)]
+    unknowns = case.search_space(case.PAIR, case.FRICTION)
+    data = change([case.log_data(log, unknowns, noise_seed=seed) for seed, log in enumerate(logs)])
+    guesses = case.placed(unknowns, logs, data, COARSE, falls=falls([log.falls for log in logs]))
+    return solve_in_passes(data, guesses, unknowns.softened())
+
+
+@pytest.fixture(scope="module")
+def right():
+    return _fit()
+
+
+def _scaled(data, **factors):
+    """The logs with their mass or the weights of their samples scaled."""
+    base = data[0].base.copy()
+    base[case.MODEL.parameter_names.index("mass")] *= factors.get("mass", 1.0)
+    return [replace(d, base=base, weight=d.weight * factors.get("weight", 1.0)) for d in data]
+
+
+def test_a_right_answer_passes(right):
+    gate = pass_gate(right, NAMES, EXACT)
+    assert gate.status is Status.CONVERGED
+    assert abs(gate.chi2_per_sample - 1) < 5 * np.sqrt(2 / right.problem.samples)
+    assert gate.z.size == 12
+    assert np.max(np.abs(gate.z)) < 6
+    assert gate.event_shift < 0.5
+    assert [(int(a), int(b)) for a, b in zip(gate.log, gate.cycle, strict=True)] == [
+        (log, cycle) for log in (1, 2) for cycle in range(1, 7)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("weight", "word"), [(0.3, "more closely than their noise allows"), (3.0, "does not describe")]
+)
+def test_a_wrong_noise_level_is_refused_with_the_side_on_which_it_is_wrong(weight, word):
+    gate = pass_gate(_fit(lambda data: _scaled(data, weight=weight)), NAMES, EXACT)
+    assert gate.status is Status.MODEL_MISFIT
+    assert word in gate.message and f"misfit {gate.chi2_per_sample:.3g} times" in gate.message
+
+
+def test_misfit_of_a_cycle_is_that_of_its_samples(right):
+    """Counted sample by sample: from arrest to arrest, what follows the last slip with the last cycle."""
+    gate, problem = pass_gate(right, NAMES, EXACT), right.problem
+    fitted = problem.fitted(right.solution.z)[0]
+    log, guess = problem.logs[0], right.guesses[0]
+    edges = np.concatenate([[log.begin], guess.arrest[:-1], [log.end + 1e-9]])
+    for i, (first, last) in enumerate(pairwise(edges)):
+        mine = (log.time >= first) & (log.time < last)
+        square = float(np.sum(((log.force - fitted)[mine] / case.NOISE) ** 2))
+        count = int(np.count_nonzero(mine))
+        # Samples are assigned at the event times of the pass before, up to a sample apart.
+        assert gate.z[i] == pytest.approx((square - count) / np.sqrt(2 * count), abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "word"),
+    [
+        ({"event_shift": 0.6}, Status.SOLVER_FAILED, "samples per pass"),
+        ({"event_shift": np.nan}, Status.SOLVER_FAILED, "samples per pass"),
+        ({"success": False}, Status.SOLVER_FAILED, "Maximum_Iterations"),
+    ],
+)
+def test_a_curve_that_fits_is_not_enough(right, change, status, word):
+    if "success" in change:
+        failed = replace(right.solution, success=False, words="Maximum_Iterations_Exceeded")
+        wrong = replace(right, solution=failed)
+    else:
+        wrong = replace(right, **change)
+    gate = pass_gate(wrong, NAMES, EXACT)
+    assert gate.status is status
+    assert word in gate.message
+
+
+def test_a_normal_force_moved_further_than_its_measurement_allows_is_refused():
+    """The samples fit, and the load takes up what a wrong answer gets wrong from cycle to cycle."""
+    solved = _fit(lambda data: [replace(d, normal_force_sd=1e-3) for d in data])
+    assert pass_gate(solved, NAMES, EXACT).status is Status.CONVERGED
+    for off in ([7.0, 0.0, 0.0, 0.0, 0.0, 0.0], [-4.0, -4.0, -3.0, 3.0, 4.0, 4.0]):
+        strained = replace(solved.guesses[0], deviation=1e-3 * np.array(off))
+        gate = pass_gate(replace(solved, guesses=[strained, solved.guesses[1]]), NAMES, EXACT)
+        assert gate.status is Status.MODEL_MISFIT
+        assert "standard errors of its measured course" in gate.message
+
+
+def test_a_state_that_cannot_be_computed_is_a_failure(right):
+    lost = replace(right.solution, z=right.solution.z * np.nan, success=False, words="Invalid_Number_Detected")
+    gate = pass_gate(replace(right, solution=lost), NAMES, EXACT)
+    assert gate.status is Status.SOLVER_FAILED
+    assert "Invalid_Number" in gate.message
+
+
+def test_a_wrong_mass_is_refused():
+    gate = pass_gate(_fit(lambda data: _scaled(data, mass=1.2)), NAMES, EXACT)
+    assert gate.status is Status.MODEL_MISFIT
+    assert "brisk.csv" in gate.message
+    assert gate.log[gate.worst] == 2
+
+
+def test_a_wrong_noise_level_is_refused_unless_it_was_estimated_and_could_be_wrong_by_that():
+    weight = 1.03  # the noise taken 1.5 % too small
+    slightly, plainly = (_fit(lambda data, w=w: _scaled(data, weight=w)) for w in (weight, 1.3))
+    # 3903 samples tell their variance to 2.3 %; five of these are allowed.
+    assert pass_gate(slightly, NAMES, EXACT).status is Status.CONVERGED
+    assert pass_gate(plainly, NAMES, EXACT).status is Status.MODEL_MISFIT
+    assert pass_gate(plainly, NAMES, (True, True)).status is Status.MODEL_MISFIT
+    assert "noise level" in pass_gate(plainly, NAMES, EXACT).message
+
+
+def _dip(data):
+    """A slip in the middle of a stick of the first log that nobody detected: gone after 30 ms."""
+    shape = 0.2 * np.exp(-(((data[0].time - 1.18) / 0.01) ** 2))
+    return [replace(data[0], force=data[0].force - shape), data[1]]
+
+
+def test_one_bad_stretch_is_named():
+    gate = pass_gate(_fit(_dip), NAMES, EXACT)
+    assert gate.status is Status.WRONG_EVENT_COUNT
+    assert "calm.csv, cycle 4" in gate.message
+    assert gate.z[gate.worst] > 30
+
+
+def test_the_others_are_not_said_to_fit_where_they_do_not():
+    """With a force too large throughout, the worst cycle stands out of others that misfit as well."""
+    gate = pass_gate(_fit(lambda data: [replace(log, force=1.04 * log.force) for log in _dip(data)]), NAMES, EXACT)
+    typical = float(np.median(np.abs(np.delete(gate.z, gate.worst))))
+    assert typical > 6 and gate.z[gate.worst] > max(30.0, 20.0 * typical)  # so far out it stands where the others fit
+    assert gate.status is Status.WRONG_EVENT_COUNT and "while the others fit" not in gate.message
+    assert f"where the others do by {typical:.0f}" in gate.message and "differs from cycle to cycle" in gate.message
+
+
+def _without(falls):
+    return [np.delete(falls[0], 3), falls[1]]
+
+
+def _with_one_more(falls):
+    return [np.sort(np.append(falls[0], 0.5 * (falls[0][2] + falls[0][3]))), falls[1]]
+
+
+@pytest.mark.parametrize("falls", [_without, _with_one_more], ids=["missed", "invented"])
+def test_a_slip_missed_or_invented_is_refused(falls):
+    gate = pass_gate(_fit(falls=falls), NAMES, EXACT)
+    assert gate.status in (Status.WRONG_EVENT_COUNT, Status.MODEL_MISFIT)
+    assert "calm.csv" in gate.message
+    assert abs(gate.cycle[gate.worst] - 4) <= 1
+
+
+def test_noise_measured_too_large_is_no_misfit_unless_it_was_stated():
+    """Slips that hardly show count as noise while it is measured: what the curve leaves is less than that."""
+    gate = {share: _fit(lambda data, share=share: _scaled(data, weight=share)) for share in (0.85, 0.5)}
+    assert pass_gate(gate[0.85], NAMES, (True, True)).status is Status.CONVERGED
+    assert "measured in the sticks" in pass_gate(gate[0.85], NAMES, (True, True)).message
+    assert pass_gate(gate[0.85], NAMES, EXACT).status is Status.MODEL_MISFIT
+    assert pass_gate(gate[0.5], NAMES, (True, True)).status is Status.MODEL_MISFIT
+    wrong = _fit(lambda data: _scaled(_scaled(data, mass=1.3), weight=0.85))
+    assert pass_gate(wrong, NAMES, (True, True)).status is not Status.CONVERGED
+
+
+def test_a_cycle_with_more_noise_is_none_too_many_where_the_noise_has_a_memory(monkeypatch):
+    """White noise is never 9 standard deviations off in one cycle; noise whose memory doubles the spread may be."""
+
+    def louder(data):
+        mine = (data[0].time > 0.9) & (data[0].time < 1.4)
+        extra = np.sqrt(9.0 * np.sqrt(2.0 / np.count_nonzero(mine))) * case.NOISE
+        signs = np.random.default_rng(5).choice([-1.0, 1.0], mine.size)
+        return [replace(data[0], force=data[0].force + np.where(mine, extra * signs, 0.0)), data[1]]
+
+    loud, exact = _fit(louder), np.ones(2)
+    refused = pass_gate(loud, NAMES, EXACT)
+    assert refused.status is Status.MODEL_MISFIT and 6 < refused.z[refused.worst] < 12
+    monkeypatch.setattr(room, "remembered", lambda *_: Remembered(exact, 2.0 * exact))
+    passed = pass_gate(loud, NAMES, EXACT)
+    assert passed.status is Status.CONVERGED and passed.z[passed.worst] == pytest.approx(refused.z[refused.worst] / 2)
+    assert "noise with a memory" in passed.message and "in common" not in passed.message, "that was not looked at"

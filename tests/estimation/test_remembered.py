@@ -1,0 +1,105 @@
+"""Noise with a memory is accepted for what it is. A misfit of the same size is not: tests/diagnosis/test_held.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from data_io import Record
+from experiments.study_problem import DEMO, NAMES, RIG
+from identify.base.outcome import Status
+from identify.estimation import goodness_of_fit as gate
+from identify.estimation.attempt import Clock
+from identify.estimation.goodness_of_fit import pass_gate
+from identify.estimation.residual_autocorrelation import CHANCE, in_common, remembered
+from identify.identification import find
+from identify.model.model import assemble
+from identify.scene import Scene
+from identify.simulation.simulate import run
+
+LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
+WHITE, SLOW, TIME = 5e-3, 2e-3, 0.02  # standard deviations [N] and memory [s]
+BINS = 24
+
+
+def _records(seed, slow=SLOW):
+    random, model, out = np.random.default_rng(seed), assemble(tuple(NAMES)), []
+    for speed, duration, rate in LOGS:
+        times = np.arange(round(duration * rate) + 1) / rate
+        force = run(model, DEMO | RIG, speed, 1.0, duration).sample(times)["force"]
+        kept = np.exp(-1.0 / (rate * TIME))
+        drawn = np.sqrt(1.0 - kept**2) * random.standard_normal(times.size + round(20 * TIME * rate))
+        memory = lfilter([1.0], [1.0, -kept], drawn)[-times.size :]
+        noise = WHITE * random.standard_normal(times.size) + slow * memory
+        out.append(Record(times, np.ones(times.size), force + noise))
+    return out
+
+
+def _found(records):
+    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
+    scene = Scene.from_document({"effects": [*NAMES], "rig": dict(RIG), "logs": logs}, Path())
+    return find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+
+
+def _distance(found):
+    """Squared distance of the answer from the truth, in its own covariance."""
+    names = np.array(found.unknowns.names)[found.unknowns.free]
+    log = found.unknowns.logarithmic[found.unknowns.free]
+    truth = np.array([np.log(DEMO[n]) if scaled else DEMO[n] for n, scaled in zip(names, log, strict=True)])
+    off = found.attempt.solved.theta[found.unknowns.free] - truth
+    return float(off @ np.linalg.solve(found.covariance, off))
+
+
+def test_noise_with_a_memory_is_accepted_and_widens_the_errors(monkeypatch):
+    distances = []
+    for seed in (0, 2):
+        found = _found(_records(seed))
+        assert found.status is Status.CONVERGED, found.message
+        distances.append(_distance(found))
+    assert max(distances) < chi2.isf(1e-4, 6) and sum(distances) < chi2.isf(1e-3, 12)
+    level = found.attempt.gate.level
+    assert 1.0 < level < 1.5 and "noise with a memory" in found.message
+    white = np.diag(found.sure.white)
+    assert np.all(np.diag(found.covariance) > level * white), "as much wider as the noise is larger, and more"
+    names = [log.name for log in found.attempt.prepared]
+    assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.CONVERGED
+    assert pass_gate(found.attempt.solved, names, [False, False]).status is Status.MODEL_MISFIT, "noise that was stated"
+    monkeypatch.setattr(gate, "MORE", 0.0)  # negative control: as it was
+    assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.MODEL_MISFIT
+
+
+@pytest.mark.parametrize("cycles", [(4, 11), (30,), (5, 5, 5)])
+def test_noise_has_nothing_in_common_and_a_misfit_has(cycles):
+    random = np.random.default_rng(1)
+    place = np.sin(np.linspace(0.0, 3.0, BINS))
+    noise, misfit = [], []
+    for _ in range(60):
+        # Neighbouring places are alike, as where noise has a memory.
+        stacks = [lfilter([1.0], [1.0, -0.8], random.standard_normal((c, BINS)), axis=1) for c in cycles]
+        noise.append(in_common(stacks, random))
+        misfit.append(in_common([stack + 2.0 * place for stack in stacks], random))
+    assert np.mean(noise) == pytest.approx(0.5, abs=4.0 / np.sqrt(12 * 60)), "a chance is spread evenly"
+    assert min(noise) > CHANCE > np.median(misfit)
+
+
+@pytest.mark.parametrize(("correlation", "stated"), [(0.8, False), (0.8, True), (0.0, False)])
+def test_noise_as_large_as_in_the_sticks_may_scatter_more_from_cycle_to_cycle(correlation, stated):
+    count, random = 20000, np.random.default_rng(4)
+    new = np.sqrt(1.0 - correlation**2) * random.standard_normal(count + 200)
+    force = WHITE * lfilter([1.0], [1.0, -correlation], new)[200:]
+    data = SimpleNamespace(time=np.arange(count) * 1e-3, force=force, weight=np.full(count, WHITE**-2), noise=WHITE)
+    guess = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
+    pieces = np.array_split((force / WHITE) ** 2, 10)
+    squares, counts = np.array([p.sum() for p in pieces]), np.array([float(p.size) for p in pieces])
+    known = remembered([data], [guess], [np.zeros(count)], [not stated], squares, counts, np.zeros(10, int))
+    if stated or correlation == 0.0:
+        assert known is None
+        return
+    assert known is not None and known.levels[0] == pytest.approx(1.0, abs=0.02)
+    # of a sum of squares of an autoregression of first order, against that of white noise
+    assert known.slowness[0] == pytest.approx(np.sqrt((1 + correlation**2) / (1 - correlation**2)), rel=0.05)

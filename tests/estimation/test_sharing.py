@@ -1,0 +1,271 @@
+"""Parameters per group and per log, ties, bounds and priors: recovered, counted, and with the right covariance."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from identify.base.errors import SceneError
+from identify.base.outcome import Status
+from identify.cli.main import main
+from identify.effects import MAIN
+from identify.estimation.attempt import Clock
+from identify.identification import find, fit
+from identify.report.log_document import outlooks_of
+from identify.scene import Scene
+from identify.shooting.layout import kept_parameters
+from tests.support import shooting_case as case
+
+OTHER = case.PAIR | {"D": 60e-6, "mu_s": 0.66}
+SPEEDS = ((1e-4, 10.0, 250.0), (1e-3, 1.6, 1000.0))
+GROUPS = {"A": case.PAIR, "B": OTHER}
+
+
+@lru_cache(maxsize=1)
+def _records():
+    out = []
+    for number, pair in enumerate(GROUPS.values()):
+        for place, speed in enumerate(SPEEDS):
+            log = case.simulated(pair, *speed)
+            noise = np.random.default_rng((number, place)).standard_normal(log.time.size)
+            out.append(Record(log.time, np.full(log.time.size, 1.0), log.force + case.NOISE * noise))
+    return out
+
+
+def _scene(parameters, groups="AB", **rig):
+    logs = [
+        {"path": f"{group}_{i}.csv", "drive_speed": speed[0], "labels": {"volunteer": group}}
+        for group in groups
+        for i, speed in enumerate(SPEEDS)
+    ]
+    document = {
+        "effects": list(MAIN),
+        "rig": case.RIG | {"noise": case.NOISE} | rig,
+        "parameters": parameters,
+        "logs": logs,
+    }
+    return Scene.from_document(document, Path())
+
+
+def _found(parameters, groups="AB", **rig):
+    records = _records()[: 2 * len(groups)]
+    scene = _scene(parameters, groups, **rig)
+    return find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+
+
+@pytest.fixture(scope="module")
+def grouped():
+    """D per volunteer, mu_s per log."""
+    return _found({"D": {"per": "volunteer"}, "mu_s": {"per": "log"}})
+
+
+@pytest.fixture(scope="module")
+def free():
+    """One pair, nothing said of its parameters."""
+    return _found({}, "A")
+
+
+def test_groups_are_recovered(grouped):
+    assert grouped.status is Status.CONVERGED, grouped.message
+    estimates = {e.name: e for e in grouped.estimates} | {e.name: e for _, e in grouped.sure.of_groups}
+    truth = {
+        "D": 37.4e-6,
+        "D (B)": 60e-6,
+        "mu_s": 0.62,
+        "mu_s (log 2)": 0.62,
+        "mu_s (log 3)": 0.66,
+        "mu_s (log 4)": 0.66,
+    }
+    for name, value in truth.items():
+        assert abs(estimates[name].value - value) < 4 * estimates[name].standard_error, name
+    assert estimates["D (B)"].value / estimates["D"].value == pytest.approx(60 / 37.4, rel=0.15)
+    apart = np.log(estimates["D (B)"].value / estimates["D"].value)
+    assert apart > 5 * estimates["D"].standard_error / estimates["D"].value, "one value for all would not do"
+
+
+def test_unknowns_left_over_are_the_shared_parameters_and_those_of_the_groups(grouped):
+    problem = grouped.attempt.solved.problem
+    loads = sum(guess.cycles for guess in grouped.attempt.solved.guesses)
+    assert problem.layout.size - problem.layout.rows == 6 + 1 + 3 + 2 * 4 + loads
+
+
+def test_joint_covariance_agrees_with_the_dense_null_space(grouped):
+    solved = grouped.attempt.solved
+    problem, layout = solved.problem, solved.problem.layout
+    point = problem.evaluate(solved.solution.z, derivatives=True)
+    upper, jacobian = point.hessian.toarray(), point.jacobian.toarray()
+    hessian = upper + np.triu(upper, 1).T
+    _, _, right = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=1)[:, None])
+    null = right[layout.rows :].T
+    kept = kept_parameters(layout)
+    covariance = null[kept] @ np.linalg.solve(null.T @ hessian @ null, null[kept].T)
+    covariance = covariance * np.outer(layout.scale[kept], layout.scale[kept])
+    size = np.sqrt(np.diag(covariance))
+    known = grouped.information.joint_covariance()
+    assert known.shape == grouped.sure.joint.shape == (10, 10)
+    np.testing.assert_allclose(known / np.outer(size, size), covariance / np.outer(size, size), atol=1e-3)
+    assert np.all(np.diag(grouped.sure.joint) > 0.999 * np.diag(known)), "a bent likelihood only widens it"
+    across = covariance[2, 6:] / (size[2] * size[6:])
+    assert np.max(np.abs(across)) > 0.05, "what is shared ties the groups together"
+
+
+def test_the_document_names_every_group():
+    outcome = fit(_scene({"D": {"per": "volunteer"}, "mu_s": {"per": "volunteer"}}), _records())
+    document = json.loads(json.dumps(outcome.result, allow_nan=False))
+    assert document["parameters"]["D"]["group"] == "A"
+    assert (
+        document["parameters"]["D (B)"] | {"group": "B", "per": "volunteer", "parameter": "D"}
+        == (document["parameters"]["D (B)"])
+    )
+    assert document["correlation"]["names"][-2:] == ["mu_s (B)", "D (B)"]
+    assert len(document["correlation"]["matrix"]) == 8
+    creep = document["derived"]
+    for key in ("v_cr", "v_cr (B)"):
+        size = document["parameters"][key.replace("v_cr", "D")]["value"]
+        assert creep[key]["value"] == pytest.approx(size / document["parameters"]["t_cr"]["value"], rel=1e-9)
+        assert creep[key]["interval"][0] < creep[key]["value"] < creep[key]["interval"][1]
+    drops = [log["derived"]["amplitude"]["drop"]["value"] for log in document["logs"]]
+    assert drops[2] > 1.05 * drops[0], "each log's stability and amplitude are those of its own group"
+
+
+def test_a_tied_parameter_follows(free):
+    found = _found({"mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}}, "A")
+    assert found.status is Status.CONVERGED, found.message
+    by_name = {e.name: e for e in found.estimates}
+    assert by_name["mu_s"].value - by_name["mu_k0"].value == pytest.approx(0.19, abs=1e-12)
+    assert by_name["mu_k0"].standard_error == pytest.approx(by_name["mu_s"].standard_error)
+    assert "tied to mu_s" in by_name["mu_k0"].reason
+    # One freedom fewer: the others are known better, and the misfit is hardly larger.
+    assert found.covariance.shape == (5, 5)
+    assert found.attempt.solved.solution.cost - free.attempt.solved.solution.cost < 8.0
+
+
+@lru_cache(maxsize=1)
+def _tied_groups():
+    """Scene, records and result of mu_s per volunteer, mu_k0 a step below it; the truth of B: 0.66 and 0.47."""
+    pairs = {"A": case.PAIR, "B": case.PAIR | {"mu_s": 0.66, "mu_k0": 0.47}}
+    records = []
+    for number, pair in enumerate(pairs.values()):
+        for place, speed in enumerate(SPEEDS):
+            log = case.simulated(pair, *speed)
+            noise = np.random.default_rng((7, number, place)).standard_normal(log.time.size)
+            records.append(Record(log.time, np.full(log.time.size, 1.0), log.force + case.NOISE * noise))
+    scene = _scene({"mu_s": {"per": "volunteer"}, "mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}})
+    return scene, records, fit(scene, records).result
+
+
+def test_a_tied_parameter_is_told_for_every_group():
+    *_, document = _tied_groups()
+    told = document["parameters"]
+    for name, to, group, truth in (("mu_k0", "mu_s", "A", 0.43), ("mu_k0 (B)", "mu_s (B)", "B", 0.47)):
+        entry = told[name]
+        assert (entry["group"], entry["per"], entry["verdict"]) == (group, "volunteer", "identified"), name
+        assert abs(entry["value"] - truth) < 4 * entry["standard_error"]
+        assert entry["value"] == pytest.approx(told[to]["value"] - 0.19, abs=1e-12)
+        assert entry["standard_error"] == pytest.approx(told[to]["standard_error"], rel=1e-9)
+        assert entry["interval"] == pytest.approx([end - 0.19 for end in told[to]["interval"]], abs=1e-12)
+    assert told["mu_k0 (B)"]["parameter"] == "mu_k0" and told["mu_k0 (B)"]["reason"] == "tied to mu_s (B)"
+    assert document["correlation"]["names"][-1] == "mu_s (B)", "what is tied has no error of its own"
+
+
+def test_the_answers_of_the_logs_are_those_that_the_commands_give(tmp_path, capsys):
+    """Both carry the joint covariance of the group and of what is tied; they get there by different ways."""
+    *_, document = _tied_groups()
+    (tmp_path / "result.json").write_text(json.dumps(document))
+    assert main(["amplitude", "--result", str(tmp_path / "result.json"), "--json"]) == 0
+    asked = [point["amplitude"]["drop"] for point in json.loads(capsys.readouterr().out)["points"]]
+    stored = [log["derived"]["amplitude"]["drop"] for log in document["logs"]]
+    assert [drop["value"] for drop in asked] == pytest.approx([drop["value"] for drop in stored], rel=1e-9)
+    for one, other in zip(asked, stored, strict=True):
+        assert one["interval"] == pytest.approx(other["interval"], rel=1e-7)
+
+
+def test_a_log_that_took_no_part_is_answered_by_its_own_group_or_not_at_all():
+    scene, records, _ = _tied_groups()
+    prepared, found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)
+    whole = outlooks_of(prepared, found)
+    left = replace(found, attempt=replace(found.attempt, logs=(0, 1, 2)))
+    answers = outlooks_of(prepared, left)
+    drops = [told[3]["amplitude"]["drop"]["value"] for told in (answers, whole)]
+    assert drops[0] == pytest.approx(drops[1], rel=1e-6)
+    sure = replace(found.sure, shares=[share for share in found.sure.shares if share.group == "A"])
+    answers = outlooks_of(prepared, replace(left, attempt=replace(found.attempt, logs=(0, 1)), sure=sure))
+    assert "amplitude" in answers[1]
+    assert answers[3] == {"text": "No answer: this log took no part, and no other log tells mu_s of B."}
+
+
+def test_the_creep_velocity_of_a_tied_parameter_is_that_of_its_values():
+    document = fit(_scene({"D": {"tie": {"to": "t_cr", "factor": 75e-6}}}, "A"), _records()[:2]).result
+    assert document["status"] == "converged", document["message"]
+    assert document["derived"]["v_cr"]["value"] == pytest.approx(75e-6, rel=1e-9)
+    assert document["derived"]["v_cr"]["interval"] == pytest.approx([75e-6, 75e-6], rel=1e-9)
+
+
+def test_a_prior_pulls_as_bayes_says(free):
+    place = [free.unknowns.names[i] for i in np.flatnonzero(free.unknowns.free)].index("D")
+    size = float(np.sqrt(free.sure.white[place, place]))
+    mean = float(np.exp(free.attempt.solved.theta[free.unknowns.names.index("D")] + size))
+    found = _found({"D": {"prior": {"mean": mean, "sd": mean * size}}}, "A")
+    assert found.status is Status.CONVERGED
+    theta = [f.attempt.solved.theta[f.unknowns.names.index("D")] for f in (free, found)]
+    # Equal weights: half way between the data and the prior, and half the variance.
+    assert theta[1] == pytest.approx(0.5 * (theta[0] + np.log(mean)), abs=0.1 * size)
+    assert found.sure.white[place, place] == pytest.approx(0.5 * size**2, rel=0.1)
+
+
+def test_an_interval_ends_at_a_bound_of_the_scene(free):
+    value = {e.name: e for e in free.estimates}["t_cr"]
+    upper = value.value + 0.5 * (value.upper - value.value)
+    found = _found({"t_cr": {"upper": upper}}, "A")
+    assert found.status is Status.CONVERGED
+    bounded = {e.name: e for e in found.estimates}["t_cr"]
+    assert bounded.upper == pytest.approx(upper, rel=1e-9)
+    assert "upper bound of the scene" in bounded.reason
+    assert bounded.lower == pytest.approx(value.lower, rel=0.02)
+
+
+def test_a_parameter_at_its_bound_has_an_interval_from_there(free):
+    value = {e.name: e for e in free.estimates}["t_cr"]
+    upper = value.value - value.standard_error
+    outcome = fit(_scene({"t_cr": {"upper": upper}}, "A"), _records()[:2])
+    assert outcome.result["status"] == "at_bound"
+    assert outcome.result["parameters"]["t_cr"]["value"] is None
+    low, high = outcome.result["last_iterate"]["t_cr"]["interval"]
+    assert high == pytest.approx(upper, rel=1e-6)
+    assert value.lower - value.standard_error < low < upper
+    low, high = outcome.result["last_iterate"]["a"]["interval"]
+    assert low < outcome.result["last_iterate"]["a"]["value"] < high
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"D": {"per": "material"}}, "differs by material"),
+        ({"D": {"per": "log", "fixed": "40 um"}}, "keep one of them"),
+        ({"mu_k0": {"tie": {"to": "nothing"}}}, "no friction parameter"),
+        ({"mu_k0": {"tie": {"to": "D"}}}, "by its logarithm"),
+        ({"mu_k0": {"tie": {"to": "mu_s", "factor": 2.0}}}, "give offset instead"),
+        ({"mu_k0": {"tie": {"offset": 0.1}}}, "names no parameter"),
+        ({"mu_k0": {"tie": {"to": "mu_s"}, "start": 0.4}}, "value of its own"),
+        ({"D": {"tie": {"to": "t_cr", "factor": -1.0}}}, "positive number"),
+        ({"D": {"tie": {"to": "D"}}}, "not searched itself"),
+    ],
+)
+def test_what_cannot_be_shared_or_tied_is_one_sentence(parameters, words):
+    with pytest.raises(SceneError, match=words) as error:
+        _scene(parameters)
+    assert "\n" not in str(error.value)
+
+
+def test_a_scene_with_groups_and_ties_is_read_back():
+    scene = _scene({"D": {"per": "volunteer"}, "a": {"tie": {"to": "t_cr", "factor": 600.0}}})
+    again = Scene.from_document(json.loads(json.dumps(scene.as_document())))
+    assert again.parameters["D"].per == "volunteer"
+    assert again.parameters["a"].tie == scene.parameters["a"].tie
+    assert again.values()["a"] == pytest.approx(600.0 * again.values()["t_cr"])

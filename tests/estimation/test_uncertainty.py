@@ -1,0 +1,245 @@
+"""Information, covariance and verdicts: against dense linear algebra, repeated draws of the noise, and refits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.estimation.covariance import Interval, estimates, information, inverse
+from identify.estimation.hints import _shape
+from identify.logs.log_data import Grid
+from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.shooting import transcribe
+from tests.support import shooting_case as case
+
+SMALL = Grid(slip=4, saturated=4, steps=3)
+QUIET = 0.1  # noise so small that the fit is linear in it
+
+
+def _logs(speeds=(case.SLOW, case.MIDDLE)):
+    return [case.simulated(case.PAIR, *speed) for speed in speeds]
+
+
+def _quiet(log, unknowns, seed=None, **options):
+    data = case.log_data(log, unknowns, **options)
+    noise = 0.0 if seed is None else np.random.default_rng(seed).standard_normal(log.time.size)
+    return replace(data, force=log.force + QUIET * case.NOISE * noise, weight=data.weight / QUIET**2)
+
+
+def _information(data, guesses, unknowns, grid):
+    problem = transcribe(data, guesses, unknowns, grid)
+    return information(*problem.with_all_parameters(unknowns, problem.start))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """A fit of two quiet logs: unknowns at the answer, the logs, and the passes."""
+    unknowns = case.search_space(case.PAIR, case.FRICTION)
+    logs = _logs()
+    data = [_quiet(log, unknowns, seed) for seed, log in enumerate(logs)]
+    solved = solve_in_passes(data, case.placed(unknowns, logs, data, COARSE), unknowns)
+    assert solved.solution.success
+    return replace(unknowns, start=solved.theta), data, solved
+
+
+@pytest.mark.parametrize("load_sd", [0.0, 1e-3])
+def test_covariance_agrees_with_the_dense_null_space(load_sd):
+    """Of a problem in which only the free parameters are unknown: the rig must not enter."""
+    unknowns = case.search_space(case.PAIR, (*case.FRICTION, "mass"))
+    sd = np.where(np.array(unknowns.names) == "mass", 0.02, np.inf)
+    unknowns = replace(unknowns, prior_sd=sd)
+    logs = _logs()
+    data = [case.log_data(log, unknowns, load_sd=load_sd) for log in logs]
+    guesses = case.placed(unknowns, logs, data, SMALL)
+    covariance = _information(data, guesses, unknowns, SMALL).covariance()
+    problem = transcribe(data, guesses, unknowns, SMALL)
+    point = problem.evaluate(problem.start, derivatives=True)
+    upper, jacobian = point.hessian.toarray(), point.jacobian.toarray()
+    hessian = upper + np.triu(upper, 1).T
+    norms = np.linalg.norm(jacobian, axis=1)
+    q, _ = np.linalg.qr((jacobian / norms[:, None]).T, mode="complete")
+    null = q[:, problem.layout.rows :]
+    factor = np.linalg.cholesky(null.T @ hessian @ null)
+    n = problem.layout.free.size
+    half = np.linalg.solve(factor, null[:n].T)
+    dense = (half.T @ half) * np.outer(problem.layout.scale[:n], problem.layout.scale[:n])
+    sd = np.sqrt(np.diag(dense))
+    np.testing.assert_allclose(covariance / np.outer(sd, sd), dense / np.outer(sd, sd), atol=1e-6)
+    # Without the rows the answer is another one: the null space matters.
+    blind = np.linalg.inv(hessian + 1e-9 * np.eye(len(hessian)))[:n, :n]
+    assert not np.allclose(np.diag(blind), np.diag(dense) / problem.layout.scale[:n] ** 2, rtol=0.1)
+
+
+def test_covariance_is_that_of_repeated_draws_of_the_noise():
+    unknowns = case.search_space(case.PAIR, case.FRICTION)
+    logs, repeats = _logs(), 25
+    guesses = case.placed(unknowns, logs, [case.log_data(log, unknowns) for log in logs], COARSE)
+    off, solved, data = [], None, []
+    for repeat in range(repeats):
+        data = [_quiet(log, unknowns, (100 + repeat, i)) for i, log in enumerate(logs)]
+        solved = solve_in_passes(data, guesses, unknowns)
+        assert solved.solution.success
+        off.append((solved.theta - unknowns.start)[unknowns.free])
+    covariance = _information(data, solved.guesses, replace(unknowns, start=solved.theta), solved.grid).covariance()
+    deviations = np.array(off)
+    # Mean squared joint distance: chi^2 with 6 * 25 degrees of freedom over 25; 4 standard deviations of it.
+    distance = np.einsum("ki,ij,kj->k", deviations, np.linalg.inv(covariance), deviations)
+    assert abs(distance.mean() - 6) < 4 * np.sqrt(12 / repeats)
+    ratio = deviations.std(axis=0, ddof=1) / np.sqrt(np.diag(covariance))
+    assert np.all((ratio > 0.55) & (ratio < 1.5)), ratio
+    # Standard errors that are right with correlations that are wrong would not pass, nor would errors 1.5 times off.
+    for wrong in (covariance * (0.5 + 0.5 * np.eye(6)), covariance / 2.25, covariance * 2.25):
+        seen = np.einsum("ki,ij,kj->k", deviations, np.linalg.inv(wrong), deviations)
+        assert abs(seen.mean() - 6) > 3 * np.sqrt(12 / repeats)
+
+
+@pytest.mark.parametrize("quantity", ["mass", "damping", "stiffness"])
+def test_rig_sensitivity_agrees_with_a_refit(fitted, quantity):
+    unknowns, data, solved = fitted
+    column, wrong = unknowns.names.index(quantity), 0.001
+    known = _information(data, solved.guesses, unknowns, solved.grid)
+    expected = wrong * known.shift(column)
+    base = data[0].base.copy()
+    base[column] *= np.exp(wrong)
+    again = solve_in_passes([replace(d, base=base) for d in data], solved.guesses, unknowns)
+    moved = (again.theta - solved.theta)[unknowns.free]
+    size = np.sqrt(np.diag(known.covariance()))
+    largest = float(np.max(np.abs(expected / size)))
+    np.testing.assert_allclose(moved / size, expected / size, atol=0.05 * largest)
+    assert largest > 0.1, "the shift is large enough to tell"
+
+
+def test_information_adds_up(fitted):
+    unknowns, data, solved = fitted
+    known = _information(data, solved.guesses, unknowns, solved.grid)
+    prior = replace(unknowns, prior_sd=np.where(unknowns.free, 0.1, np.inf))
+    with_prior = _information(data, solved.guesses, prior, solved.grid)
+    np.testing.assert_allclose(known.total, known.data)
+    assert np.all(np.linalg.eigvalsh(known.total) > -1e-6 * np.linalg.norm(known.total))
+    added = np.diag(with_prior.total - known.total)
+    np.testing.assert_allclose(added[unknowns.free], 100.0, rtol=1e-3)
+    np.testing.assert_allclose(np.diag(with_prior.data), np.diag(known.data), rtol=1e-6)
+    assert np.all(np.diag(with_prior.covariance()) < np.diag(known.covariance()))
+
+
+def test_information_wants_every_parameter(fitted):
+    unknowns, data, solved = fitted
+    problem = transcribe(data, solved.guesses, unknowns, solved.grid)
+    with pytest.raises(ValueError, match="every parameter"):
+        information(problem, problem.start)
+
+
+def test_what_the_data_cannot_tell_gets_no_small_error():
+    """One slow log at 20 Hz: a slip holds one sample, so nothing of its shape is seen."""
+    unknowns = case.search_space(case.PAIR, case.FRICTION)
+    logs = [case.simulated(case.PAIR, case.SLOW[0], case.SLOW[1], 20.0)]
+    data = [case.log_data(logs[0], unknowns, load_sd=1e-4)]
+    guesses = case.placed(unknowns, logs, data, COARSE)
+    known = _information(data, guesses, unknowns, COARSE)
+    told = {e.name: e for e in _told(unknowns, known.covariance())}
+    for name in ("a", "delta_mu_k", "D", "mu_k0", "t_cr"):
+        assert told[name].verdict == "not identifiable"
+        assert told[name].standard_error is None
+        assert told[name].lower is None or told[name].upper is None
+        assert told[name].reason
+    rich = _logs((case.SLOW, case.MIDDLE, case.FAST))
+    both = [case.log_data(log, unknowns) for log in rich]
+    known = _information(both, case.placed(unknowns, rich, both, COARSE), unknowns, COARSE)
+    assert {e.verdict for e in _told(unknowns, known.covariance())} == {"identified", "fixed"}
+
+
+def test_a_direction_without_any_information_gets_a_huge_variance(fitted):
+    unknowns, data, solved = fitted
+    known = _information(data, solved.guesses, unknowns, solved.grid)
+    total = known.total.copy()
+    lost = unknowns.names.index("a")
+    total[lost], total[:, lost] = 0.0, 0.0
+    sd = np.sqrt(np.diag(replace(known, total=total).covariance()))
+    free = np.flatnonzero(unknowns.free).tolist()
+    assert sd[free.index(lost)] > 10.0
+    assert _told(unknowns, replace(known, total=total).covariance())[lost].verdict == "not identifiable"
+
+
+def _told(unknowns, covariance, **options):
+    given = {"at_bound": {}, "hints": {}, "profiles": {}} | options
+    return estimates(unknowns, unknowns.start, unknowns.base(case.RIG), covariance, **given)
+
+
+def _one(name, sd, **options):
+    """The estimate of one parameter with this standard deviation of theta, the others well known."""
+    unknowns = case.search_space(case.PAIR, case.FRICTION)
+    free = np.array(unknowns.names)[unknowns.free]
+    covariance = np.diag(np.where(free == name, sd, 1e-4) ** 2)
+    return _told(unknowns, covariance, **options)[unknowns.names.index(name)]
+
+
+# Half width of a 95 % interval = 1.96 sd. Logarithm: both ends within 20 % means exp(1.96 sd) <= 1.2.
+@pytest.mark.parametrize(
+    ("name", "half", "verdict"),
+    [
+        ("a", np.log(1.2) * 0.999, "identified"),
+        ("a", np.log(1.2) * 1.001, "weak"),
+        ("t_cr", np.log(3.0) * 0.999, "weak"),
+        ("t_cr", np.log(3.0) * 1.001, "not identifiable"),
+        ("mu_k0", 0.2 * 0.43 * 0.999, "identified"),
+        ("mu_k0", 0.2 * 0.43 * 1.001, "weak"),
+        ("mu_s", 2 / 3 * 0.62 * 1.001, "not identifiable"),
+        # delta_mu_k is judged by mu_s - mu_k0 = 0.19
+        ("delta_mu_k", 0.2 * 0.19 * 0.999, "identified"),
+        ("delta_mu_k", 0.2 * 0.19 * 1.001, "weak"),
+        ("delta_mu_k", 2 / 3 * 0.19 * 1.001, "not identifiable"),
+    ],
+)
+def test_verdicts_change_where_the_interface_says(name, half, verdict):
+    estimate = _one(name, half / 1.959964)
+    assert estimate.verdict == verdict
+    assert (estimate.standard_error is None) == (verdict == "not identifiable")
+
+
+def test_intervals_of_logarithms_are_symmetric_in_the_logarithm():
+    estimate = _one("D", 0.05)
+    assert estimate.lower * estimate.upper == pytest.approx(estimate.value**2)
+    assert estimate.upper / estimate.value == pytest.approx(np.exp(1.959964 * 0.05), rel=1e-6)
+    assert estimate.standard_error == pytest.approx(0.05 * estimate.value)
+
+
+def test_a_profile_overrules_the_curvature():
+    theta = np.log(case.PAIR["a"])
+    assert _one("a", 0.01).verdict == "identified"
+    open_above = {"a": Interval(theta - 0.02, None)}
+    estimate = _one("a", 0.01, profiles=open_above)
+    assert estimate.verdict == "not identifiable"
+    assert estimate.standard_error is None
+    assert estimate.upper is None
+    assert estimate.lower == pytest.approx(300.0 * np.exp(-0.02))
+
+
+def test_bound_and_fixed_have_no_interval():
+    at_bound = _one("a", 0.01, at_bound={"a": "a sits at its upper bound"})
+    assert (at_bound.verdict, at_bound.standard_error, at_bound.lower) == ("at bound", None, None)
+    unknowns = case.search_space(case.PAIR, case.FRICTION)
+    mass = _told(unknowns, 1e-8 * np.eye(6))[unknowns.names.index("mass")]
+    assert (mass.verdict, mass.value, mass.standard_error) == ("fixed", pytest.approx(0.2), None)
+
+
+def test_slips_that_are_nearly_resolved_ask_for_another_speed_as_well():
+    def asks(samples, speeds):
+        return str(_shape([samples], [samples / 200.0], speeds))
+
+    assert asks(3.0, [1e-5, 1e-4]).endswith("sample at 2000 Hz or more")
+    assert asks(11.0, [1e-6, 1e-5]).endswith("sample at 500 Hz or more, and add a faster log")
+    assert "Hz" not in asks(13.0, [1e-6, 1e-5]) and asks(13.0, [1e-6, 1e-5]).endswith(
+        "add a faster log, or more cycles"
+    )
+    assert "add a log at 1 mm/s or more" in asks(13.0, [1e-4])
+
+
+def test_what_holds_nothing_at_all_has_a_huge_variance_and_no_warning():
+    with np.errstate(all="raise"):
+        nothing = inverse(np.zeros((3, 3)))
+        half = inverse(np.diag([4.0, 0.0]))
+    assert np.all(np.isfinite(nothing)) and np.min(np.diag(nothing)) > 1e20
+    np.testing.assert_allclose(half[0], [0.25, 0.0], rtol=1e-12)
+    assert half[1, 1] > 1e20

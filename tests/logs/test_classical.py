@@ -1,0 +1,146 @@
+"""The classical table against figures known from the equations or put into the record by hand."""
+
+import json
+
+import numpy as np
+import pytest
+from test_segment import HALF_PERIOD, NOISE, PAIR
+
+from data_io import Record
+from data_io.record import Step
+from identify.logs.classical import DEFINITIONS, classical_table
+from identify.logs.segment import segment
+from identify.logs.strokes import strokes
+from tests.support import oracle
+
+
+def saw_tooth(cycles=12, per_stick=400, low=0.4, high=0.6, noise=0.002, load=2.0, seed=0):
+    """Coefficients rise from low to high in per_stick samples of 1 ms and fall within 8; preceded by loading to 0.7."""
+    cycle = np.concatenate([np.linspace(low, high, per_stick), np.linspace(high, low, 10)[1:-1]])
+    parts = [np.linspace(0, 0.7, 800), np.linspace(0.7, low, 10)[1:-1], np.tile(cycle, cycles)]
+    ratio = np.concatenate([*parts, np.linspace(low, high, per_stick)[: per_stick // 2]])
+    time = np.arange(ratio.size) / 1000
+    force = load * (ratio + noise * np.random.default_rng(seed).standard_normal(ratio.size))
+    return Record(time, np.full(ratio.size, load), force)
+
+
+def only_row(table):
+    json.dumps(table, allow_nan=False)
+    (row,) = table["rows"]
+    return row
+
+
+def test_figures_of_a_saw_tooth():
+    row = only_row(classical_table(saw_tooth(), drive_speed=1e-3, stiffness=950.0))
+    slope = 2.0 * 0.2 / 0.399
+    assert row["cycles"] == 13
+    assert row["first_breakaway_coefficient"] == pytest.approx(0.7, abs=0.005)
+    assert row["static_peak_coefficient"] == pytest.approx(0.6, abs=0.004)
+    assert row["static_peak_coefficient_sd"] < 0.004
+    assert row["kinetic_mean_coefficient"] == pytest.approx((12 * 0.5 + 0.55) / 13, abs=0.004)
+    assert row["drop_N"] == pytest.approx((12 * 0.4 + 0.6) / 13, abs=0.01)
+    assert row["mean_coefficient"] == pytest.approx(0.497, abs=0.004)
+    assert row["stick_slope_N_per_s"] == pytest.approx(slope, rel=0.01)
+    assert row["stick_stiffness_N_per_m"] == pytest.approx(slope / 1e-3, rel=0.01)
+    assert row["stick_stiffness_deviation_percent"] == pytest.approx(100 * (slope / 0.95 - 1), abs=1.5)
+    assert row["frequency_Hz"] == pytest.approx(1 / 0.408, rel=0.003)
+    assert row["normal_force_N"] == 2.0
+    assert row["normal_force_drift_percent"] == 0.0
+    assert (row["stick_slip_percent"], row["sliding_percent"]) == (100.0, 0.0)
+    assert row["noise_N"] == pytest.approx(0.004, rel=0.1)
+
+
+def test_every_figure_is_defined_and_every_gap_has_a_reason():
+    rng = np.random.default_rng(1)
+    records = [
+        saw_tooth(),
+        saw_tooth(cycles=0),
+        Record(np.arange(3) / 10, np.ones(3), np.array([0.1, 0.2, 0.1])),
+        Record(np.arange(500) / 10, np.zeros(500), rng.standard_normal(500)),
+        Record(np.arange(500) / 10, np.ones(500), 0.5 + 0.01 * rng.standard_normal(500)),
+        Record(np.arange(500) / 10, np.ones(500), np.full(500, 0.5)),
+    ]
+    for record in records:
+        for speed in (None, 0.0, 1e-3):
+            table = classical_table(record, drive_speed=speed, stiffness=1000.0)
+            json.dumps(table, allow_nan=False)
+            assert set(DEFINITIONS) <= set(table["rows"][0])
+            for row, reasons in zip(table["rows"], table["reasons"], strict=True):
+                assert {key for key, value in row.items() if value is None} == set(reasons)
+                assert not [text for text in reasons.values() if text == "not a finite number"]
+
+
+def test_sign_in_the_file_changes_the_direction_only():
+    record = saw_tooth()
+    mirrored = Record(record.time, record.normal_force, -record.friction_force)
+    row = only_row(classical_table(record, drive_speed=1e-3))
+    other = only_row(classical_table(mirrored, drive_speed=1e-3))
+    assert (row.pop("direction"), other.pop("direction")) == (1, -1)
+    assert row == pytest.approx(other)
+
+
+def test_given_phases_are_used_and_tare_is_taken_off():
+    record = saw_tooth()
+    found = segment(record.time, record.friction_force)
+    assert classical_table(record, found, drive_speed=1e-3) == classical_table(record, drive_speed=1e-3)
+    lifted = Record(record.time, record.normal_force, record.friction_force + 0.5)
+    row = only_row(classical_table(lifted, drive_speed=1e-3, tare=0.5))
+    assert row["static_peak_coefficient"] == pytest.approx(0.6, abs=0.004)
+
+
+def test_steady_sliding_after_loading():
+    run = oracle.simulate(PAIR | {"delta_mu_k": 0.0}, 2e-2, 1.0, 1.0)
+    time, force = oracle.noisy_log(run, 1.0, 2000, NOISE, seed=3)
+    row = only_row(classical_table(Record(time, np.ones(time.size), force), drive_speed=2e-2, half_period=HALF_PERIOD))
+    assert row["cycles"] == 0
+    assert row["kinetic_mean_coefficient"] == row["sliding_mean_coefficient"]
+    assert row["kinetic_mean_coefficient"] == pytest.approx(PAIR["mu_k0"], abs=0.01)
+    assert row["first_breakaway_coefficient"] == pytest.approx(np.max(force), abs=0.02)
+    assert row["drop_N"] is row["frequency_Hz"] is row["static_peak_coefficient"] is None
+    assert row["sliding_percent"] > 90
+    assert row["stick_slip_percent"] == 0.0
+    assert row["stick_stiffness_N_per_m"] == pytest.approx(1470.0, rel=0.03)
+
+
+def test_strokes_of_a_reciprocating_log():
+    programme = ((0.0, 1e-3), (3.0, -1e-3), (6.0, 1e-3))
+    run = oracle.simulate(PAIR, programme, 1.0, 9.0)
+    time, force = oracle.noisy_log(run, 9.0, 1000, NOISE, seed=0)
+    record = Record(time, np.ones(time.size), force)
+    for drive in (programme, np.where((time < 3) | (time >= 6), 1e-3, -1e-3), None):
+        rows = classical_table(record, drive_speed=drive, half_period=HALF_PERIOD)["rows"]
+        assert [row["direction"] for row in rows] == [1, -1, 1]
+        assert [row["stroke"] for row in rows] == [1, 2, 3]
+        assert sum(row["cycles"] for row in rows) == run.onsets.size
+        drops = [row["drop_N"] for row in rows]
+        np.testing.assert_allclose(drops, np.mean(drops), rtol=0.06)
+        if drive is not None:
+            stiffness = [row["stick_stiffness_N_per_m"] for row in rows]
+            np.testing.assert_allclose(stiffness, 1470.0, rtol=0.02)
+    one = classical_table(Record(time, np.ones(time.size), np.abs(force)), drive_speed=None)["rows"]
+    assert len(one) == 1  # without the sign there is nothing to tell strokes by
+
+
+def test_steps_and_speeds_have_rows_of_their_own():
+    record = saw_tooth()
+    n = record.time.size
+    steps = (Step(1, 1, 0, n // 2), Step(1, 2, n // 2, n))
+    split = Record(record.time, record.normal_force, record.friction_force, steps=steps)
+    rows = classical_table(split, drive_speed=1e-3)["rows"]
+    assert [(row["step"], row["stroke"]) for row in rows] == [(1, 1), (2, 1)]
+    assert rows[0]["cycles"] + rows[1]["cycles"] in (12, 13)
+    assert rows[1]["first_breakaway_coefficient"] is None
+    parts = strokes(record, ((0.0, 1e-3), (2.0, 2e-3)))
+    assert [part.speed for part in parts] == [1e-3, 2e-3]
+    assert parts[0].stop == parts[1].start == 2000
+
+
+def test_gaps_and_drift_of_the_load():
+    record = saw_tooth()
+    force, load = record.friction_force.copy(), np.linspace(2.0, 1.8, record.time.size)
+    force[700:704] = np.nan
+    load[1500] = np.nan
+    row = only_row(classical_table(Record(record.time, load, force * load / 2.0), drive_speed=1e-3))
+    assert row["static_peak_coefficient"] == pytest.approx(0.6, abs=0.005)
+    assert row["normal_force_drift_percent"] == pytest.approx(-9.05, abs=0.2)
+    assert row["samples"] >= record.time.size - 8

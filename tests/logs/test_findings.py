@@ -1,0 +1,72 @@
+"""Every code that a finding can carry has a log that triggers it and one that just does not."""
+
+import ast
+import re
+
+import pytest
+
+from tests.support import finding_cases, verdict_cases
+
+BY_THRESHOLD = {code for *_, code in verdict_cases.CASES.values()}
+ELSEWHERE = {
+    "read_in_part": "tests/cli/test_partly_read.py",
+    "load_trembles": "tests/logs/test_live_load.py",  # so does how the fit takes the load
+    "load_varies": "tests/logs/test_prepare.py",  # a warning of the fit: the scene's effects decide it
+    "settings_above": "tests/data_io/test_layouts.py",  # of thousands of rows
+    "unreadable": "tests/cli/test_inspect.py",  # the reader's sentence as a verdict, see tests/support/refusal_cases.py
+}
+PAIRS = [(code, number) for code, pairs in finding_cases.CASES.items() for number in range(len(pairs))]
+
+
+def codes_in(source):
+    """The codes of findings that a module makes, as patterns: in `Finding(...)` and in documents."""
+    for node in ast.walk(ast.parse(source)):
+        values = []
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+            values = [node.args[0]]
+        elif isinstance(node, ast.Dict):
+            values = [v for k, v in zip(node.keys, node.values, strict=True) if getattr(k, "value", "") == "code"]
+        for value in values:
+            if isinstance(value, ast.Constant):
+                yield re.escape(value.value)
+            elif isinstance(value, ast.JoinedStr):
+                yield "".join(re.escape(p.value) if isinstance(p, ast.Constant) else ".+" for p in value.values)
+
+
+def test_every_code_in_the_sources_has_its_pair(request):
+    """A finding added without a pair fails here."""
+    root = request.config.rootpath
+    modules = [*(root / "data_io").glob("*.py"), *(root / "identify").rglob("*.py")]
+    patterns = {code for path in modules for code in codes_in(path.read_text(encoding="utf-8"))}
+    assert len(patterns) > 50
+    listed = {*finding_cases.CASES, *BY_THRESHOLD, *ELSEWHERE}
+    assert [pattern for pattern in patterns if not any(re.fullmatch(pattern, code) for code in listed)] == []
+    assert [code for code in listed if not any(re.fullmatch(pattern, code) for pattern in patterns)] == []
+    assert all((root / place).is_file() for place in ELSEWHERE.values())
+
+
+def test_every_code_stands_in_the_page(request):
+    page = (request.config.rootpath / "docs" / "quality.md").read_text(encoding="utf-8")
+    listed = {*finding_cases.CASES, *BY_THRESHOLD, *ELSEWHERE}
+    assert sorted(code for code in listed if f"`{code}`" not in page) == []
+
+
+def test_a_new_code_would_be_noticed():
+    source = 'x = Finding("brand_new", "warning", text)\ny = {"code": "newer"}\nz = Finding(f"{a}_new", b, c)\n'
+    assert set(codes_in(source)) == {"brand_new", "newer", ".+_new"}
+
+
+@pytest.mark.parametrize(("code", "number"), PAIRS)
+def test_what_triggers_a_finding_and_what_just_does_not(tmp_path, code, number):
+    beyond, within = finding_cases.CASES[code][number]
+    for name, make, expected in (("beyond", beyond, True), ("within", within, False)):
+        folder = tmp_path / name
+        folder.mkdir()
+        found = make(folder)
+        assert (code in {finding.code for finding in found}) == expected, [f.code for f in found]
+
+
+@pytest.mark.parametrize(("words", "more"), [(20, []), (21, ["and 1 remarks more of this kind"])])
+def test_more_remarks_than_anybody_reads_are_counted(tmp_path, words, more):
+    found = finding_cases.log(finding_cases.interrupted(words))(tmp_path)
+    assert len(found) == 20 + len(more) and [f.message for f in found if "more of this kind" in f.message] == more

@@ -1,0 +1,137 @@
+"""Every warning and every rejection: a log that triggers it, one that just does not, and the threshold moved away."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data_io import LogError, Record
+from data_io.thresholds import LIMITS, Thresholds
+from identify.logs.judgement import judge
+from identify.logs.slip_quality import harmonic_share, sharpness
+from tests.support.verdict_cases import CASES, RATE, N, made, saw, sensor_lag
+
+LIMIT = {limit.name: limit for limit in LIMITS}
+
+
+def told(case, code, own=None):
+    """Severity of a finding, None where it is not said, or only as an aside."""
+    record, parts = case
+    severities = {f.severity for f in judge(record, parts, Thresholds(own or {})).findings if f.code == code}
+    return max(severities - {"info"}, default=None, key=("warning", "reject").index)
+
+
+def test_a_clean_log_is_accepted_without_a_word():
+    judged = judge(*made(slope=0.2 / 0.36))
+    assert judged.verdict == "accept" and judged.findings == ()
+
+
+def test_every_threshold_has_its_cases():
+    assert list(CASES) == list(LIMIT)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_log_a_bit_beyond_a_threshold_is_told_and_one_a_bit_within_is_not(name):
+    make, beyond, within, code = CASES[name]
+    assert told(make(beyond), code) == LIMIT[name].severity
+    assert told(make(within), code) != LIMIT[name].severity
+    if LIMIT[name].severity == "reject":
+        assert judge(*make(beyond)).verdict == "reject" and judge(*make(within)).verdict == "accept with warnings"
+    else:
+        assert judge(*make(beyond)).verdict == "accept with warnings"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_threshold_that_is_moved_away_is_silent(name):
+    make, beyond, _, code = CASES[name]
+    never = math.inf if LIMIT[name].beyond == "above" else 0.0
+    assert told(make(beyond), code, {name: never}) != LIMIT[name].severity
+
+
+def fixed(**columns):
+    return told(made(**columns), columns.pop("code"))
+
+
+def test_what_no_threshold_can_excuse():
+    n = 4000
+    steady = np.full(n, 0.3)
+    alive = steady + 1e-4 * (np.arange(n) % 7)
+    assert told(made(steady), "friction_constant") == "reject"
+    assert told(made(alive), "friction_constant") is None
+    for normal in (np.zeros(n), -np.ones(n)):
+        assert told(made(normal=normal), "no_load") == "reject"
+    assert told(made(normal=np.full(n, 1e-3)), "no_load") is None
+    record, parts = made()
+    for rows, severity in ((1, "reject"), (2, None)):
+        used = np.arange(n) < rows
+        found = {f.severity for f in judge(record, parts, used=used).findings if f.code == "no_rows"}
+        assert found == ({severity} if severity else set())
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_friction_that_falls_with_its_load_does_not_drift(told):
+    time = np.arange(N) / RATE
+    load = 1.0 - 0.25 * time / time[-1]
+    record, (part,) = made((0.4 + saw(time)) * load, normal=load)
+    codes = {finding.code for finding in judge(record, [replace(part, load=load if told else None)]).findings}
+    assert ("friction_drift" in codes) != told
+
+
+def test_swapped_forces_need_three_slips_of_the_wrong_one():
+    record, _ = made()
+    assert told(made(record.normal_force, record.friction_force), "forces_swapped") == "warning"
+    few = Record(record.time[:450], record.normal_force[:450], record.friction_force[:450])
+    assert told((few, made(few.friction_force, few.normal_force, few.time)[1]), "forces_swapped") is None
+
+
+def test_a_rejection_has_its_reason_in_front():
+    record, parts = made(normal=np.zeros(4000))
+    judged = judge(record, parts)
+    assert judged.reason.startswith("the normal force is zero") and judged.findings[0].severity == "reject"
+    document = judged.document()
+    assert document["verdict"] == "reject" and document["findings"][0]["code"] == "no_load"
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.4])
+def test_the_lag_of_a_sensor_is_measured(share):
+    _, (part,) = sensor_lag(share)
+    seen = sharpness(part.time, part.force, part.found)
+    assert seen.lag == pytest.approx(share * 0.04, rel=0.1) and seen.duration == pytest.approx(0.04, rel=0.1)
+
+
+def test_without_a_lag_hardly_any_is_found_and_a_saw_tooth_has_its_harmonic():
+    _, (part,) = made()
+    assert sharpness(part.time, part.force, part.found).share < 0.05
+    time = np.arange(4000) / 500.0
+    # a saw-tooth without width of its slips: 6 / pi^2 of the variance (Parseval)
+    _, (sharp,) = made(0.4 + 0.2 * ((time / 0.4) % 1.0), time=time)
+    assert harmonic_share(sharp.time, sharp.force, sharp.found) == pytest.approx(6 / math.pi**2, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        ({"jiter": 0.1}, "did you mean 'jitter'"),
+        ({"jitter": -1.0}, "from 0 on"),
+        ({"jitter": math.nan}, "from 0 on"),
+        ({"jitter": "much"}, "a number"),
+    ],
+)
+def test_thresholds_that_are_none_are_refused(own, words):
+    with pytest.raises(LogError, match=words):
+        Thresholds(own)
+
+
+def test_the_page_of_thresholds_is_the_table(repository):
+    page = (repository / "docs" / "quality.md").read_text(encoding="utf-8")
+    for limit in LIMITS:
+        row = f"| `{limit.name}` | {limit.value:g} | {limit.unit or '-'} | {limit.severity} | {limit.meaning} |"
+        assert row in page, row
+    table = page.partition("## What is said besides")[0]
+    assert table.count("| `") == len(LIMITS)
+
+
+@pytest.fixture
+def repository(request):
+    return request.config.rootpath

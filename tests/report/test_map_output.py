@@ -1,0 +1,177 @@
+"""Maps as files, pictures, on the command line and from scripts."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from identify.base.errors import SimulationError
+from identify.cli.main import main
+from identify.prediction import sources as tested
+from identify.prediction.chart import chart
+from identify.prediction.chart_bands import Known
+from identify.prediction.continuation import continuation, values_of, write_chart, write_continuation
+from identify.report.draw_map import Marks, draw_map
+from tests.support.maps_case import SITE, SPANS
+
+
+@pytest.fixture(scope="module")
+def speed_and_stiffness():
+    return chart(SITE, ("drive_speed", "stiffness"), SPANS, (9, 7))
+
+
+def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
+    made = speed_and_stiffness
+    files = write_chart(made, tmp_path / "map.csv")
+    with files[0].open(encoding="utf-8") as handle:
+        rows = list(csv.DictReader(handle))
+    assert len(rows) == 63 and len(files) == 2
+    first = rows[0]
+    assert float(first["drive_speed [m/s]"]) == made.plane.x_values[0]
+    assert float(first["drop [N]"]) == made.figures["drop"][0, 0]
+    assert first["outcome"] == made.outcomes[0, 0]
+    lines = list(csv.DictReader(files[1].open(encoding="utf-8")))
+    assert len(lines) == sum(len(p) for b in (made.sticking, made.unstable) for p in values_of(made, b))
+    write_chart(made, tmp_path / "map.h5")
+    with h5py.File(tmp_path / "map.h5") as file:
+        np.testing.assert_array_equal(file["period"][()], made.figures["period"])
+        assert file["period"].attrs["units"] == "s" and file["outcome"].asstr()[0, 0] == made.outcomes[0, 0]
+        assert file["boundaries/end_of_stick-slip/piece_1"].shape[1] == 2
+    with pytest.raises(SimulationError, match="no format"):
+        write_chart(made, tmp_path / "map.txt")
+    answer = continuation(SITE, "mass", points=3)
+    (path,) = write_continuation(answer, SITE, tmp_path / "line.csv")
+    assert len(path.read_text(encoding="utf-8").splitlines()) == 4
+
+
+@pytest.mark.parametrize("part", ["stability", "amplitude"])
+def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, part):
+    import matplotlib.image
+
+    known = Known.of(("mu_s", "stiffness"), np.diag([1e-5, 900.0]))
+    marks = Marks(
+        [(1e-3, 1470.0), (5e-3, 1470.0)], known, tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
+    )
+    draw_map(speed_and_stiffness, tmp_path / "map.png", part, marks)
+    shape = matplotlib.image.imread(tmp_path / "map.png").shape
+    assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
+
+
+def test_labels_stand_apart_and_the_star_says_whose_it_is(speed_and_stiffness):
+    from identify.report.draw_map import map_figure
+    from identify.report.map_parts import ROOM
+
+    seen = tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
+    made = speed_and_stiffness
+    steep = np.geomspace(1e-3, 9.0, made.growth.size).reshape(made.growth.shape)  # contours side by side
+    crowded = replace(made, figures={**made.figures, "period": np.where(np.isnan(made.multiplier), np.nan, steep)})
+    figure = map_figure(crowded, "amplitude", Marks(tested=seen, whose="log 2 (a very long name of a file.csv)"))
+    axes = figure.axes[0]
+    figure.canvas.draw()
+    places = [axes.transAxes.inverted().transform(axes.transData.transform(t.get_position())) for t in axes.texts]
+    labels = [p for p, t in zip(places, axes.texts, strict=True) if t.get_text().replace(".", "").isdigit()]
+    assert len(labels) >= 3
+    for i, one in enumerate(labels):
+        for other in labels[:i]:
+            assert np.hypot(*((one - other) / ROOM)) > 0.95
+    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert "operating point of log 2 (a very long name o…" in words
+    assert "tested inside; beyond: extrapolated" in words
+    assert not any(collection.get_hatch() for collection in axes.collections)
+
+
+SCENE = """
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = "0.2 kg"
+stiffness = { value = "1470 N/m", tolerance = "3 %" }
+damping = "147 N/m"
+drive_speed = "5 mm/s"
+normal_force = "1 N"
+[contact]
+area = "0.8 cm^2"
+[parameters]
+mu_s = { fixed = 0.62 }
+mu_k0 = { fixed = 0.43 }
+delta_mu_k = { fixed = -0.13 }
+a = { start = "300 s/m", prior = { mean = "300 s/m", sd = "20 s/m" } }
+D = { fixed = "37.4 um" }
+t_cr = { fixed = "0.5 s" }
+"""
+
+
+def test_the_command_line_draws_and_stores_maps(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE, encoding="utf-8")
+    asked = ["stability", "--scene", str(scene), "--json", "--map", "pressure", "area", "--points", "4"]
+    files = ["--plot", str(tmp_path / "map.png"), "--data", str(tmp_path / "map.h5")]
+    assert main([*asked, "--range", "pressure=2 kPa:50 kPa", *files]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["map"]["x"]["values"][0] == pytest.approx(2e3) and len(document["map"]["outcomes"]) == 4
+    assert (tmp_path / "map.png").exists() and (tmp_path / "map.h5").exists()
+    line = ["amplitude", "--scene", str(scene), "--json", "--map", "normal_force", "--points", "8"]
+    assert main([*line, "--plot", str(tmp_path / "line.png")]) == 0
+    (end,) = json.loads(capsys.readouterr().out)["map"]["end_of_stick_slip"]
+    low, high = end["interval"]  # from the tolerance of the stiffness and the prior of a
+    assert end["holds"] == "above" and low < end["value"] == pytest.approx(0.1503, rel=1e-3) and end["value"] < high
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--map", "drive_sped"],
+        ["--map", "mass", "D", "a"],
+        ["--map", "mass", "--range", "D=1:2"],
+        ["--map", "mass", "--range", "mass=2 kg:1 kg"],
+        ["--map", "mass", "--range", "mass"],
+        ["--map", "mass", "--points", "1"],
+        ["--map", "mass", "--points", "0"],
+        ["--map", "mass", "D", "--points", "0"],
+        ["--points", "0"],
+        ["--map", "mass", "--data", "map.txt"],
+        ["--data", "map.csv"],
+        ["--map", "normal_force", "area"],
+    ],
+)
+def test_a_wrong_map_is_one_sentence(tmp_path, capsys, wrong):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE, encoding="utf-8")
+    assert main(["stability", "--scene", str(scene), *wrong]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.startswith("stickslip: ") and "\n" not in said and "Traceback" not in said
+
+
+def test_scripts_map_a_scene_by_names(tmp_path):
+    import identify
+
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    scene = identify.Scene.from_toml(path)
+    made = identify.stability_map(scene, "drive_speed", "pressure", (2e-3, 5e-2), points=3)
+    assert made.outcomes.shape == (3, 3) and made.plane.y.value == pytest.approx(1.0 / 0.8e-4)
+    (end,) = identify.continue_over(scene, "drive_speed", points=8).ends
+    assert end.value == pytest.approx(21.98e-3, rel=1e-3)
+    with pytest.raises(SimulationError, match="normal force"):
+        identify.stability_map(replace(scene, rig=replace(scene.rig, normal_force=None)), "mass", "D")
+
+
+@pytest.mark.parametrize("speed", [1.0, 100.0])
+def test_an_operating_point_beyond_the_map_is_said_to_be(speed_and_stiffness, speed):
+    from matplotlib.figure import Figure
+
+    from identify.report.draw_map import View, _points
+
+    made = speed_and_stiffness
+    at = made.plane.x.value * speed
+    moved = replace(made, plane=replace(made.plane, x=replace(made.plane.x, value=at)))
+    axes = Figure().add_subplot()
+    legend = _points(axes, moved, View(moved.plane.x, moved.plane.y), Marks())
+    within = bool(made.plane.x_values[0] <= at <= made.plane.x_values[-1])
+    assert within is (speed == 1.0)
+    assert legend[0].get_label() == ("operating point" if within else "operating point: beyond this map")
+    assert any(line.get_marker() == "*" for line in axes.lines) is within

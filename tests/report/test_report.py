@@ -1,0 +1,370 @@
+"""The report: every file from a made-up fit, read back with plain tools and compared with what went in."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from identify.base.outcome import Status
+from identify.diagnosis.choice import Choice, Reason, document_of
+from identify.effects import ALL
+from identify.report import write_report
+from identify.report.finished import Fit
+from identify.report.quantity_text import DASH, decimals, ends_text, number, quantity, speed
+from identify.report.report_figures import Picture, pictures
+from identify.report.report_page import LARGEST, render_page
+from identify.report.report_views import parameter_views
+from identify.report.report_wording import PLAIN_SYMBOLS, plain_symbol, solver_words
+from identify.report.stored_result import as_json
+from identify.report.style import envelope, extremes
+from tests.support.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+HOSTILE = "<script>alert('x')</script> $\\frac{1}{0}$ & \x00 \"quoted\" 皮膚"
+
+
+class Page(HTMLParser):
+    """What the tests ask of a page: ids, resources, text, unclosed tags, figures without a description."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.resources: list[str] = []
+        self.words: list[str] = []
+        self.problems: list[str] = []
+        self.feed(text)
+        self.text = re.sub(r"\s+", " ", " ".join(self.words))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        self.ids += [found["id"] or ""] if "id" in found else []
+        self.resources += [found[name] or "" for name in ("src", "href", "xlink:href", "data") if name in found]
+        if tag == "th" and not found.get("scope"):
+            self.problems.append("a table head without scope")
+        if found.get("role") == "img" and not found.get("aria-label"):
+            self.problems.append("a figure without a description")
+        if tag in ("script", "iframe", "object"):
+            self.problems.append(f"<{tag}>")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.problems.append(f"</{tag}> closes nothing")
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.words.append(data)
+
+
+def check_page(text: str) -> Page:
+    """The page parses, is self-contained, small enough and labelled."""
+    page = Page(text)
+    assert not page.problems and not page.open
+    assert len(page.ids) == len(set(page.ids))
+    assert all(r.startswith(("#", "data:")) for r in page.resources)
+    assert all(r[1:] in page.ids for r in page.resources if r.startswith("#"))
+    assert "http://" not in text and "https://" not in text and "@import" not in text
+    assert len(text.encode()) <= LARGEST
+    return page
+
+
+def strict(text: str) -> Any:
+    """JSON as the standard has it: NaN and Infinity are refused."""
+    return json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    return fake_fit(samples=3000, logs=2, scatter=0.02)
+
+
+@pytest.fixture(scope="module")
+def folder(fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("mit Lücke und ä") / "new" / "report"
+    written = write_report(fit, folder)
+    assert [path.name for path in written[-2:]] == ["result.json", "report.html"]
+    assert sorted(written) == sorted(path for path in folder.rglob("*") if path.is_file())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def drawn(fit: Fit) -> list[Picture]:
+    return list(pictures(replace(fit, logs=fit.logs[:1])))
+
+
+def read_csv(path: Path) -> dict[str, list[str]]:
+    with path.open(newline="", encoding="utf-8") as handle:
+        rows = list(csv.DictReader(handle))
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def test_page_is_self_contained_and_shows_the_result(fit: Fit, folder: Path) -> None:
+    page = check_page((folder / "report.html").read_text(encoding="utf-8"))
+    for word in ("37.42", "µm", "identified", "0.1 mm/min", "χ² per sample", "closed form", "not valid here", "V07"):
+        assert word in page.text
+    assert page.text.index("Parameters") < page.text.index("whole log") < page.text.rindex("Classical table")
+
+
+def test_page_check_notices_a_resource_from_the_network(folder: Path) -> None:
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(AssertionError):
+        check_page(text.replace("</main>", '<img src="https://example.org/x.png"></main>'))
+
+
+def test_json_is_the_document(fit: Fit, folder: Path) -> None:
+    document = strict((folder / "result.json").read_text(encoding="utf-8"))
+    assert document["parameters"] == fit.result["parameters"]
+    assert document["schema"] == 1 and document["status"] == "converged"
+
+
+def test_json_turns_everything_not_finite_into_null(fit: Fit) -> None:
+    odd = {"a": float("nan"), "b": [np.inf, np.float32(2)], "c": np.array([1.0, np.nan]), "d": Path("x"), "e": True}
+    assert strict(as_json(odd)) == {"a": None, "b": [None, 2.0], "c": [1.0, None], "d": "x", "e": True}
+    assert "NaN" in json.dumps(odd["a"])  # what the standard library would have written
+    with pytest.raises(TypeError, match="set"):
+        as_json({"a": {1, 2}})
+
+
+def test_hdf5_holds_the_document_and_the_curves(fit: Fit, folder: Path) -> None:
+    with h5py.File(folder / "result.h5") as file:
+        assert file.attrs["format"] == "stickslip-result"
+        assert file["document"].asstr()[()] == as_json(fit.result)
+        assert file["result/parameters/D/value"][()] == fit.result["parameters"]["D"]["value"]
+        np.testing.assert_array_equal(file["result/correlation/matrix"][:], fit.result["correlation"]["matrix"])
+        for number_, curves in enumerate(fit.logs, start=1):
+            group = file[f"curves/log_{number_}"]
+            for name in ("time", "friction_force", "fitted_force", "used"):
+                np.testing.assert_array_equal(group[name][:], getattr(curves, name))
+            assert group["friction_force"].attrs["units"] == "N"
+            np.testing.assert_array_equal(group["cycles/onset"][:], curves.cycles[:, 0])
+            assert curves.slip is not None
+            np.testing.assert_array_equal(group["slip/gamma"][:], curves.slip.gamma)
+
+
+def test_classical_table_reads_back(fit: Fit, folder: Path) -> None:
+    table = read_csv(folder / "classical.csv")
+    rows = [log["classical"]["rows"][0] for log in fit.result["logs"]]
+    assert table["path"] == [log["path"] for log in fit.result["logs"]]
+    assert [float(cell) for cell in table["drop_N"]] == [row["drop_N"] for row in rows]
+
+
+def test_figures_come_with_their_data(fit: Fit, folder: Path) -> None:
+    names = {path.stem for path in (folder / "figures").iterdir() if path.suffix == ".svg"}
+    assert {"log_1_force", "log_1_slip", "log_1_phase_plane", "log_1_cycles", "log_2_force", "correlation"} <= names
+    for name in names:
+        assert (folder / f"figures/{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert (folder / f"figures/{name}.csv").stat().st_size > 0
+    slip = fit.logs[0].slip
+    assert slip is not None
+    table = read_csv(folder / "figures/log_1_slip.csv")
+    np.testing.assert_array_equal(np.array(table["sliding_speed_m_per_s"], float), slip.sliding_speed)
+    force = read_csv(folder / "figures/log_1_force.csv")
+    assert max(float(x) for x in force["measured_highest_N"]) == fit.logs[0].friction_force.max()
+
+
+@pytest.mark.parametrize("status", [status for status in Status if status is not Status.CONVERGED])
+def test_every_failure_leads_with_reason_and_classical_table(status: Status, fit: Fit, drawn: list[Picture]) -> None:
+    ended = failed(fit, status.value, "Log 2, cycle 3 does not fit; leave it out.")
+    page = check_page(render_page(ended, drawn))
+    order = [page.text.index(w) for w in ("leave it out", "Classical table", "Where the search stood", "whole log")]
+    assert order == sorted(order)
+    assert "standard error" not in page.text and "37.42 ±" not in page.text and "SE" not in page.text.split()
+    assert strict(as_json(ended.result))["parameters"]["D"]["value"] is None
+
+
+def test_verdicts_and_open_intervals_are_told(fit: Fit) -> None:
+    page = check_page(render_page(with_verdicts(fit), []))
+    for word in (
+        "not identifiable",
+        "weak",
+        "at bound",
+        "fixed",
+        "above 112",
+        "These logs do not tell",
+        "1 kHz or more",
+    ):
+        assert word in page.text
+
+
+def test_nothing_fitted_still_gives_every_file(fit: Fit, tmp_path: Path) -> None:
+    write_report(without_cycles(fit), tmp_path)
+    page = check_page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "No curve was fitted through this log" in page.text and "Classical table" in page.text
+    strict((tmp_path / "result.json").read_text(encoding="utf-8"))
+
+
+def test_a_document_with_the_least_in_it_renders() -> None:
+    for result in ({"status": "solver_failed"}, {"status": "converged", "logs": [{}], "parameters": {"x": {}}}):
+        check_page(render_page(Fit({"schema": 1, **result}, ()), []))
+
+
+def test_the_choice_of_effects_stands_in_the_page(fit: Fit, drawn: list[Picture]) -> None:
+    kept = Reason(
+        "contact_ageing", True, "sticks regain 34 % of <their> strength", "D k/F", 0.39, 0.21, "1 state", 812.0
+    )
+    gone = Reason("sensor_lag", False, "the lag is a thousandth of a slip")
+    effects = document_of(Choice(("inertia", "contact_ageing"), (kept, gone)), auto=True)
+    page = render_page(Fit({**fit.result, "effects": effects}, fit.logs), drawn)
+    check_page(page)
+    section = page[page.index("Effects: which and why") :]
+    section = section[: section.index("</section>")]
+    for words in (
+        "Chosen from the numbers",
+        "contact ageing",
+        "&lt;their&gt;",
+        "21 %",
+        "812",
+        "D k/F",
+        "1 state",
+        "sensor lag",
+    ):
+        assert words in section
+    assert section.count(">yes<") == 1 and section.count(">no<") == 1
+    assert "error on cycles kept back" not in section, "a column that nobody fills is left out"
+    assert "Effects: which and why" not in render_page(fit, drawn)
+
+
+def test_why_there_is_no_stability_is_told_where_nothing_else_is(fit: Fit, drawn: list[Picture]) -> None:
+    why = "Stability and amplitude: no answer; the effect excitation changes with time."
+    logs = [{**log, "derived": {"text": why}} for log in fit.result["logs"]]
+    page = render_page(Fit({**fit.result, "derived": {}, "logs": logs}, fit.logs), drawn)
+    assert page.count(why) == len(logs)
+
+
+def test_every_parameter_has_a_symbol_and_a_meaning() -> None:
+    for effect in ALL:
+        for p in effect.parameters:
+            view = parameter_views({p.name: {"value": p.default, "unit": p.unit, "verdict": "fixed"}})[0]
+            assert view.meaning and view.symbol and "_" not in view.symbol, p.name
+            assert plain_symbol(p.name) in (p.symbol, PLAIN_SYMBOLS.get(p.name))
+
+
+def test_hostile_labels_stay_text(fit: Fit, tmp_path: Path) -> None:
+    logs = [{**log, "path": HOSTILE, "labels": {HOSTILE: HOSTILE}} for log in fit.result["logs"][:1]]
+    provenance = {"command": HOSTILE, "scene": {"name": HOSTILE, "x": HOSTILE}}
+    parameters = {name: {**entry, "reason": HOSTILE} for name, entry in fit.result["parameters"].items()}
+    result = {**fit.result, "message": HOSTILE, "logs": logs, "provenance": provenance, "parameters": parameters}
+    write_report(Fit(result, (replace(fit.logs[0], name=HOSTILE, slip=None),)), tmp_path)
+    page = check_page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "<script>alert('x')</script>" in page.text  # as words, not as a tag: check_page refuses the tag
+    assert strict((tmp_path / "result.json").read_text(encoding="utf-8"))["message"] == HOSTILE
+
+
+def test_a_long_log_keeps_its_spike_and_the_page_small() -> None:
+    curves = log_curves(1e-3, 1_000_000, cycles=120)
+    force = curves.friction_force.copy()
+    force[777_777] = 9.0
+    one = fake_fit(samples=500, logs=1)
+    long = Fit(one.result, (replace(curves, friction_force=force),))
+    drawn = list(pictures(long))
+    text = render_page(long, drawn)
+    check_page(text)
+    assert len(text.encode()) < 700_000
+    assert np.max(drawn[0].tables["log_1_force"]["measured_highest_N"]) == 9.0
+    assert 9.0 not in force[::1000]  # every thousandth sample would have lost it
+
+
+def test_many_logs_still_fit_into_one_page(fit: Fit, drawn: list[Picture]) -> None:
+    many = [replace(picture, log=1, name=f"{picture.name}_{copy}") for copy in range(14) for picture in drawn]
+    text = render_page(fit, many)
+    check_page(text)
+    assert sum(len(picture.svg) for picture in many) > LARGEST
+    assert "data:image/png;base64" in text
+
+
+def test_envelope_holds_the_extremes_of_every_stretch() -> None:
+    random = np.random.default_rng(3)
+    time, values = np.arange(10_007.0), random.standard_normal(10_007)
+    values[2000:3000] = np.nan
+    seen = envelope(time, values, 100)
+    size = seen.per_stretch
+    for i in range(len(seen.time)):
+        part = values[i * size : (i + 1) * size]
+        if np.isnan(part).all():
+            assert np.isnan(seen.lower[i])
+        else:
+            assert (seen.lower[i], seen.upper[i]) == (np.nanmin(part), np.nanmax(part))
+    assert len(seen.time) <= 100
+    chosen = extremes(values, 50)
+    assert len(chosen) <= 100 and {np.nanargmin(values), np.nanargmax(values)} <= set(chosen)
+    assert envelope(time[:150], values[:150], 100).exact
+
+
+@pytest.mark.parametrize(
+    ("shown", "expected"),
+    [
+        (quantity(37.4e-6, "m"), "37.4\N{NO-BREAK SPACE}µm"),
+        (quantity(0.5, "s"), "0.5\N{NO-BREAK SPACE}s"),
+        (quantity(-0.005, "N"), "−5\N{NO-BREAK SPACE}mN"),
+        (quantity(1470.0, "N/m"), "1470\N{NO-BREAK SPACE}N/m"),
+        (quantity(None, "N"), "–"),
+        (speed(0.1 / 6e4), "0.1\N{NO-BREAK SPACE}mm/min"),
+        (speed(1e-3), "1\N{NO-BREAK SPACE}mm/s"),
+        (speed(1e-4), "0.1\N{NO-BREAK SPACE}mm/s"),
+        (speed(-1e-4 / 60), "−0.1\N{NO-BREAK SPACE}mm/min"),
+        (speed(0.0), "0\N{NO-BREAK SPACE}mm/s"),
+        (speed(None), "–"),
+        (quantity(500.0, "Hz"), "500\N{NO-BREAK SPACE}Hz"),
+        (quantity(2000.0, "Hz"), "2000\N{NO-BREAK SPACE}Hz"),
+        (solver_words("Solve_Succeeded"), "solved"),
+        (solver_words("Solved_To_Acceptable_Level"), "solved (further steps gain nothing)"),
+        (solver_words("Maximum_Iterations_Exceeded"), "maximum iterations exceeded"),
+        (number(3.742e-5), "3.742·10⁻⁵"),
+        (number(0.0), "0"),
+        (number(-0.0, 2), "0"),
+        (ends_text(0.00031, 2039.883, 3), "0.00031 to 2040"),
+        (ends_text(-2051.7, -0.0123, 1), "−2050 to −0.0123"),
+        (ends_text(0.6184, 0.6221, 4), "0.6184 to 0.6221"),  # no decades between them: decimals as the error has them
+        (ends_text(0.0, 0.35, 2), "0.00 to 0.35"),
+        (ends_text(-0.2, 300.0, 1), "−0.2 to 300.0"),
+        (decimals(-0.001, 2), "0.00"),
+        (decimals(-0.01, 2), "−0.01"),
+    ],
+)
+def test_numbers_read_as_in_the_laboratory(shown: str, expected: str) -> None:
+    assert shown == expected
+
+
+def test_interruption_leaves_no_half_file(fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = without_cycles(Fit(fit.result, fit.logs[:1]))
+    write_report(small, tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    def stop(fit: Fit, path: Path) -> None:
+        path.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("identify.report.hdf5.write_result_h5", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_report(small, tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}.keys() == before.keys()
+    assert (tmp_path / "result.h5").read_bytes() == before[tmp_path / "result.h5"]
+    with pytest.raises(KeyboardInterrupt):
+        write_report(small, tmp_path / "fresh")
+    assert not [p for p in (tmp_path / "fresh").iterdir() if p.name != "figures"]
+
+
+def test_figures_of_a_log_that_is_gone_are_removed(fit: Fit, tmp_path: Path) -> None:
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures/log_7_force.svg").write_text("old")
+    (tmp_path / "figures/my_own.svg").write_text("mine")
+    write_report(without_cycles(Fit(fit.result, fit.logs[:1])), tmp_path)
+    assert not (tmp_path / "figures/log_7_force.svg").exists()
+    assert (tmp_path / "figures/my_own.svg").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("verdict", "shown"), [("fixed", DASH), ("not identifiable", "open")])
+def test_only_what_was_estimated_has_an_open_interval(verdict: str, shown: str) -> None:
+    entry = {"value": 2e-3, "unit": "s", "interval": [None, None], "verdict": verdict}
+    assert parameter_views({"skin_retardation": entry})[0].interval == shown

@@ -1,0 +1,264 @@
+"""Scenes with every effect: parameters in their units, laws in their ranges, effects that are still to be chosen."""
+
+import json
+import math
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from identify.base.errors import SceneError
+from identify.effects import ALL, MAIN, NAMES
+from identify.model.model import assemble
+from identify.scene import Scene
+
+# One unit that is not the SI unit of the parameter, and what it is in SI, per unit that parameters have.
+OTHER_UNITS = {
+    "": ("5 %", 0.05),
+    "m": ("3 um", 3e-6),
+    "m/s": ("6 mm/min", 1e-4),
+    "s/m": ("2 s/mm", 2e3),
+    "s": ("20 ms", 0.02),
+    "1/s": ("0.02 kHz", 20.0),
+    "N": ("2000 mN", 2.0),
+    "N/m": ("4.4 N/mm", 4400.0),
+    "Pa": ("4 kPa", 4e3),
+    "m^2": ("2 cm^2", 2e-4),
+}
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.01, "normal_force": 1.0}
+
+
+def scene_of(effects, more=None, **tables):
+    return Scene.from_document({"effects": effects, "rig": RIG | (more or {}), **tables})
+
+
+def with_effect(name):
+    """The paper's effects, what the effect needs, and itself in place of its rivals."""
+    effect = next(e for e in ALL if e.name == name)
+    rivals = [e.name for e in ALL if e.role and e.role == effect.role]
+    return [n for n in dict.fromkeys((*MAIN, *effect.needs)) if n not in (*rivals, name)] + [name]
+
+
+def complaint(*arguments, **tables):
+    with pytest.raises(SceneError) as caught:
+        scene_of(*arguments, **tables)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize("effect", ALL, ids=NAMES)
+def test_parameters_of_every_effect_are_read_in_any_unit(effect):
+    for p in effect.parameters:
+        if p.kind == "rig":
+            continue
+        text, si = OTHER_UNITS[p.unit]
+        low, high = min(p.lower, si), max(p.upper, si)
+        said = {p.name: {"start": text}} if low == p.lower and high == p.upper else {p.name: {"start": p.default}}
+        scene = scene_of(with_effect(effect.name), parameters=said, extrapolate=_measured(effect))
+        expected = si if said[p.name]["start"] == text else p.default
+        assert scene.values()[p.name] == pytest.approx(expected, rel=1e-14)
+        assert scene.parameters[p.name].fixed is None, "a start makes it searched"
+
+
+def _measured(effect):
+    return [effect.name] if effect.name in ("power_law", "load_dependence", "pressure_dependence") else []
+
+
+@pytest.mark.parametrize("effect", ALL, ids=NAMES)
+def test_scenes_with_every_effect_are_rebuilt_from_their_document(effect):
+    scene = scene_of(with_effect(effect.name), extrapolate=_measured(effect), contact={"area": "1 cm^2"})
+    document = json.loads(json.dumps(scene.as_document(), allow_nan=False))
+    assert Scene.from_document(document) == scene
+
+
+def test_given_parameters_are_held_unless_asked_for():
+    effects = [*MAIN, "skin_compliance"]
+    plain = scene_of(effects)
+    damping = plain.parameters["skin_retardation"]
+    assert (damping.fixed, plain.values()["skin_retardation"]) == (2e-3, 2e-3)
+    assert plain.parameters["skin_stiffness"].fixed is None, "a friction parameter is searched"
+    held = scene_of(effects, parameters={"skin_retardation": "7 s"})
+    assert held.parameters["skin_retardation"].fixed == 7.0
+    assert scene_of(effects, parameters={"skin_retardation": 7}).parameters == held.parameters
+    assert scene_of(effects, parameters={"skin_retardation": {"fixed": 7}}).parameters == held.parameters
+    searched = scene_of(effects, parameters={"skin_retardation": {"prior": {"mean": "7 s", "sd": "10 %"}}})
+    assert searched.parameters["skin_retardation"].fixed is None
+    assert searched.parameters["skin_retardation"].prior_sd == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("said", ['D = { fixed = "60 um" }', 'skin_retardation = "2 ms"'])
+def test_parameters_are_held_as_the_readme_writes_it(said):
+    assert f"`{said}`" in README
+    ((name, value),) = tomllib.loads(said).items()
+    assert scene_of([*MAIN, "skin_compliance"], parameters={name: value}).parameters[name].fixed is not None
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ({"skin_retardation": {"lower": 1}}, ["skin_retardation has bounds only", "start or a prior", "value alone"]),
+        ({"skin_retardation": {}}, ["skin_retardation has an empty table"]),
+        ({"skin_retardation": "5 N/m"}, ["skin_retardation", "N/m"]),
+        ({"skin_retardation": True}, ["skin_retardation", "True"]),
+        ({"skin_stiffness": "5 N/m"}, ["skin_stiffness is '5 N/m'", "expected a table"]),
+        ({"skin_retardatio": 5}, ["did you mean 'skin_retardation'"]),
+        ({"lag_time": 5}, ["lag_time", "belongs to the effect sensor_lag", "add it to effects or drop"]),
+        ({"skin_retardation": "1e12 s"}, ["skin_retardation", "outside its bounds"]),
+    ],
+)
+def test_complaints_of_parameters(said, words):
+    text = complaint([*MAIN, "skin_compliance"], parameters=said)
+    assert all(word in text for word in words), text
+
+
+def test_a_rig_parameter_that_two_effects_share_may_be_estimated():
+    for effect in ("hysteresis_damping", "driven_damping"):
+        names = ["inertia", effect]
+        scene = scene_of(names, parameters={"damping": {"lower": 1, "upper": 1000}})
+        assert scene.parameters["damping"].upper == 1000.0
+
+
+@pytest.mark.parametrize(
+    ("said", "h"),
+    [
+        ({"damping": "147 N/m"}, 147.0),
+        ({"zeta": 0.05}, 147.0),
+        ({"loss_factor": 0.1}, 147.0),
+        ({"log_decrement": 2 * math.pi * 0.05 / math.sqrt(1 - 0.05**2)}, 147.0),
+    ],
+)
+@pytest.mark.parametrize("effect", ["hysteresis_damping", "driven_damping"])
+def test_damping_in_any_of_its_forms_for_both_effects(effect, said, h):
+    rig = {key: value for key, value in RIG.items() if key != "damping"}
+    frequency = {"damping_frequency": "13 Hz"} if effect == "driven_damping" else {}
+    scene = Scene.from_document({"effects": ["inertia", effect], "rig": rig | said | frequency})
+    assert scene.values()["damping"] == pytest.approx(h, rel=1e-14)
+    if frequency:
+        assert scene.values()["damping_frequency"] == 13.0
+        c = float(scene.model.load([0, 0], [scene.values()[n] for n in scene.model.parameter_names], [1, 1, 1, 0]))
+        assert c == pytest.approx(h / (2 * math.pi * 13.0), rel=1e-14), "c = h/omega, omega of the excitation"
+
+
+@pytest.mark.parametrize(
+    ("effects", "rig", "tables", "words"),
+    [
+        (["inertia"], {"damping_frequency": "13 Hz"}, {}, ["belongs to the effect driven_damping"]),
+        (
+            ["inertia", "driven_damping"],
+            {"damping_frequency": "13 Hz"},
+            {"parameters": {"damping_frequency": 12}},
+            ["damping_frequency stands in [rig] damping_frequency and in [parameters]", "keep one"],
+        ),
+        (["inertia", "driven_damping"], {"damping_frequency": "1e9 Hz"}, {}, ["the model admits"]),
+        (["inertia", "hysteresis_damping", "driven_damping"], {}, {}, ["laws of the same thing", "damping of the rig"]),
+        ([*MAIN, "power_law"], {}, {}, ["velocity_weakening and power_law", "velocity law", "keep one"]),
+        (["inertia", "load_dependence", "pressure_dependence"], {}, {}, ["load law", "keep one"]),
+        (["inertia", "sensor_second_lag"], {}, {}, ["sensor_second_lag needs the effect sensor_lag"]),
+        (["inertia", "skin_complience"], {}, {}, ["did you mean 'skin_compliance'"]),
+        (["inertia"], {}, {"extrapolate": ["power_low"]}, ["extrapolate", "did you mean 'power_law'"]),
+        (["inertia"], {}, {"extrapolate": ["power_law"]}, ["not among the effects"]),
+        (["inertia"], {}, {"extrapolate": "power_law"}, ["expected a list"]),
+    ],
+)
+def test_complaints_of_effects(effects, rig, tables, words):
+    text = complaint(effects, rig, **tables)
+    assert all(word in text for word in words), text
+
+
+def test_the_area_of_contact_feeds_the_pressure():
+    effects = ["inertia", "pressure_dependence"]
+    assert scene_of(effects).values()["contact_area"] == 2.262e-4
+    plain = scene_of(effects, contact={"area": "1 cm^2"}).values()
+    assert (plain["contact_area"], plain["area_exponent"]) == pytest.approx((1e-4, 0.0))
+    law = scene_of(effects, contact={"area_law": {"coefficient": "2 cm^2", "exponent": 0.3}})
+    assert (law.values()["contact_area"], law.values()["area_exponent"]) == pytest.approx((2e-4, 0.3))
+    # the factor on friction is (p/p_ref)^-n with p = F_n/A_c, A_c = A_1 (F_n/1 N)^e
+    p = [law.values()[name] for name in law.model.parameter_names]
+    pressure = 3.0 / law.contact.area_at(3.0)
+    expected = 3.0 * law.values()["mu_s"] * (pressure / 4421.7) ** -0.526
+    assert float(law.model.grip([0, 0], p, [0.01, 3.0, 1, 0])) == pytest.approx(expected, rel=1e-12)
+    text = complaint(effects, contact={"area": "1 cm^2"}, parameters={"contact_area": "2 cm^2"})
+    assert "contact_area stands in [contact] area and in [parameters]" in text
+
+
+SLOW = {"drive_speed": "0.1 mm/s"}
+HEAVY = {"normal_force": "100 N"}
+
+
+@pytest.mark.parametrize(
+    ("effect", "rig", "words"),
+    [
+        ("power_law", SLOW, ["power_law was measured from 0.001 to 1 m/s", "0.0001 m/s"]),
+        ("power_law", {"drive_speed": [[0, "5 mm/s"], [1, 0], [2, "0.1 mm/s"]]}, ["0.0001 m/s"]),
+        ("load_dependence", HEAVY, ["load_dependence was measured", "100 N"]),
+        ("pressure_dependence", {"normal_force": "1000 N"}, ["pressure_dependence was measured"]),
+    ],
+)
+def test_measured_laws_hold_where_they_were_measured(effect, rig, words):
+    effects = ["inertia", effect]
+    text = complaint(effects, rig)
+    assert all(word in text for word in words), text
+    assert f'extrapolate = ["{effect}"]' in text
+    assert scene_of(effects, rig, extrapolate=[effect]).extrapolate == (effect,)
+    assert scene_of(effects).effects == tuple(effects), "within the range nothing is said"
+
+
+def test_a_hold_and_an_unknown_load_are_no_reason_to_refuse():
+    assert scene_of(["inertia", "power_law"], {"drive_speed": [[0, "5 mm/s"], [1, 0]]})
+    rig = {key: value for key, value in RIG.items() if key != "normal_force"}
+    assert Scene.from_document({"effects": ["inertia", "load_dependence"], "rig": rig})
+
+
+def test_ranges_are_asked_for_every_log():
+    logs = [{"path": "a.csv"}, {"path": "b.csv", "drive_speed": "0.1 mm/s"}]
+    assert "0.0001 m/s" in complaint(["inertia", "power_law"], logs=logs)
+
+
+def test_effects_may_be_left_to_be_chosen():
+    parameters = {"lag_time": {"start": "2 ms"}, "skin_retardation": "7 s", "slope": {"lower": -3}}
+    scene = scene_of("auto", {"damping_frequency": "13 Hz"}, parameters=parameters)
+    assert scene.effects == "auto" and scene.as_document()["effects"] == "auto"
+    assert Scene.from_document(scene.as_document()) == scene
+    every = {p.name for e in ALL for p in e.parameters}
+    assert every <= set(scene.values()) and scene.values()["damping_frequency"] == 13.0
+    with pytest.raises(SceneError, match="list them by name"):
+        assert scene.model
+    assert "did you mean 'lag_time'" in complaint("auto", parameters={"lagtime": 1})
+
+
+def test_the_choice_of_effects_settles_a_scene():
+    scene = scene_of(
+        "auto",
+        parameters={"lag_time": {"start": "2 ms"}, "slope": {"lower": -3}, "mass": {"lower": 0.1, "upper": 0.4}},
+        contact={"area": "1 cm^2"},
+        extrapolate=["power_law"],
+    )
+    settled = scene.with_effects(["sensor_lag", "inertia"])
+    assert settled.effects == ("inertia", "sensor_lag") and settled.extrapolate == ()
+    assert settled.values()["lag_time"] == 2e-3
+    assert set(settled.parameters) == {"mu_s", "mu_k0", "lag_time", "mass"}
+    assert settled.model is assemble(("inertia", "sensor_lag"))
+    other = settled.with_effects(["inertia", "pressure_dependence", "linear_weakening"])
+    assert other.values()["contact_area"] == pytest.approx(1e-4)
+    assert other.parameters["slope"].fixed is None and "lag_time" not in other.parameters
+    assert scene.with_effects(["inertia", "linear_weakening"]).parameters["slope"].lower == -3.0
+    with pytest.raises(SceneError, match="did you mean 'inertia'"):
+        scene.with_effects(["inertie"])
+    with pytest.raises(SceneError, match="keep one of them"):
+        scene.with_effects(["inertia", "power_law", "linear_weakening"])
+    with pytest.raises(SceneError, match=r"extrapolate = \[\"load_dependence\"\]"):
+        scene_of("auto", HEAVY).with_effects(["inertia", "load_dependence"])
+
+
+def test_only_a_scene_without_inertia_does_without_a_mass():
+    rig = {key: value for key, value in RIG.items() if key != "mass"}
+    light = Scene.from_document({"effects": ["contact_ageing"], "rig": rig})
+    assert light.rig.mass == 0.0 and "mass" not in light.values() and light.rig.half_period == 0.0
+    assert Scene.from_document(light.as_document()) == light
+    for effects in ("auto", ["inertia"]):
+        with pytest.raises(SceneError, match="has no mass"):
+            Scene.from_document({"effects": effects, "rig": rig})
+    with pytest.raises(SceneError, match="mass is 0 kg"):
+        light.with_effects(["inertia"])

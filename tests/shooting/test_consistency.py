@@ -1,0 +1,43 @@
+"""What a motion takes for granted, and what stands for nothing in it."""
+
+import numpy as np
+import pytest
+
+from identify.estimation.goodness_of_fit import inconsistency
+from identify.logs.log_data import Guess
+from identify.model.model import SPEED
+from tests.support import shooting_case as case
+
+UNKNOWNS = case.search_space(case.PAIR, case.FRICTION)
+LOG = case.simulated(case.PAIR, *case.MIDDLE)
+DATA = case.log_data(LOG, UNKNOWNS)
+
+
+def motion(*, saturates: bool, slip: float, after: float) -> Guess:
+    """Two slips alike, whose slowest node before and after the saturation has these speeds [m/s]."""
+    nodes = np.zeros((2, 9, 3))
+    nodes[:, :, 0] = np.linspace(4e-4, 2.5e-4, 9)
+    nodes[:, 1:-1, SPEED] = 5e-3
+    nodes[:, :, 2] = np.linspace(1.0, 0.1, 9)
+    later = nodes.copy()
+    nodes[1, 4, SPEED], later[1, 4, SPEED] = slip, after
+    onset = np.array([0.5, 0.8])
+    saturation = onset + 0.02 if saturates else np.full(2, np.nan)
+    return Guess(nodes[0, 0], onset, saturation, onset + 0.05, np.zeros(2), nodes, later)
+
+
+def said(guess: Guess) -> str | None:
+    return inconsistency([DATA], [guess], UNKNOWNS, UNKNOWNS.start, ["log"])
+
+
+@pytest.mark.parametrize("saturates", [False, True])
+def test_a_slip_that_runs_backwards_is_named(saturates: bool) -> None:
+    assert said(motion(saturates=saturates, slip=5e-3, after=5e-3)) is None
+    assert "cycle 2: at this answer the slip runs backwards" in str(
+        said(motion(saturates=True, slip=5e-3, after=-1e-4))
+    )
+    assert "cycle 2" in str(said(motion(saturates=saturates, slip=-1e-4, after=5e-3)))
+
+
+def test_a_slip_that_never_saturates_has_nothing_after_its_saturation() -> None:
+    assert said(motion(saturates=False, slip=5e-3, after=-1e-4)) is None

@@ -1,0 +1,56 @@
+"""An answer that an event holds which can go no farther."""
+
+from __future__ import annotations
+
+import pytest
+
+from identify.estimation.certainty import hanging
+from identify.shooting.passes import COARSE, Solved
+from identify.shooting.shooting import transcribe
+from identify.shooting.solve import solve
+from tests.support import shooting_case as case
+
+UNKNOWNS = case.search_space(case.PAIR, ("mu_s", "mu_k0", "t_cr"))
+
+
+def held_at(room: float | None) -> Solved:
+    """The answer of a noisy log of which one event has to end `room` [s] before where it is wanted (None: it goes
+    where it likes)."""
+    log = case.simulated(case.PAIR, *case.MIDDLE)
+    data = case.log_data(log, UNKNOWNS, noise_seed=4)
+    guesses = case.placed(UNKNOWNS, [log], [data], COARSE)
+    problem = transcribe([data], guesses, UNKNOWNS, COARSE)
+    solution = solve(problem, tolerance=1e-8, barrier=1e-6)
+    if room is not None:
+        event = int(problem.layout.places[0].events[4])
+        wanted = solution.x[event] - room
+        problem.layout.upper[event] = wanted
+        problem.layout.lower[event] = wanted - 1e-3
+        solution = solve(problem, tolerance=1e-8, barrier=1e-6)
+    assert solution.success
+    theta = UNKNOWNS.start.copy()
+    theta[problem.layout.free] = solution.x[: problem.layout.free.size]
+    found = [place.read(g, solution.x) for place, g in zip(problem.layout.places, guesses, strict=True)]
+    return Solved(problem, COARSE, guesses, solution, found, theta, 0.0, 1, 1, 0.0)
+
+
+def test_an_answer_that_nothing_holds_hangs_on_nothing() -> None:
+    assert hanging(held_at(None), ["log"]) is None
+
+
+@pytest.mark.parametrize(("room", "hangs"), [(1e-7, False), (1e-3, True)])
+def test_an_event_kept_from_its_place_is_noticed_by_what_it_does_to_the_answer(room: float, hangs: bool) -> None:
+    said = hanging(held_at(room), ["log"])
+    assert (said is not None) == hangs
+    if said is not None:
+        assert said.startswith("log: ") and "standard errors" in said and "leave this log out" in said
+
+
+def test_the_distance_is_no_longer_than_what_the_misfit_gains_without_the_bound() -> None:
+    """Of parameters and events together the squared distance is that gain; of the parameters alone it is less."""
+    free, held = held_at(None), held_at(1e-3)
+    said = hanging(held, ["log"])
+    assert said is not None
+    stated = float(said.split("back by ")[1].split(" standard")[0])
+    gain = 2.0 * (held.solution.cost - free.solution.cost)
+    assert 0.1 * gain < stated**2 < 1.1 * gain

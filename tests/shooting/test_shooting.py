@@ -1,0 +1,343 @@
+"""The shooting problem: counts, derivatives and compression against direct sums, the truth against the oracle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.logs.log_data import Grid
+from identify.model.model import assemble
+from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.solve import solve
+from identify.shooting.transcription import lay_out
+from tests.support import shooting_case as case
+
+SMALL = Grid(slip=4, saturated=3, steps=2)
+FINE = Grid(slip=16, saturated=16, steps=4)
+VARIED = [(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-2)]  # standard deviations of the load in fast rhythms, and of strength
+
+
+def _problem(
+    pair=case.PAIR,
+    free=case.FRICTION,
+    load_sd=0.0,
+    noise_seed=1,
+    grid=SMALL,
+    speeds=(case.SLOW, case.MIDDLE),
+    tremor_sd=0.0,
+    strength_sd=0.0,
+):
+    logs = [case.simulated(pair, *speed) for speed in speeds]
+    unknowns = case.search_space(pair, free)
+    data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd, tremor_sd=tremor_sd) for log in logs]
+    data = [replace(log, strength_sd=strength_sd) for log in data]
+    guesses = case.placed(unknowns, logs, data, grid)
+    return transcribe(data, guesses, unknowns, grid), logs
+
+
+def _somewhere(problem, size=1e-3, seed=3):
+    return problem.start + size * np.random.default_rng(seed).standard_normal(problem.layout.size)
+
+
+# A contact whose state never reaches 0 in the slow log, and does in the fast one: both types of slip.
+MIXED = case.PAIR | {"D": 200e-6}
+
+
+@pytest.mark.parametrize("pair", [case.PAIR, MIXED], ids=["saturating", "both types"])
+@pytest.mark.parametrize("grid", [SMALL, COARSE], ids=["small", "coarse"])
+def test_unknowns_left_over_are_parameters_and_two_per_log(pair, grid):
+    problem, logs = _problem(pair, grid=grid)
+    assert problem.layout.size - problem.layout.rows == 6 + 2 * len(logs)
+
+
+def test_every_further_freedom_is_counted():
+    problem, logs = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3)
+    cycles = sum(log.cycles for log in logs)
+    assert problem.layout.size - problem.layout.rows == 8 + 2 * len(logs) + cycles
+    trembling, _ = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3, tremor_sd=1e-3)
+    assert trembling.layout.size - trembling.layout.rows == 8 + 2 * len(logs) + 2 * cycles
+    scattering, _ = _problem(strength_sd=1e-2)
+    assert scattering.layout.size - scattering.layout.rows == 6 + 2 * len(logs) + cycles
+
+
+def test_rows_are_independent():
+    problem, _ = _problem()
+    jacobian = problem.evaluate(_somewhere(problem), derivatives=True).jacobian.toarray()
+    norms = np.linalg.norm(jacobian, axis=1)
+    singular = np.linalg.svd(jacobian / norms[:, None], compute_uv=False)
+    assert singular[-1] > 1e-4 * singular[0]
+    twice = np.vstack([jacobian, jacobian[0] + jacobian[5]])
+    assert np.linalg.svd(twice, compute_uv=False)[-1] < 1e-10, "a redundant row would be seen"
+
+
+@pytest.mark.parametrize(("tremor", "strength"), VARIED, ids=["calm", "trembling", "sticks differ"])
+@pytest.mark.parametrize("pair", [case.PAIR, MIXED], ids=["saturating", "both types"])
+def test_derivatives_agree_with_central_differences(pair, tremor, strength):
+    free = (*case.FRICTION, "mass", "stiffness", "damping")
+    problem, _ = _problem(pair, free=free, load_sd=1e-3, tremor_sd=tremor, strength_sd=strength)
+    z = _somewhere(problem)
+    point = problem.evaluate(z, derivatives=True)
+    random, h = np.random.default_rng(5), 1e-6
+    directions = [*random.standard_normal((6, z.size)), *np.eye(z.size)[:9]]
+    for direction in directions:
+        ahead, behind = (problem.evaluate(z + s * h * direction, derivatives=False) for s in (1, -1))
+        slope = (ahead.cost - behind.cost) / (2 * h)
+        assert slope == pytest.approx(point.gradient @ direction, rel=1e-6, abs=1e-6 * np.linalg.norm(point.gradient))
+        moved = (ahead.rows - behind.rows) / (2 * h)
+        expected = point.jacobian @ direction
+        np.testing.assert_allclose(moved, expected, atol=1e-7 * np.max(np.abs(expected)))
+        wrong = point.jacobian @ np.roll(direction, 1)
+        assert np.max(np.abs(moved - wrong)) > 1e-2 * np.max(np.abs(expected)), "another column would be seen"
+
+
+def test_hessian_is_that_of_the_linearised_residuals():
+    problem, _ = _problem(load_sd=1e-3)
+    z, h = _somewhere(problem), 1e-6
+    upper = problem.evaluate(z, derivatives=True).hessian.toarray()
+    hessian = upper + np.triu(upper, 1).T
+    for direction in np.random.default_rng(6).standard_normal((5, z.size)):
+        curvature = float(np.sum((direction * problem.layout.scale / problem.layout.prior_sd) ** 2))
+        pairs = zip(problem.fitted(z + h * direction), problem.fitted(z - h * direction), problem.logs, strict=True)
+        for ahead, behind, log in pairs:
+            curvature += float(np.nansum(log.weight * ((ahead - behind) / (2 * h)) ** 2))
+        assert direction @ hessian @ direction == pytest.approx(curvature, rel=1e-6)
+
+
+@pytest.mark.parametrize(("tremor", "strength"), VARIED, ids=["calm", "trembling", "sticks differ"])
+def test_exact_hessian_agrees_with_differences_of_the_gradient(tremor, strength):
+    free = (*case.FRICTION, "mass")
+    problem, _ = _problem(MIXED, free=free, load_sd=1e-3, tremor_sd=tremor, strength_sd=strength)
+    z, h = _somewhere(problem, 1e-2), 1e-5
+    multipliers = 30.0 * np.random.default_rng(7).standard_normal(problem.layout.rows)
+
+    def slope(at):
+        point = problem.evaluate(at, derivatives=True)
+        return 0.7 * point.gradient + point.jacobian.T @ multipliers
+
+    upper = problem.exact_hessian(z, 0.7, multipliers).toarray()
+    hessian = upper + np.triu(upper, 1).T
+    rough = problem.evaluate(z, derivatives=True).hessian.toarray()
+    gauss_newton = 0.7 * (rough + np.triu(rough, 1).T)
+    for direction in np.random.default_rng(8).standard_normal((4, z.size)):
+        bent = (slope(z + h * direction) - slope(z - h * direction)) / (2 * h)
+        largest = np.max(np.abs(bent))
+        np.testing.assert_allclose(hessian @ direction, bent, atol=1e-6 * largest)
+        assert np.max(np.abs(gauss_newton @ direction - bent)) > 1e-4 * largest, "the other Hessian is told apart"
+
+
+def _direct_cost(problem, z):
+    """Half chi^2 from the samples one by one, and the priors."""
+    x = z * problem.layout.scale
+    cost = 0.5 * float(np.sum(((x - problem.layout.prior_mean) / problem.layout.prior_sd) ** 2))
+    for log, fitted in zip(problem.logs, problem.fitted(z), strict=True):
+        inside = (log.time >= log.begin) & (log.time <= log.end)
+        assert np.array_equal(np.isfinite(fitted), inside), "every sample of the window is in exactly one cell"
+        residual = np.where(log.weight > 0, log.force - fitted, 0.0)[inside]
+        cost += 0.5 * float(np.sum(residual**2 * log.weight[inside]))
+    return cost
+
+
+def _masked(problem):
+    """The same problem with some samples masked, absurd values under the mask, other weights on some."""
+    logs, layout = [], problem.layout
+    for log in problem.logs:
+        weight, force = log.weight.copy(), log.force.copy()
+        weight[7::31] = 0.0
+        force[7::31] = 1e6
+        weight[::5] *= 0.3
+        logs.append(replace(log, weight=weight, force=force))
+    return Problem(logs, layout)
+
+
+@pytest.mark.parametrize("size", [1e-3, 3e-2])
+def test_compression_is_exact(size):
+    problem = _masked(_problem(load_sd=1e-3)[0])
+    z = _somewhere(problem, size)
+    cost = problem.evaluate(z, derivatives=False).cost
+    assert cost == pytest.approx(_direct_cost(problem, z), rel=1e-10)
+    assert problem.samples == sum(log.samples for log in problem.logs)
+    blocks = sum(float(c.sum()) for c in problem.block_costs(z))
+    prior = ((z * problem.layout.scale - problem.layout.prior_mean) / problem.layout.prior_sd) ** 2
+    assert cost == pytest.approx(0.5 * (blocks + float(prior.sum())), rel=1e-12)
+
+
+@pytest.mark.parametrize("portion", [1, 10, 997])
+def test_a_cell_may_be_compressed_in_portions(portion, monkeypatch):
+    whole = _masked(_problem(load_sd=1e-3)[0])
+    z = _somewhere(whole, 3e-2)
+    cost, fitted = whole.evaluate(z, derivatives=False).cost, whole.fitted(z)
+    monkeypatch.setattr("identify.shooting.pattern.PORTION", portion)
+    cut = Problem(whole.logs, whole.layout)
+    assert cut.evaluate(z, derivatives=False).cost == pytest.approx(cost, rel=1e-12)
+    assert cut.samples == whole.samples
+    for one, other in zip(cut.fitted(z), fitted, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("portion", [1, 7])
+def test_derivatives_may_be_taken_in_portions(portion, monkeypatch):
+    whole = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)[0]
+    z, on_rows = _somewhere(whole, 1e-2), np.random.default_rng(7).standard_normal(whole.layout.rows)
+    assert all(len(family.parts) == 1 for family in whole.pattern.families)
+    monkeypatch.setattr("identify.shooting.pattern.BLOCKS_AT_ONCE", portion)
+    cut = Problem(whole.logs, whole.layout)
+    assert max(len(family.parts) for family in cut.pattern.families) > 3
+    one, other = (problem.evaluate(z, derivatives=True) for problem in (whole, cut))
+    for name in ("rows", "gradient"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9)
+    pairs = [(one.jacobian, other.jacobian), (one.hessian, other.hessian)]
+    pairs.append(tuple(problem.exact_hessian(z, 0.7, on_rows) for problem in (whole, cut)))
+    for left, right in pairs:
+        np.testing.assert_allclose(left.toarray(), right.toarray(), rtol=1e-9, atol=1e-9 * abs(left).max())
+
+
+def test_multipliers_of_a_solution_balance_its_gradient():
+    problem, logs = _problem(load_sd=1e-4)
+    unknowns = problem.layout.unknowns
+    solved = solve_in_passes(problem.logs, case.placed(unknowns, logs, problem.logs, COARSE), unknowns)
+    point = solved.problem.evaluate(solved.solution.z, derivatives=True)
+    balanced = point.gradient + point.jacobian.T @ solved.solution.multipliers
+    assert np.max(np.abs(balanced)) < 1e-5 * np.max(np.abs(point.gradient))
+    assert np.max(np.abs(point.gradient)) > 1.0, "the rows hold the answer"
+
+
+def test_one_sample_moved_is_seen():
+    problem = _problem()[0]
+    log = problem.logs[1]
+    force = log.force.copy()
+    force[500] += case.NOISE
+    moved = Problem([problem.logs[0], replace(log, force=force)], problem.layout)
+    z = _somewhere(problem)
+    change = moved.evaluate(z, derivatives=False).cost - problem.evaluate(z, derivatives=False).cost
+    residual = (log.force[500] - problem.fitted(z)[1][500]) / case.NOISE
+    assert change == pytest.approx(residual + 0.5, rel=1e-6)
+
+
+def test_cost_does_not_depend_on_the_curve_the_samples_are_compressed_about():
+    problem = _problem(load_sd=1e-3)[0]
+    z = _somewhere(problem)
+    there = Problem(problem.logs, replace(problem.layout, start=_somewhere(problem, 1e-2, 8) * problem.layout.scale))
+    a, b = (p.evaluate(z, derivatives=True) for p in (problem, there))
+    assert a.cost == pytest.approx(b.cost, rel=1e-11)
+    np.testing.assert_allclose(a.gradient, b.gradient, rtol=1e-7, atol=1e-9 * np.max(np.abs(a.gradient)))
+    np.testing.assert_array_equal(a.rows, b.rows)
+
+
+def test_the_same_motion_about_other_event_times_has_the_same_rows_and_cost():
+    """Re-centring changes what is constant and what is unknown, not the motion."""
+    problem = _problem()[0]
+    z = _somewhere(problem, 1e-6)
+    x = z * problem.layout.scale
+    unknowns = replace(problem.layout.unknowns, start=problem.layout.unknowns.start.copy())
+    unknowns.start[problem.layout.free] = x[: problem.layout.free.size]
+    logs = [case.simulated(case.PAIR, *s) for s in (case.SLOW, case.MIDDLE)]
+    before = case.placed(case.search_space(case.PAIR, case.FRICTION), logs, problem.logs, SMALL)
+    guesses = [place.read(guess, x) for place, guess in zip(problem.layout.places, before, strict=True)]
+    again = transcribe(problem.logs, guesses, unknowns, SMALL)
+    assert np.max(np.abs(again.start - z)) > 0.0
+    a, b = problem.evaluate(z, derivatives=False), again.evaluate(again.start, derivatives=False)
+    np.testing.assert_allclose(a.rows, b.rows, atol=1e-9)
+    assert a.cost == pytest.approx(b.cost, rel=1e-6)
+
+
+@pytest.mark.parametrize("pair", [case.PAIR, MIXED], ids=["saturating", "both types"])
+def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_integrator(pair):
+    logs = [case.simulated(pair, *speed) for speed in (case.SLOW, case.MIDDLE, case.FAST)]
+    unknowns = case.search_space(pair, case.FRICTION)
+    data = [case.log_data(log, unknowns) for log in logs]
+    guesses = case.placed(unknowns, logs, data, FINE)
+    for _ in range(2):
+        layout = lay_out(data, guesses, unknowns, FINE)
+        # Without the weak prior of gamma at the begin, which is 0 here: the data are exact.
+        problem = Problem(data, replace(layout, prior_sd=np.full(layout.size, np.inf)))
+        solution = solve(problem)
+        guesses = [place.read(g, solution.x) for place, g in zip(layout.places, guesses, strict=True)]
+    assert solution.success
+    assert solution.infeasibility < 1e-9
+    assert solution.cost < 1e-3
+    for log, guess in zip(logs, guesses, strict=True):
+        assert np.max(np.abs(guess.onset - log.truth.onsets[: log.cycles])) < 1e-6
+        assert np.max(np.abs(guess.arrest - log.truth.arrests)) < 1e-6
+        assert np.count_nonzero(guess.saturates) == log.truth.saturations.size
+        if np.any(guess.saturates):
+            assert np.max(np.abs(guess.saturation[guess.saturates] - log.truth.saturations)) < 1e-6
+    np.testing.assert_allclose(solution.x[:6], unknowns.start[unknowns.free], atol=1e-4)
+
+
+def test_the_passes_end_where_the_noise_is():
+    problem, logs = _problem(load_sd=1e-4)
+    unknowns = problem.layout.unknowns
+    guesses = case.placed(unknowns, logs, problem.logs, COARSE)
+    solved = solve_in_passes(problem.logs, guesses, unknowns)
+    assert solved.solution.success
+    assert solved.solution.infeasibility < 1e-9
+    assert solved.event_shift < 0.5
+    chi2 = 2 * solved.solution.cost / solved.problem.samples
+    assert abs(chi2 - 1.0) < 5 * np.sqrt(2 / solved.problem.samples)
+
+
+def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
+    # It ended a fit with CasADi's own error: "Ill-posed problem detected".
+    problem, logs = _problem(load_sd=1e-4)
+    unknowns = problem.layout.unknowns
+    guesses = case.placed(unknowns, logs, problem.logs, COARSE)
+    late = guesses[0].arrest.copy()
+    late[0] = guesses[0].onset[1] + 0.5
+    solved = solve_in_passes(problem.logs, [replace(guesses[0], arrest=late), guesses[1]], unknowns)
+    assert not solved.solution.success and solved.solution.cost == np.inf
+    assert solved.solution.words == "Events_Out_Of_Order"
+    assert solve_in_passes(problem.logs, guesses, unknowns).solution.success
+
+
+def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
+    # Its normal force was 0/0 as well, with a warning of numpy's for the user.
+    problem, logs = _problem(load_sd=1e-4)
+    guesses = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE)
+    cycle = int(np.flatnonzero(guesses[1].saturates)[0])
+    pinched = guesses[1].saturation.copy()
+    pinched[cycle] = guesses[1].arrest[cycle]
+    guesses[1] = replace(guesses[1], saturation=pinched)
+    solution = solve(transcribe(problem.logs, guesses, problem.layout.unknowns, COARSE))
+    assert not solution.success and solution.cost == np.inf
+    assert solution.words == "Events_Out_Of_Order"
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("wrong", ["nothing", "no contact ageing", "mass", "drive speed"])
+def test_a_wrong_model_does_not_fit(wrong):
+    """Exact data: what remains of half chi^2 is the model's own error in units of the noise."""
+    logs = [case.simulated(case.PAIR, *speed) for speed in (case.SLOW, case.MIDDLE, case.FAST)]
+    model = case.MODEL
+    if wrong == "no contact ageing":
+        model = assemble(("inertia", "hysteresis_damping", "velocity_weakening"))
+    unknowns = case.search_space(case.PAIR, case.FRICTION, model=model)
+    data = [case.log_data(log, unknowns) for log in logs]
+    base = data[0].base.copy()
+    base[model.parameter_names.index("mass")] *= 1.2 if wrong == "mass" else 1.0
+    factor = 1.1 if wrong == "drive speed" else 1.0
+    data = [replace(d, base=base, drive_speed=factor * d.drive_speed) for d in data]
+    guesses = case.placed(unknowns, logs, data, COARSE)
+    solved = solve_in_passes(data, guesses, unknowns.softened())
+    if wrong == "nothing":
+        assert solved.solution.cost < 2.0
+    else:
+        assert not solved.solution.cost < 200.0
+
+
+def test_a_pattern_is_taken_over_by_problems_with_the_same_unknowns_and_rows_only():
+    first, _ = _problem(free=case.FRICTION[:-1])
+    finer, _ = _problem(free=case.FRICTION[:-1], grid=replace(SMALL, steps=4))
+    other, _ = _problem(free=case.FRICTION[1:])  # as many unknowns and rows, but they are others
+    assert other.pattern.shape == first.pattern.shape
+    taken = {
+        problem: Problem(problem.logs, problem.layout, problem.moments, first.pattern) for problem in (finer, other)
+    }
+    assert taken[finer].pattern is first.pattern and taken[other].pattern is not first.pattern
+    for problem, again in taken.items():
+        z = _somewhere(problem)
+        expected, found = (p.evaluate(z, derivatives=True) for p in (problem, again))
+        for name in ("jacobian", "hessian"):
+            np.testing.assert_array_equal(getattr(found, name).toarray(), getattr(expected, name).toarray())

@@ -1,0 +1,110 @@
+"""`stickslip batch` from manifest to page with real fits, and what it refuses."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cli import folder, refused, stickslip  # noqa: F401
+
+from data_io import Record, write_csv
+from experiments.study_problem import DEMO, RIG
+from identify.effects import MAIN
+from identify.model.model import assemble
+from identify.simulation.simulate import run
+from tests.support.batch_case import SCENE, write_case
+
+LOGS = (("fast.csv", 1e-3, 2.0), ("slow.csv", 5e-4, 3.0))  # name, drive speed [m/s], duration [s]
+
+
+@pytest.fixture(scope="module")
+def batched(tmp_path_factory):
+    """A finished batch: a good group of two logs, a file of garbage, a log that only slides; and its answer."""
+    home = tmp_path_factory.mktemp("Proben über Haut")
+    for seed, (name, speed, duration) in enumerate(LOGS):
+        time = np.arange(int(duration * 500) + 1) / 500
+        force = run(assemble(MAIN), DEMO | RIG, speed, 1.0, duration).sample(time)["force"]
+        noisy = force + 5e-3 * np.random.default_rng(seed).standard_normal(time.size)
+        write_csv(Record(time, np.ones(time.size), noisy), home / name)
+    (home / "bad.csv").write_bytes(bytes(range(256)) * 9)
+    flat = "".join(f"{i / 100},1,{0.1 + 0.001 * i}\n" for i in range(300))
+    (home / "flat.csv").write_text("T,Fz,Fx\ns,N,N\n" + flat)
+    (home / "scene.toml").write_text(SCENE)
+    (home / "m.csv").write_text(
+        "path,group,drive_speed,material\nfast.csv,good,1 mm/s,=skin\nslow.csv,good,0.5 mm/s,=skin\n"
+        "bad.csv,bad,1 mm/s,skin\nflat.csv,flat,1 mm/s,skin\n"
+    )
+    command = ["-c", "from identify.cli.main import main; import sys; raise SystemExit(main(sys.argv[1:]))"]
+    arguments = ["batch", home / "m.csv", "--scene", home / "scene.toml", "--out", home / "out", "--jobs", 1, "--json"]
+    done = subprocess.run(
+        [sys.executable, *command, *map(str, arguments)], capture_output=True, check=False, timeout=300
+    )
+    return home, done.returncode, json.loads(done.stdout), done.stderr.decode()
+
+
+def test_a_batch_keeps_what_is_good_and_says_why_the_rest_is_not(batched):
+    home, code, answer, words = batched
+    assert code == 3 and answer["schema"] == 1 and answer["status"] == "failures"
+    ends = {group: end["status"] for group, end in answer["groups"].items()}
+    assert ends == {"good": "converged", "bad": "failed", "flat": "no_cycles"}
+    assert "bad.csv" in answer["groups"]["bad"]["message"] and "Traceback" not in words
+    assert "3/3" in words
+    names = {item.name for item in (home / "out" / "good").iterdir()}
+    files = {"job.json", "result.json", "report.html", "result.h5", "classical.csv", "parameters.tex"}
+    assert names == {*files, "figures"}
+    assert {item.name for item in (home / "out" / "bad").iterdir()} == {"job.json"}
+    assert (home / "out" / "report.html").stat().st_size > 1000
+    result = json.loads((home / "out" / "good" / "result.json").read_text())
+    assert (
+        abs(result["parameters"]["mu_s"]["value"] - DEMO["mu_s"]) < 4 * result["parameters"]["mu_s"]["standard_error"]
+    )
+    assert [log["labels"] for log in result["logs"]] == [{"material": "=skin"}] * 2
+    assert result["provenance"]["batch"]["group"] == "good" and result["provenance"]["machine"]["host"]
+    assert "'=skin" in (home / "out" / "index.csv").read_text()
+
+
+def test_a_result_of_a_batch_is_verified(batched, folder, capsys):  # noqa: F811
+    home = batched[0]
+    path = home / "out" / "good" / "result.json"
+    away = (home / "fast.csv").rename(home / "away.csv")
+    assert "name it as LOG" in refused(capsys, "verify", path)
+    code, words, _ = stickslip(capsys, "verify", path, away)
+    assert code == 0 and "reproduced" in words
+    away.rename(home / "fast.csv")
+    original = path.read_text()
+    path.write_text(original.replace("converged", "CONVERGED", 1))
+    assert "was changed since the batch wrote it" in refused(capsys, "verify", path)
+    path.write_text(original)
+
+
+def test_a_batch_begun_again_refits_nothing(batched, folder, capsys):  # noqa: F811
+    home = batched[0]
+    asked = ["batch", home / "m.csv", "--scene", home / "scene.toml", "--out", home / "out"]
+    assert "--resume" in refused(capsys, *asked)
+    code, out, _ = stickslip(capsys, *asked, "--resume", "--json")
+    assert code == 3 and json.loads(out)["kept"] == 3
+
+
+def test_every_complaint_is_told_and_nothing_is_begun(folder, capsys):  # noqa: F811
+    case = write_case(folder, ["G1"])
+    case[0].write_text("path,group,drive_speed,rig.mass\nlog_0_0.csv,G1,1 mm/s,-1 kg\nnone.csv,G1,,\n")
+    asked = ["batch", case[0], "--scene", case[1], "--out", "out"]
+    code, out, words = stickslip(capsys, *asked)
+    assert (code, out) == (2, "") and "Traceback" not in words and not Path("out").exists()
+    assert "mass" in words and "none.csv" in words and "no drive speed" in words and "3 things to mend" in words
+    code, out, _ = stickslip(capsys, *asked, "--json")
+    document = json.loads(out)
+    assert code == 2 and document["status"] == "error" and len(document["errors"]) == 3
+    case[0].write_text("path,drive_speed\nlog_0_0.csv,1 mm/s\n")
+    for more, sentence in (
+        (["--jobs", 0], "--jobs is 0"),
+        (["--time-limit", "0 s"], "--time-limit is 0"),
+        (["--time-limit", "3 mm"], "--time-limit"),
+        (["--scheduler", "tcp://nowhere", "--jobs", 2], "drop --scheduler"),
+    ):
+        assert sentence in refused(capsys, *asked, *more)
+    code, _, words = stickslip(capsys, *asked, "--set", "rig.mas=1")
+    assert code == 2 and "did you mean 'mass'" in words
+    assert not Path("out").exists()

@@ -1,0 +1,197 @@
+"""stickslip compare with fits whose parameters differ between people or logs, and with fits that tell nothing."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from identify.cli.main import main
+from identify.studies.compare import compare, parts
+from identify.studies.comparison_files import all_sheets
+from identify.studies.comparison_page import answered, render
+from identify.studies.fits import count, read_fits
+from identify.studies.labels import CompareError, Question
+from identify.studies.operating_points import NOTHING, common, group_answers
+from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
+from tests.support.comparing_case import NAMES, document, write_fit
+
+OWN = ("mu_s", "D")
+SD = np.array([2e-3, 1e-3, 1e-3, 0.01, 0.015, 0.02])
+CENTRE = np.array([0.62, 0.45, -0.12, np.log(300.0), np.log(4e-5), np.log(0.5)])
+PEOPLE = {"V07": 0.0, "V08": 0.08, "V09": 0.03}
+
+
+def joint(random, material, raised=0.0, per="volunteer", people=PEOPLE):
+    """A fit of two logs of every person: mu_s and D of each person or log, the rest shared."""
+    groups = list(people) if per == "volunteer" else [f"log {k + 1}" for k in range(2 * len(people))]
+    who = [person for person in people for _ in range(2)]
+    whose = dict(zip(groups, people if per == "volunteer" else who, strict=True))
+    labels = [{"material": material, "volunteer": person} for person in who]
+    R = np.full((6, 6), 0.3) + 0.7 * np.eye(6)
+    told = None
+    for place, group in enumerate(groups):
+        values = CENTRE + SD * random.standard_normal(6)
+        values[[0, 4]] += people[whose[group]] + raised
+        one = document(values, R * np.outer(SD, SD), {})
+        if told is None:
+            told = one
+            told["logs"] = [
+                told["logs"][0] | {"path": f"{k}.csv", "sha256": f"{random.integers(2**62):064x}", "labels": mine}
+                for k, mine in enumerate(labels)
+            ]
+        for name in OWN:
+            key = name if place == 0 else f"{name} ({group})"
+            told["parameters"][key] = one["parameters"][name] | {"group": group, "per": per}
+            if place:
+                told["parameters"][key]["parameter"] = name
+    keys = list(told["parameters"])
+    told["correlation"] = {
+        "names": keys,
+        "matrix": [[0.9 ** abs(i - j) for i in range(len(keys))] for j in range(len(keys))],
+    }
+    return told
+
+
+def study(folder, raised=0.0, per="volunteer"):
+    random = np.random.default_rng(3)
+    for material, shift in (("PE", 0.0), ("PP", raised)):
+        for k in (1, 2):
+            write_fit(folder / f"{material}{k}", joint(random, material, shift, per))
+    return read_fits([folder])
+
+
+@pytest.mark.parametrize("per", ["volunteer", "log"])
+@pytest.mark.parametrize(("raised", "verdict"), [(0.0, NOT_TOLD_APART), (0.1, DIFFERENT)])
+def test_values_of_each_person_are_pooled_over_people(tmp_path, per, raised, verdict):
+    """Two materials on the same people: the same where nothing was raised; control: different where it was."""
+    found = compare(study(tmp_path, raised, per), Question("material"))
+    assert [q.quantity.name for q in found.quantities if q.quantity.name not in NAMES] == []
+    assert {q.quantity.name: q.quantity.logarithmic for q in found.quantities}["D"]
+    for name in OWN:
+        pooled = found.answered[name]
+        assert [d.verdict for d in pooled.differences] == [verdict]
+        assert [m.subjects for m in pooled.means] == [3, 3]
+        assert [m.fits for m in pooled.means] == [6, 6] if per == "volunteer" else [12, 12]
+    assert found.taken.people == 3
+    assert found.taken.setting.subject.count("V08") == (4 if per == "volunteer" else 8)
+
+
+def test_what_all_logs_share_counts_once(tmp_path):
+    found = compare(study(tmp_path), Question("material"))
+    assert [m.fits for m in found.answered["t_cr"].means] == [2, 2]
+    assert all(q.untold == () for q in found.quantities)  # what another part tells is not missing
+    assert count(found.taken.entries) == 4 and len(found.taken.entries) == 16
+    assert found.taken.notes == (
+        "4 fits tell some parameters of several volunteers at once; there each is one person.",
+    )
+    assert all(answer.reason == "" for answer in group_answers(found, common(found)))
+
+
+def test_people_of_joint_fits_are_compared(tmp_path):
+    found = compare(study(tmp_path), Question("volunteer"))
+    assert found.groups == ("V07", "V08", "V09")
+    means = {m.group: m.value for m in found.answered["mu_s"].means}
+    assert means["V08"] - means["V07"] == pytest.approx(0.08, abs=5e-3)
+    assert "t_cr" not in found.answered
+    assert dict(found.taken.left_out)["PE1"] == (
+        "what its logs share (mu_k0, delta_mu_k, a, t_cr) is of no one volunteer"
+    )
+    for answer in group_answers(found, common(found)):
+        assert answer.critical_speed == NOTHING
+        assert answer.reason.endswith("not pooled: its fits tell one value for several volunteers")
+
+
+def test_a_part_has_its_own_labels_logs_and_correlations(tmp_path):
+    study(tmp_path)
+    (entry,) = read_fits([tmp_path / "PE1"])
+    told = parts(entry)
+    assert [p.name for p in told] == ["PE1", *(f"PE1, volunteer {v}" for v in PEOPLE)]
+    second = told[2]
+    assert second.labels == {"material": "PE", "volunteer": "V08"} and second.mixed == ()
+    assert [log["path"] for log in second.logs] == ["2.csv", "3.csv"]
+    assert second.document["parameters"]["D"] == entry.document["parameters"]["D (V08)"]
+    names = second.document["correlation"]["names"]
+    known = entry.document["correlation"]["names"]
+    assert names.index("D") == known.index("D (V08)") and names.count("D") == 1
+    assert set(told[0].document["parameters"]) == set(NAMES) - set(OWN)
+
+
+def test_a_fit_of_one_person_stays_whole(tmp_path):
+    write_fit(tmp_path / "one", joint(np.random.default_rng(0), "PE", people={"V07": 0.0}))
+    (entry,) = read_fits([tmp_path])
+    assert parts(entry) == (entry,)
+
+
+def test_a_fit_is_left_out_whole_or_by_group(tmp_path):
+    entries = study(tmp_path)
+    whole = compare(entries, Question("material", without=("PP2",)))
+    assert count(whole.taken.entries) == 3 and len(whole.taken.left_out) == 4
+    part = compare(entries, Question("material", without=("PP2, volunteer V08",)))
+    assert count(part.taken.entries) == 4 and [n for n, _ in part.taken.left_out] == ["PP2, volunteer V08"]
+    with pytest.raises(CompareError, match="no fit is called"):
+        compare(entries, Question("material", without=("PP2, volunteer V99",)))
+
+
+def test_an_odd_group_flags_its_fit_on_the_page(tmp_path):
+    random = np.random.default_rng(5)
+    for k in range(8):
+        told = joint(random, f"M{k % 2}")
+        if k == 3:
+            told["parameters"]["mu_s (V08)"]["value"] += 0.4
+        write_fit(tmp_path / f"fit {k}", told)
+    found = compare(read_fits([tmp_path]), Question("material"))
+    assert {o.name for o in found.odd if o.quantity == "mu_s"} == {"fit 3, volunteer V08"}
+    assert found.odd_fits == {"fit 3"}
+    text = render("page", found.entries, found, answered(found), tmp_path)
+    assert 'href="fit%203/report.html"><bdi>fit 3, volunteer V08</bdi>' in text
+    assert "does not belong?" in text
+
+
+def test_the_command_counts_fits_and_not_their_parts(tmp_path, capsys):
+    study(tmp_path / "study")
+    arguments = ["compare", str(tmp_path / "study"), "--by", "material", "--out", str(tmp_path / "out")]
+    assert main(arguments) == 0
+    assert "4 of 4 fits compared by material: PE, PP" in capsys.readouterr().out
+
+
+def untold(told, kept=()):
+    for name, parameter in told["parameters"].items():
+        if name not in kept:
+            parameter |= {"verdict": "not identifiable", "standard_error": None, "interval": [None, None]}
+    return told
+
+
+@pytest.mark.parametrize(("kept", "counted"), [((), 6), (("mu_k0",), 7)])
+def test_a_fit_that_tells_nothing_is_not_counted(tmp_path, kept, counted):
+    """Control: with one parameter told, the fit and its person count."""
+    random = np.random.default_rng(1)
+    for k in range(7):
+        labels = {"material": f"M{k % 2}", "volunteer": f"V{k}"}
+        told = document(CENTRE + SD * random.standard_normal(6), np.diag(SD**2), labels)
+        write_fit(tmp_path / f"fit{k}", untold(told, kept) if k == 6 else told)
+    found = compare(read_fits([tmp_path]), Question("material"))
+    assert count(found.taken.entries) == found.taken.people == counted
+    reasons = dict(found.taken.left_out)
+    expected = {} if kept else {"fit6": "it tells nothing: mu_s, mu_k0, delta_mu_k, a, D, t_cr not identifiable"}
+    assert reasons == expected
+    page = render("page", found.entries, found, answered(found), tmp_path)
+    tiles = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
+    assert f"compared {counted} {7 - counted} left out" in tiles
+
+
+def test_standard_errors_are_in_the_unit_of_the_mean(tmp_path):
+    """Those of logarithms times the mean; control: others as they are."""
+    found = compare(study(tmp_path), Question("material"))
+    sheet = next(s for s in all_sheets(found, answered(found)) if s.name == "parameters")
+    rows = {(row[0], row[2]): dict(zip(sheet.heads, row, strict=True)) for row in sheet.rows}
+    for name, factor in (("D", None), ("mu_s", 1.0)):
+        mean = found.answered[name].means[0]
+        row = rows[name, mean.group]
+        times = np.exp(mean.value) if factor is None else factor
+        assert row["standard error"] == pytest.approx(mean.error * times)
+        assert row["scatter of its fits"] == pytest.approx(mean.scatter * times)
+    assert rows["D", "PE"]["standard error"] < rows["D", "PE"]["mean"] and rows["D", "PE"]["pooled as"] == "logarithm"
+    assert json.dumps(sheet.heads).count("scale") == 0

@@ -1,0 +1,198 @@
+"""Uneven records: what the estimator says of simulated tracks whose truth is known, and of the measured ones."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.run_measured_records import RECORDS
+from experiments.run_measured_records import scene_of as measured_scene
+from experiments.run_uneven_study import prepared, scene_of, truth_of
+from experiments.uneven_records import STIFF, simulated
+from identify import fit
+from identify.base.errors import FitError
+from identify.logs.scene_records import with_records
+from identify.report import write_report
+from identify.report.stored_result import plain
+from identify.studies.fits import FitEntry, values
+from identify.uneven.answer import UnevenEstimator
+from identify.uneven.estimator import maximise
+from identify.uneven.events import sticks_of
+from identify.uneven.likelihood import PARAMETERS, Nodes, log_likelihood, onset_motion
+from identify.uneven.transfer import agreement
+from tests.support.document_check import validator
+
+TOLD = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass")]
+
+
+@pytest.fixture(scope="module")
+def tracks():
+    """Tracks of the stiff rig without fine roughness."""
+    return simulated(STIFF, 36, [1, 2, 3])
+
+
+@pytest.fixture(scope="module")
+def maxima(tracks):
+    """Sticks of each, and the maximum of its likelihood."""
+    sticks = [sticks_of(prepared(STIFF, track.record)) for track in tracks]
+    return [(record, maximise([record])) for record in sticks]
+
+
+def test_strength_weakening_and_mass_are_recovered(maxima):
+    truths = np.array([truth_of(STIFF, sticks.typical_rest) for sticks, _ in maxima])
+    found = np.array([maximum.theta for _, maximum in maxima])
+    sd = np.sqrt([np.diag(maximum.covariance) for _, maximum in maxima])
+    assert all(maximum.converged for _, maximum in maxima)
+    assert sd[:, TOLD].max() < 0.15
+    assert np.abs((found - truths) / sd)[:, TOLD].max() < 3.5
+    assert np.abs((found - truths)[:, TOLD].mean(axis=0)).max() < 0.1
+
+
+def test_onsets_and_cycles_are_those_of_the_track(tracks, maxima):
+    for track, (sticks, _) in zip(tracks, maxima, strict=True):
+        arrest = track.arrest[np.searchsorted(track.arrest, sticks.last)]
+        assert sticks.count >= 0.9 * track.onset.size
+        assert np.median(arrest - sticks.last) < 6e-3  # a slip takes about 20 ms
+
+
+def test_a_mass_that_is_stated_wrong_is_found(maxima):
+    heavier = replace(STIFF, mass=1.5 * STIFF.mass)
+    sticks = sticks_of(prepared(STIFF, simulated(heavier, 24, [4])[0].record))
+    other = maximise([sticks])
+    place = PARAMETERS.index("mass")
+    assert other.theta[place] == pytest.approx(np.log(heavier.mass / heavier.load), abs=0.15)
+    for _, maximum in maxima:
+        gap = other.theta[place] - maximum.theta[place]
+        assert gap > 3.0 * np.sqrt(other.covariance[place, place] + maximum.covariance[place, place])
+
+
+def test_late_anchors_lose_the_strength(maxima):
+    """The negative control: with slips that are seen only when a quarter of them is over, the answer is wrong."""
+    sticks, maximum = maxima[0]
+    rows = np.arange(sticks.count)
+    fallen = (sticks.line[:, None] + sticks.rig.rate * sticks.time - sticks.force) > 0.25 * sticks.drop[:, None]
+    first = np.minimum(np.argmax(fallen & sticks.counts, axis=1), sticks.samples - 2)
+    late = np.minimum(first[:, None] + np.arange(sticks.time.shape[1]), sticks.samples[:, None] - 1)
+    since = sticks.time[rows, first]
+    moved = replace(
+        sticks,
+        anchor=sticks.anchor + since,
+        line=sticks.line + sticks.rig.rate * since,
+        time=sticks.time[rows[:, None], late] - since[:, None],
+        force=sticks.force[rows[:, None], late],
+        samples=sticks.samples - first,
+    )
+    wrong = maximise([moved])
+    assert np.abs((wrong.theta - maximum.theta)[TOLD]).max() > 0.3
+
+
+def test_the_onset_grows_as_the_equation_of_motion_says():
+    from scipy.integrate import solve_ivp
+
+    rig, weakening, mass = sticks_rig(), np.array([7000.0, 2500.0]), np.array([0.06, 0.05])
+    time, speed = onset_motion(np.array([2e-6]), rig, weakening, mass)
+    for i in range(2):
+
+        def motion(t, state, i=i):
+            u, v = state
+            return v, (rig.rate * t + (weakening[i] - rig.stiffness) * u - rig.damping * v) / mass[i]
+
+        end = solve_ivp(motion, (0.0, time[0, i]), (0.0, 0.0), rtol=1e-10, atol=1e-16).y[:, -1]
+        assert end == pytest.approx([2e-6, speed[0, i]], rel=1e-6)
+
+
+def sticks_rig():
+    from identify.uneven.events import Rig
+
+    return Rig(stiffness=3300.0, damping=0.5, mass=0.06, rate=0.14)
+
+
+def test_nodes_do_not_change_the_likelihood(maxima):
+    sticks, maximum = maxima[0]
+    theta = maximum.theta[:, None]
+    cycles = log_likelihood(sticks, maximum.nodes[0], theta)
+    finer = Nodes.about(cycles.log_strength[:, 0], np.maximum(cycles.log_strength_sd[:, 0], 0.03), 41)
+    assert log_likelihood(sticks, finer, theta).log_likelihood.sum() == pytest.approx(
+        cycles.log_likelihood.sum(), abs=0.05
+    )
+
+
+def test_a_fit_tells_quantities_with_verdicts(tracks):
+    result = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).result
+    assert (result["status"], result["estimator"]) == ("converged", "uneven")
+    assert validator().is_valid(plain(result))
+    told = result["parameters"]
+    assert all(told[name]["value"] is None and told[name]["reason"] for name in ("mu_s", "mu_k0", "a", "D"))
+    for name in ("strength", "weakening_length", "mass"):
+        low, high = told[name]["interval"]
+        assert low < told[name]["value"] < high and told[name]["verdict"] in ("identified", "weak")
+    assert told["mass"]["value"] == pytest.approx(STIFF.mass, rel=0.15)
+    drop = result["distributions"]["drop"]["quantiles"]
+    assert drop["5"]["value"] < drop["50"]["value"] < drop["95"]["value"]
+    assert any("Extrapolated" in note for note in result["notes"])
+
+
+def test_a_short_record_is_refused_with_a_sentence(tracks):
+    record = tracks[0].record
+    rows = record.time < record.time[-1] / 5.0
+    short = replace(
+        record,
+        time=record.time[rows],
+        normal_force=record.normal_force[rows],
+        friction_force=record.friction_force[rows],
+        steps=(),
+    )
+    result = fit(scene_of(STIFF), [short], estimator=UnevenEstimator()).result
+    assert result["status"] == "no_cycles" and "at least 12" in result["message"]
+
+
+@pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not beside this checkout")
+@pytest.mark.parametrize(("name", "strength", "mass"), [("k168_v42", 0.020, 0.016), ("k1002_v42", 0.050, 0.0246)])
+def test_a_measured_record_gives_numbers(name, strength, mass):
+    """Near what another implementation of the same likelihood found."""
+    scene, records = with_records(measured_scene((name,), RECORDS), None)
+    result = fit(scene, records, estimator=UnevenEstimator()).result
+    told = result["parameters"]
+    assert result["status"] == "converged"
+    assert told["strength"]["value"] == pytest.approx(strength, rel=0.25)
+    assert told["mass"]["value"] == pytest.approx(mass, rel=0.25)
+    assert told["t_cr"]["verdict"] == "bounded" and told["t_cr"]["interval"][0] is None
+
+
+def test_a_plain_fit_that_fails_on_cycles_that_differ_is_followed_by_the_uneven_one(tracks, tmp_path):
+    outcome = fit(scene_of(STIFF), [tracks[1].record])
+    result = outcome.result
+    assert (result["status"], result["estimator"]) == ("converged", "uneven")
+    tried = [trial["strategy"] for trial in result["search"]]
+    assert tried[0] == "feature start" and tried[-1] == "uneven estimator"
+    assert "differs from cycle to cycle" in result["message"]
+    assert result["logs"][0]["reason_left_out"] is None
+    said = repr(outcome)
+    assert "extrapolated" in said and "static peak" in said and "1/√mm" in said
+    with pytest.raises(FitError, match=r"drop .* of the load .*extrapolated"):
+        outcome.predict(drive_speed="1 mm/s")
+    write_report(outcome, tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "described cycle by cycle" in page and "a stick holds" in page and "log_1_uneven" in page
+
+
+def test_the_effect_asks_for_the_uneven_estimator_at_once(tracks):
+    scene = scene_of(STIFF)
+    asked = scene.with_effects((*scene.effects, "friction_heterogeneity"))
+    result = fit(asked, [tracks[1].record]).result
+    assert (result["status"], result["estimator"], result["search"]) == ("converged", "uneven", [])
+    assert "friction_heterogeneity" in result["provenance"]["scene"]["effects"]
+
+
+def test_records_that_share_nothing_are_told_apart(maxima):
+    assert agreement([maximum for _, maximum in maxima]) > 0.01
+    moved = replace(maxima[0][1], theta=maxima[0][1].theta + np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert agreement([moved, maxima[1][1]]) < 0.01
+
+
+def test_compare_pools_what_uneven_pairs_have(tracks):
+    document = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).result
+    told = values([FitEntry(name, Path(), "converged", "", document=document) for name in ("first", "second")])
+    pooled = {q.name: q for q in told.quantities}
+    assert pooled["strength"].logarithmic and "weakening_length" in pooled and "mu_s" not in pooled
