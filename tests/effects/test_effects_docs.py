@@ -116,7 +116,7 @@ normal_force = "1 N"
 def test_the_example_is_one_file_and_one_line(tmp_path):
     name = _copy_with_example(tmp_path)
     assert _changed(tmp_path) == {f"effects/{name}.py", "effects/__init__.py"}
-    contract = [f"tests/{file}.py" for file in ("test_effects", "test_effects_absent")]
+    contract = [f"tests/effects/{file}.py" for file in ("test_effects", "test_effects_absent")]
     told = _run(tmp_path, ["-m", "pytest", "-vv", "-p", "no:cacheprovider", *contract, "-k", name])
     assert len(re.findall(rf"{name}\] PASSED", told)) >= 15, told
     logs = []
