@@ -13,10 +13,10 @@ from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL, student
 from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, RingDown, ring_downs
-from identify.bench.slips import slip_frequency
 from identify.logs.draft import Piece, look
 from identify.logs.log_regime import LogRegime
 from identify.logs.regime import Regime
+from identify.logs.slip_frequency import slip_frequency
 from identify.logs.slips import line_slope
 from identify.logs.told_drive import told_drive
 
@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 RISE = 0.2, 0.8  # of the way from rest to the level that a ramp reaches: its straight part
 FEWEST_ROWS = 8  # of a ramp
 BENT = 0.1  # by how much the two halves of a ramp may differ in slope
-SLIP_MODEL = 0.015  # relative error of the frequency within slips, of simulated pairs: friction is no constant there
 
 
 @dataclass(frozen=True)
@@ -111,9 +110,9 @@ def _slips(record: Record, name: str, seen: LogRegime) -> list[Measured]:
         force = stroke.direction * record.friction_force[rows]
         swung = None if typical is None else slip_frequency(record.time[rows], force, verdict.found, typical[0])
         if swung is not None:
-            frequency, own = swung
+            frequency, error = swung
             shown = f"{name}: slips swing at {three_figures(frequency / (2 * np.pi))} Hz"
-            out.append(Measured("frequency", frequency, float(np.hypot(own, SLIP_MODEL)), shown))
+            out.append(Measured("frequency", frequency, error, shown))
     return out
 
 

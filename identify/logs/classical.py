@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import kept, thinned
+from identify.base.quantiles import NORMAL
 from identify.logs.log_regime import LogRegime, look
-from identify.logs.regime import Known, Verdict
+from identify.logs.regime import Known, Regime, Verdict
 from identify.logs.segment import SLIDING, SLIP, STICK, Cycles, Segmentation
+from identify.logs.slip_frequency import slip_frequency
 from identify.logs.strokes import Drive, Stroke
 from identify.logs.zigzag import smooth
 
@@ -36,6 +38,13 @@ DEFINITIONS: Mapping[str, str] = {
     "drop_N": "mean over slips of force peak minus following valley",
     "stick_slope_N_per_s": "median over sticks of the slope of the straight middle of the force rise",
     "stick_stiffness_N_per_m": "stick slope over drive speed: machine, holder and contact in series",
+    "ringing_Hz": "natural frequency with which the force swings while the mass slips, told once a log, in the stroke "
+    "with most slips",
+    "ringing_mass_kg": "moving mass: stiffness over the square of that angular frequency, for a contact much stiffer "
+    "than the rig",
+    "ringing_mass_from_kg": "lower end of its 95 % interval, from how slips differ, the stiffness taken as exact",
+    "ringing_mass_to_kg": "upper end",
+    "ringing_stiffness_N_per_m": "stiffness that this mass takes: the stated one, else that of the sticks",
     "frequency_Hz": "one over the mean time from slip to slip",
     "stick_slip_percent": "share of the time in sticks and slips",
     "sliding_percent": "share of the time in sliding without stick-slip",
@@ -89,8 +98,11 @@ def classical_table(
 def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None, tare: float = 0.0) -> dict[str, Any]:
     """The classical table of a log whose regime is known; see `classical_table`."""
     rows, reasons = [], []
-    for stroke, verdict in zip(seen.strokes, seen.verdicts, strict=True):
+    swung = _swung(record, seen, tare)
+    for i, (stroke, verdict) in enumerate(zip(seen.strokes, seen.verdicts, strict=True)):
         figures, why = _row(record, stroke, verdict, stiffness, tare)
+        told, untold = _ringing(swung[1] if swung and swung[0] == i else None, stroke, verdict, stiffness)
+        figures, why = figures | told, dict.fromkeys(told, untold) | why
         rows.append({key: _plain(value) for key, value in figures.items()})
         reasons.append({key: why.get(key, "not a finite number") for key, value in rows[-1].items() if value is None})
     return {
@@ -99,6 +111,36 @@ def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None,
         "reasons": reasons,
         "definitions": dict(DEFINITIONS),
     }
+
+
+def _swung(record: Record, seen: LogRegime, tare: float) -> tuple[int, tuple[float, float]] | None:
+    """The stroke, of those whose slips tell a natural frequency that with most slips, and that frequency."""
+    for i in np.argsort([-verdict.found.count for verdict in seen.verdicts], kind="stable").tolist():
+        stroke, found = seen.strokes[i], seen.verdicts[i].found
+        rows, slope = slice(stroke.start, stroke.stop), found.stick_slope
+        force = stroke.direction * (record.friction_force[rows] - tare)
+        if slope and (told := slip_frequency(record.time[rows], force, found, slope[0])):
+            return i, told
+    return None
+
+
+def _ringing(
+    swung: tuple[float, float] | None, stroke: Stroke, verdict: Verdict, stiffness: float | None
+) -> tuple[Figures, str]:
+    """The mass that the swing of the force within slips tells, and why none is told where it is not."""
+    names = ("ringing_Hz", "ringing_mass_kg", "ringing_mass_from_kg", "ringing_mass_to_kg", "ringing_stiffness_N_per_m")
+    told: Figures = dict.fromkeys(names)
+    if swung is None:
+        return told, "not the stroke that is looked at, or fewer than six slips are resolved, or they are too slow"
+    frequency, error = swung
+    told["ringing_Hz"] = frequency / (2.0 * np.pi)
+    slope = verdict.found.stick_slope
+    # a mass that hardly rests has no sticks to tell a stiffness
+    sticks = slope[0] / stroke.speed if slope and stroke.speed and verdict.regime is not Regime.NEAR_HARMONIC else None
+    if not (taken := stiffness or sticks):
+        return told, "neither the stiffness of the rig nor the drive speed is known, or the mass hardly rests"
+    masses = taken / (frequency * np.exp(np.array([0.0, 1.0, -1.0]) * NORMAL * error)) ** 2
+    return told | dict(zip(names[1:], [*masses.tolist(), taken], strict=True)), ""
 
 
 def _directions(record: Record, seen: LogRegime, tare: float) -> list[dict[str, Any]]:
