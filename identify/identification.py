@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.answering import Task, answered
-from identify.base.budget import time_limit
+from identify.base.budget import now, seconds_left, time_limit
 from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
@@ -24,7 +24,7 @@ from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
 from identify.estimation.attempt import Clock
-from identify.estimation.estimator import Estimated, EstimationTask, Estimator
+from identify.estimation.estimator import EstimationTask, Estimator
 from identify.estimation.known_early import told_early
 from identify.estimation.search import alike
 from identify.estimation.starts import Sources
@@ -32,7 +32,7 @@ from identify.estimation.strategies import Trace, Trial, tracing
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.scene_records import with_drives, with_records
-from identify.logs.unknowns import Unknowns, from_scene, user_start
+from identify.logs.unknowns import from_scene, user_start
 from identify.report.depth_document import accuracy_document
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
@@ -44,6 +44,7 @@ from identify.uneven.answer import UnevenEstimator
 
 Array = NDArray[np.float64]
 
+PLAIN_SHARE = 0.75  # of the time limit, where cycles differ: what the estimator of uneven records needs is left
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
 
 
@@ -89,11 +90,13 @@ def fit(
         scene = scene.with_effects(choice.effects)
         clock.add("choose", since)
     starts = starts or _default_starts(scene)
-    if estimator is None:
-        prepared, findings = find(scene, records, clock=clock, progress=told, starts=starts, seed=seed, asked=asked)
-        findings = uneven_instead(scene, prepared, findings, seed, told)
-    else:
-        prepared, findings = estimated_by(estimator, _set_up(scene, records, clock, told, asked, seed), told)
+    task = _set_up(scene, records, clock, told, asked, seed)
+    with time_limit(task.scene.time_limit), tracing() as trace:
+        if estimator is None:
+            prepared, findings = plain_or_uneven(task, starts, clock, told)
+        else:
+            prepared, findings = task.prepared, estimated_by(estimator, task, told)
+    findings = _traced(findings, trace, task.scene.time_limit)
     advice = None
     if findings.status is Status.CONVERGED and findings.attempt is not None:
         told("the log that would tell more", 0.95)
@@ -131,11 +134,9 @@ def find(
 ) -> tuple[list[Prepared], Findings]:
     """The identification without report and outlook; arguments and errors as `fit`."""
     task = _set_up(scene, records, clock, progress, asked, seed)
-    limit = task.scene.time_limit
-    with time_limit(limit), tracing() as trace:
+    with time_limit(task.scene.time_limit), tracing() as trace:
         logs, findings = answered(task, starts or _default_starts(scene), clock, progress)
-    trace.found_by = () if findings.attempt is None else findings.attempt.found_by
-    return logs, replace(findings, trace=trace, message=f"{findings.message}{_in_time(limit, trace)}")
+    return logs, _traced(findings, trace, task.scene.time_limit)
 
 
 def _set_up(
@@ -176,12 +177,40 @@ def _set_up(
     return Task(scene, read, prepared, unknowns, asked, seed)
 
 
-def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> tuple[list[Prepared], Findings]:
-    """What another estimator finds."""
-    asked = EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, progress)
-    with time_limit(task.scene.time_limit), tracing() as trace:
-        found = estimator.estimate(asked)
-    return task.prepared, as_found(found, estimator.name, task.unknowns, trace)
+def plain_or_uneven(task: Task, starts: Sources, clock: Clock, progress: Progress) -> tuple[list[Prepared], Findings]:
+    """What the plain fit finds, and where it fails since cycles differ among themselves, the estimator of uneven
+    records; where that fails too, what the plain one found. Arguments as `answered`."""
+    differ = not alike([log for log in task.prepared if log.left_out is None])
+    with time_limit((PLAIN_SHARE if differ else 1.0) * seconds_left()):
+        prepared, findings = answered(task, starts, clock, progress)
+    if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
+        return prepared, findings
+    began = now()
+    found = estimated_by(UnevenEstimator(), replace(task, prepared=prepared), progress)
+    logs = tuple(i + 1 for i in range(len(prepared)) if i not in found.left_out)
+    with tracing() as trace:
+        trace.trials.append(Trial("uneven estimator", logs, found.status.value, None, now() - began))
+    if found.status is not Status.CONVERGED:
+        return prepared, replace(findings, message=f"{findings.message}; {found.message}")
+    return prepared, found
+
+
+def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> Findings:
+    """What an estimator other than the plain one finds, as the result document takes it."""
+    found = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, progress))
+    return Findings(
+        found.status,
+        found.message,
+        task.unknowns,
+        None,
+        None,
+        None,
+        list(found.estimates),
+        found.left_out,
+        {},
+        estimator=estimator.name,
+        estimated=found,
+    )
 
 
 def asks_for_uneven(scene: Scene) -> bool:
@@ -192,49 +221,16 @@ def asks_for_uneven(scene: Scene) -> bool:
     return effect.unfit(scene.values()) is not None
 
 
-def uneven_instead(
-    scene: Scene, prepared: list[Prepared], findings: Findings, seed: int, progress: Progress
-) -> Findings:
-    """What the estimator of uneven records finds where the plain one failed and cycles differ among themselves; else,
-    and where that fails too, what the plain one found."""
-    if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
-        return findings
-    estimator, began = UnevenEstimator(), time.perf_counter()
-    found = estimator.estimate(EstimationTask(scene, prepared, findings.unknowns, seed, progress))
-    logs = tuple(i + 1 for i in range(len(prepared)) if i not in found.left_out)
-    trial = Trial("uneven estimator", logs, found.status.value, None, time.perf_counter() - began)
-    trace = replace(findings.trace, trials=[*findings.trace.trials, trial])
-    if found.status is not Status.CONVERGED:
-        return replace(findings, trace=trace, message=f"{findings.message}; {found.message}")
-    return as_found(found, estimator.name, findings.unknowns, trace)
-
-
-def as_found(found: Estimated, name: str, unknowns: Unknowns, trace: Trace) -> Findings:
-    """What an estimator other than the plain one found, as the result document takes it."""
-    return Findings(
-        found.status,
-        found.message,
-        unknowns,
-        None,
-        None,
-        None,
-        list(found.estimates),
-        found.left_out,
-        {},
-        trace=trace,
-        estimator=name,
-        estimated=found,
-    )
-
-
-def _in_time(limit: float, trace: Trace) -> str:
-    """What the time did not suffice for, to go behind the sentence of a fit; "" where it did."""
-    if not trace.not_tried:
-        return ""
-    return (
+def _traced(findings: Findings, trace: Trace, limit: float) -> Findings:
+    """Findings with what was tried for them; and said, what the time [s] did not suffice for."""
+    trace.found_by = () if findings.attempt is None else findings.attempt.found_by
+    late = (
         f"; the time limit of {limit:g} s left no time for: {', '.join(trace.not_tried)} (see search in result.json); "
         f'a longer one: --time-limit "{10 * limit:g} s", or time_limit under [fit] in the scene'
+        if trace.not_tried
+        else ""
     )
+    return replace(findings, trace=trace, message=f"{findings.message}{late}")
 
 
 def _default_starts(scene: Scene) -> Sources:

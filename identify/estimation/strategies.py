@@ -123,11 +123,22 @@ def is_due(strategy: Strategy) -> bool:
     trace = _trace.get()
     if trace is not None and strategy in trace.switched_off:
         return False
-    if not time_is_up():
-        return True
-    if trace is not None and strategy.title not in trace.not_tried:
-        trace.not_tried.append(strategy.title)
-    return False
+    return in_time(strategy.title)
+
+
+def in_time(part: str) -> bool:
+    """Whether there is time for a part of a fit; else the part is noted as not tried."""
+    if time_is_up():
+        no_time_for(part)
+        return False
+    return True
+
+
+def no_time_for(part: str) -> None:
+    """Note that the time did not suffice for a part of a fit."""
+    trace = _trace.get()
+    if trace is not None and part not in trace.not_tried:
+        trace.not_tried.append(part)
 
 
 def attempted(

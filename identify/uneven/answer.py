@@ -13,6 +13,7 @@ from identify.base.outcome import Status
 from identify.base.quantiles import NORMAL
 from identify.estimation.covariance import Estimate
 from identify.estimation.estimator import Estimated, EstimationTask
+from identify.estimation.strategies import in_time, no_time_for
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
@@ -73,7 +74,10 @@ class UnevenEstimator:
         records = [sticks for _, sticks in taken]
         maximum = maximise(records)
         if not maximum.converged:
-            return Estimated(Status.SOLVER_FAILED, wording.NO_MAXIMUM, (), left_out=left_out)
+            if not maximum.in_time:
+                no_time_for(wording.DESCRIBED)
+            why = wording.NO_MAXIMUM if maximum.in_time else wording.CUT_SHORT
+            return Estimated(Status.SOLVER_FAILED, why, (), left_out=left_out)
         seen = [
             Seen(number, task.logs[number], sticks, log_likelihood(sticks, nodes, maximum.theta[:, None]))
             for (number, sticks), nodes in zip(taken, maximum.nodes, strict=True)
@@ -84,32 +88,37 @@ class UnevenEstimator:
 def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out: Mapping[int, str]) -> Estimated:
     """What follows from the maximum of the likelihood, quantity by quantity."""
     records, first = [s.sticks for s in seen], seen[0]
-    maxima = alone(records, maximum) if len(seen) > 1 else [maximum]
-    transfer = left_out_in_turn([s.number for s in seen], records, maxima, task.seed)
+    maxima = alone(records, maximum) if len(seen) > 1 and in_time(wording.COMPARED) else []
+    if not all(m.in_time for m in maxima):
+        no_time_for(wording.COMPARED)
+        maxima = []
+    transfer = left_out_in_turn([s.number for s in seen], records, maxima, task.seed) if maxima else []
     seen_so: dict[str, Any] = {
         "uneven_cycles": [_cycle_table(s) for s in seen],
         "transfer": [t.to_dict() for t in transfer],
     }
-    if len(seen) > 1 and agreement(maxima) < APART:
+    if maxima and agreement(maxima) < APART:
         return Estimated(Status.MODEL_MISFIT, _apart(seen, maxima), (), left_out=left_out, more=seen_so)
     withheld = _withheld(maximum, records)
-    creep = CreepTime(None, None) if withheld else creep_interval(records, maximum)
+    tells_creep = not withheld and in_time(wording.CREEP)
+    creep = creep_interval(records, maximum) if tells_creep else CreepTime(None, None)
+    untold = withheld or ("" if in_time(wording.CREEP) else wording.CUT_SHORT)
     load = first.log.data.mean_normal_force
     own, names, covariance = _quantities(maximum, load, withheld)
     distributions: dict[str, Any] = {}
     curve = None
-    if not withheld:
+    if not withheld and in_time(wording.DRAWN):
         drawn = [_drawn(s, maximum, task.seed) for s in seen]
         distributions = {d.name: d.to_dict() for d in drawn[0]}
         curve = strength_against_rest(maximum, records)
     more = {
-        "distributions": distributions or {"reason": withheld},
-        "strength_against_rest": curve or {"reason": withheld},
+        "distributions": distributions or {"reason": withheld or wording.CUT_SHORT},
+        "strength_against_rest": curve or {"reason": withheld or wording.CUT_SHORT},
         "odd_slips": [{"log": s.number + 1, "cycle": int(c)} for s in seen for c in _odd(s)],
         "log_likelihood": maximum.log_likelihood,
         **seen_so,
     }
-    estimates = [*own, *_of_a_uniform_pair(task.unknowns, creep, first.sticks.typical_rest, withheld)]
+    estimates = [*own, *_of_a_uniform_pair(task.unknowns, creep, first.sticks.typical_rest, untold)]
     return Estimated(
         status=Status.CONVERGED,
         message=wording.answered([s.log for s in seen], sum(s.sticks.count for s in seen), withheld),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.quantiles import NORMAL
 from identify.uneven.estimator import Maximum, Objective
 from identify.uneven.events import Sticks
@@ -53,7 +54,9 @@ def _walked(objective: Objective, maximum: Maximum, typical: float, side: float)
     """Places (logarithms of the creep time) from the maximum to one side, and the log likelihood, without the prior,
     that is greatest in all other parameters there; until it has fallen for good, or the reach is walked through."""
     theta, places, profile = maximum.theta, [float(maximum.theta[PLACE])], [maximum.log_likelihood]
-    while 2.0 * (max(profile) - profile[-1]) < 2.0 * FALL and side * (places[-1] - typical) < REACH:
+    while (
+        not time_is_up() and 2.0 * (max(profile) - profile[-1]) < 2.0 * FALL and side * (places[-1] - typical) < REACH
+    ):
         theta = theta.copy()
         theta[PLACE] += side * STRIDE
         theta, value = _profiled(objective, theta)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from identify.base.budget import now, seconds_left
 from identify.uneven.events import Sticks
 from identify.uneven.likelihood import Cycles, Nodes, log_likelihood
 
@@ -21,6 +22,7 @@ ROUNDS = 4  # times that the nodes are narrowed to where the strengths lie
 SETTLED = 0.05  # deviations by which parameters move in the last round
 LEAST_SD = 0.03  # of the logarithm of a strength: nodes do not lie closer together
 WEAK = 3.0  # sd of the prior about the start: it stops what the record does not tell, and nothing else
+SEARCH_SHARE = 0.7  # of the time that is left: the rest is for the covariance
 TOGETHER = 8  # sets of parameters in one pass: more would leave the processor's cache
 
 
@@ -30,7 +32,7 @@ class Maximum:
 
     start (7,): from features; theta (7,): logarithms of PARAMETERS; covariance (7, 7) of it: per parameter the larger
     of the Hessian's and the sandwich's; log_likelihood; scores (c, 7); converged; evaluations: passes over the records;
-    nodes: per record.
+    in_time: whether the search ended before its time was up; nodes: per record.
     """
 
     start: Array
@@ -39,6 +41,7 @@ class Maximum:
     log_likelihood: float
     scores: Array
     converged: bool
+    in_time: bool
     evaluations: int
     nodes: tuple[Nodes, ...]
 
@@ -111,7 +114,7 @@ def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
     theta = first
     objective.narrow(theta)
     objective.narrow(theta)
-    converged = False
+    converged, in_time, until = False, True, now() + SEARCH_SHARE * seconds_left()
     _, _, scores = objective.slope(theta)
     inverse = np.linalg.inv(scores.T @ scores + objective.firmness)
     for _ in range(ROUNDS):
@@ -119,6 +122,7 @@ def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
             lambda at: tuple(-value for value in objective.slope(at)[:2]),
             theta,
             jac=True,
+            callback=lambda _: _stop_at(until),
             method="BFGS",
             options={"gtol": 0.2, "hess_inv0": 0.5 * (inverse + inverse.T), "maxiter": 60},
         )
@@ -126,10 +130,17 @@ def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
         theta, inverse = found.x, np.asarray(found.hess_inv)
         objective.narrow(theta)
         converged = bool(found.success or np.all(np.abs(found.jac) < 1.0))
-        if converged and moved.max() < SETTLED:
+        in_time = now() < until
+        if (converged and moved.max() < SETTLED) or not in_time:
             break
     covariance, scores, value = _covariance(objective, theta)
-    return Maximum(first, theta, covariance, value, scores, converged, objective.passes, objective.nodes)
+    return Maximum(first, theta, covariance, value, scores, converged, in_time, objective.passes, objective.nodes)
+
+
+def _stop_at(until: float) -> None:
+    """Have `minimize` stop once the clock of time limits has passed [s]."""
+    if now() >= until:
+        raise StopIteration
 
 
 def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float]:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from identify.estimation.strategies import in_time
+from identify.uneven import wording
 from identify.uneven.drawn import Begin, drawn_distributions
 from identify.uneven.estimator import Maximum, maximise
 from identify.uneven.events import Sticks
@@ -72,6 +74,8 @@ def left_out(numbers: Sequence[int], records: Sequence[Sticks], maxima: Sequence
         return []
     out = []
     for i, sticks in enumerate(records):
+        if not in_time(wording.LEFT_OUT):
+            break
         others = [j for j, point in enumerate(points) if point != points[i]]
         known = maxima[others[0]]
         if len(others) > 1:

@@ -18,6 +18,10 @@ NO_MAXIMUM = (
     "cycles differ, and the estimator of uneven records found no most likely answer: look for events that are no slips "
     "(stickslip inspect --plot), or take a window of steady stick-slip"
 )
+CUT_SHORT = "the time limit ended the estimate of uneven records: a longer one, or a window of fewer cycles, tells"
+# Parts of an answer that are left out, and said, where there is no time for them.
+DESCRIBED, COMPARED, LEFT_OUT = "cycles described one by one", "records compared with each other", "leave-one-out"
+CREEP, DRAWN = "creep time", "distributions of static peak, drop and period"
 FIXED_NOT_USED = "fixed in the scene; the estimator of uneven records does not use it"
 
 _FREED = {
