@@ -194,8 +194,8 @@ class Quality:
 
     @property
     def load(self) -> float:
-        """Median normal force of the loaded rows [N]."""
-        return self.load_course.level
+        """Mean normal force of the loaded rows [N]."""
+        return self.load_course.mean
 
     @property
     def load_drift(self) -> float:
@@ -226,7 +226,7 @@ class Quality:
             "clipped_rows": (signal.clipped, ""),
             "residual_force": (self.residual, "N"),
             "force_after_stop": (None if locked is None else locked.force, "N"),
-            "normal_force": (load.level, "N"),
+            "normal_force": (load.mean, "N"),
             "normal_force_drift": (load.drift, ""),
             "normal_force_ripple": (load.ripple, ""),
             "unloaded_rows": (load.unloaded, ""),

@@ -123,10 +123,11 @@ _LOADED: Final = 0.3
 
 @dataclass(frozen=True)
 class Load:
-    """level [N]: median of the loaded rows. drift, ripple: change from the first to the last tenth, and standard
-    deviation about a straight line, both as share of the level. unloaded: share of the rows."""
+    """level, mean [N]: median and mean of the loaded rows. drift, ripple: change from the first to the last tenth, and
+    standard deviation about a straight line, both as share of the level. unloaded: share of the rows."""
 
     level: float
+    mean: float
     drift: float
     ripple: float
     unloaded: float
@@ -138,9 +139,9 @@ def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds
     level = typical_load(normal)
     if level <= 0:
         text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
-        return Load(level, 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
-    drift, ripple = _course(thinned(time), thinned(normal), level)
-    load = Load(level, drift, ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
+        return Load(level, mean_and_drift(normal)[0], 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
+    ripple = _ripple(thinned(time), thinned(normal), level)
+    load = Load(level, *mean_and_drift(normal), ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
     notes = []
     if np.ptp(normal) > 0:
         notes += clipping("normal force", normal, limits)[1]
@@ -161,17 +162,27 @@ def typical_load(normal: FloatArray) -> float:
     return float(np.median(finite[size >= _LOADED * level]))
 
 
-def _course(time: FloatArray, normal: FloatArray, level: float) -> tuple[float, float]:
-    """Return drift and ripple of the loaded rows as shares of the load."""
+def mean_and_drift(normal: FloatArray) -> tuple[float, float]:
+    """Return the mean of the loaded rows [N], and the change of their median from the first to the last tenth as share
+    of the typical load; (n,) may hold NaN. Where nothing presses, all rows count and the change is 0."""
+    level = typical_load(normal)
+    if level <= 0:
+        return float(np.mean(normal[np.isfinite(normal)])) if np.isfinite(normal).any() else 0.0, 0.0
+    force = kept(normal, normal > _LOADED * level)
+    few = thinned(force)
+    tenth = max(few.size // 10, 1)
+    return float(np.mean(force)), float(np.median(few[-tenth:]) - np.median(few[:tenth])) / level
+
+
+def _ripple(time: FloatArray, normal: FloatArray, level: float) -> float:
+    """Return the ripple of the loaded rows as share of the load."""
     loaded = normal > _LOADED * level
     if np.count_nonzero(loaded) < 3:
-        return 0.0, 0.0
+        return 0.0
     t, force = time[loaded], normal[loaded]
-    tenth = max(force.size // 10, 1)
-    drift = float(np.median(force[-tenth:]) - np.median(force[:tenth])) / level
     centred = (t - t.mean()) / (t[-1] - t[0])
     slope = float(centred @ (force - force.mean()) / (centred @ centred))
-    return drift, float(np.std(force - force.mean() - slope * centred)) / level
+    return float(np.std(force - force.mean() - slope * centred)) / level
 
 
 def _findings(load: Load, limits: Thresholds) -> list[Finding]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import kept, thinned
+from data_io.signals import mean_and_drift
 from identify.base.quantiles import NORMAL
 from identify.logs.log_regime import LogRegime, look
 from identify.logs.regime import Known, Regime, Verdict
@@ -52,7 +53,9 @@ DEFINITIONS: Mapping[str, str] = {
     "rhythm_Hz": "how often the force of steady sliding swings, where one line stands out of its spectrum",
     "rhythm_N": "range of that swing, peak to valley",
     "rhythm_turns": "turns of the disc that one swing takes, where a column tells how fast it turns",
-    "normal_force_drift_percent": "mean normal force of the last tenth against the first tenth",
+    "normal_force_N": "mean over the loaded rows",
+    "normal_force_drift_percent": "median normal force of the last tenth of the loaded rows less that of the first, as "
+    "share of their median",
 }
 
 
@@ -207,7 +210,7 @@ def _row(
         "regime": "the force only rises: no slip has come yet",
     }
     part = _Part(time, force, _filled(load), good, segmentation)
-    steps = (_loads(part), _coefficients(part), _slips(part), _sticks(part, stroke.speed, stiffness))
+    steps = (_loads(load), _coefficients(part), _slips(part), _sticks(part, stroke.speed, stiffness))
     for told, why in (*steps, _slides(part, verdict)):
         figures |= told
         reasons |= why
@@ -226,16 +229,13 @@ def _filled(values: Array) -> Array:
     return np.interp(index, index[finite], values[finite]) if finite.any() else np.zeros(values.size)
 
 
-def _loads(part: _Part) -> tuple[Figures, Reasons]:
-    load = kept(part.load, part.good)
-    tenth = max(load.size // 10, 1)
-    first, last = (float(np.mean(x)) if x.size else 0.0 for x in (load[:tenth], load[-tenth:]))
-    drift = 100.0 * (last - first) / first if first > 0 and load.size > 1 else None
+def _loads(load: Array) -> tuple[Figures, Reasons]:
+    mean, drift = mean_and_drift(load)
     told: Figures = {
-        "normal_force_N": float(np.mean(load)) if load.size else None,
-        "normal_force_drift_percent": drift,
+        "normal_force_N": mean if np.isfinite(load).any() else None,
+        "normal_force_drift_percent": 100.0 * drift if mean > 0.0 else None,
     }
-    return told, {"normal_force_N": "no sample", "normal_force_drift_percent": "the normal force is zero at the start"}
+    return told, {"normal_force_N": "no sample", "normal_force_drift_percent": "nothing presses"}
 
 
 def _coefficients(part: _Part) -> tuple[Figures, Reasons]:

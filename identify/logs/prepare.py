@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import kept
+from data_io.signals import mean_and_drift
 from identify.base.errors import FitError
 from identify.logs.judgement import Judgement, judge
 from identify.logs.loads import Course, as_far_as_told, as_modelled
@@ -123,9 +124,8 @@ class Prepared:
 
     @cached_property
     def mean_load(self) -> float:
-        """Mean of the measured normal force, all of it [N]."""
-        load = self.record.normal_force
-        return float(np.mean(kept(load, np.isfinite(load))))
+        """Mean of the measured normal force of the loaded rows, of all the record [N]."""
+        return mean_and_drift(self.record.normal_force)[0]
 
     @property
     def scatter(self) -> float:
