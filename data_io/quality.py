@@ -258,7 +258,7 @@ def assess(
         text = "fewer than two rows count; widen window, exclude less, or take a longer log"
         nothing = Finding("no_rows", "reject", text)
         return Quality(
-            sampling, Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0), Rests(None, None), None, None,
+            sampling, Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0, 0.0), Rests(None, None), None, None,
             (*record.findings, *notes, nothing),
         )  # fmt: skip
     load, about_load = look_at_load(record, sound, thresholds)
