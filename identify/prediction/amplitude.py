@@ -122,7 +122,7 @@ def _maximum(alpha: Array, overshoot: Array) -> tuple[Array, Array, Array, Array
 
 
 def log_amplitude(alpha: ArrayLike, overshoot: ArrayLike) -> Any:
-    """Natural logarithm of the amplitude of `slip_maximum`: finite also where that under- or overflows."""
+    """Natural logarithm of the dimensionless amplitude of `slip_maximum`, broadcast; finite where that overflows."""
     a, A = _pair(alpha, overshoot)
     with np.errstate(all="ignore"):
         tau, _, energy, _ = _maximum(a, A)

@@ -321,7 +321,8 @@ def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = 
         derivatives: also return the exact derivative with respect to alpha.
 
     Returns:
-        Phi_cr, broadcast: 0 for -1 < alpha <= 0, infinity for alpha >= 1 and on overflow, NaN for alpha <= -1.
+        Phi_cr, dimensionless, broadcast: 0 for -1 < alpha <= 0, infinity for alpha >= 1 and on overflow, NaN for
+        alpha <= -1.
         With `derivatives` a pair (Phi_cr, {"alpha": derivative}): 0 for -1 < alpha < 0, NaN at 0 (vertical).
 
     Raises:
@@ -344,7 +345,10 @@ def _factor(form: str) -> float:
 
 
 def printed_form(zeta: float, tau_cr: float) -> str:
-    """What the paper's own eq. (25) gives here, by how much it differs from the derived form, and why; one sentence."""
+    """What the paper's own eq. (25) gives here, by how much it differs from the derived form, and why; one sentence.
+
+    zeta, tau_cr: as for `critical_friction`.
+    """
     printed, derived = (float(critical_friction(zeta, tau_cr, form)) for form in ("printed", "derived"))
     if not derived > 0 or not printed > 0:
         return "as printed: no different here, where there is no damping to be misread"

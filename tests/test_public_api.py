@@ -1,0 +1,50 @@
+"""What is public is documented: shapes and units in every docstring, and the reference page made from them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import pytest
+
+import data_io
+import identify
+from experiments.make_python_reference import PAGE, members, page
+
+PUBLIC = [*members(identify), *members(data_io)]
+UNIT = re.compile(r"\[[^\]]{1,12}\]|\bSI\b|dimensionless|with a unit|\bshare\b|\bpixel|as in `|as for `", re.IGNORECASE)
+SHAPE = re.compile(r"\([a-z0-9_ +]+,[a-z0-9_, +]*\)|broadcast|data frame|DataFrame|as in `|as for `", re.IGNORECASE)
+
+
+def lacking(name: str, public: object, around: str) -> list[str]:
+    """What a docstring lacks: itself, the units of numbers, the shapes of arrays."""
+    told = inspect.getdoc(public) or ""
+    types = " ".join(map(str, getattr(public, "__annotations__", {}).values()))
+    out = [] if told and not told.startswith(f"{name}(") else ["a docstring"]
+    if re.search(r"float|Array", types) and not UNIT.search(told + around):
+        out.append("units")
+    if "Array" in types and not SHAPE.search(told + around):
+        out.append("shapes")
+    return out
+
+
+@pytest.mark.parametrize(("name", "public", "around"), PUBLIC, ids=[name for name, _, _ in PUBLIC])
+def test_a_public_name_has_a_docstring_with_shapes_and_units(name, public, around):
+    assert lacking(name, public, around) == []
+
+
+def test_what_lacks_them_is_seen():
+    def bare(force: float) -> float:
+        return force
+
+    def told(force: FloatArray) -> FloatArray:  # noqa: F821
+        """The larger one."""
+        return force
+
+    assert lacking("bare", bare, "") == ["a docstring", "units"]
+    assert lacking("told", told, "") == ["units", "shapes"]
+    assert len(PUBLIC) > 60
+
+
+def test_the_reference_page_is_what_the_docstrings_say():
+    assert PAGE.read_text(encoding="utf-8") == page(), "run experiments/make_python_reference.py"
