@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identify import Scene, fit
 from identify.examples import SCENE
-from identify.prediction.groups import groups
+from identify.prediction.groups import formed, groups, slopes
 from identify.prediction.stability import QUANTITIES
 
 Array = NDArray[np.float64]
@@ -77,9 +77,9 @@ def arguments(values: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
 def region(known: Known, x: str, y: str, count: int = 181) -> tuple[Array, Array, Array]:
     """Centre (2,) and 95 % confidence region, as a closed curve (2, count), of two groups; with their standard errors
     (2,)."""
-    found, table = groups(*arguments(known.values), derivatives=True)
-    slopes = np.array([[table[g][n] for n in known.names] for g in (x, y)])
-    joint = slopes @ known.covariance @ slopes.T
+    found, table = groups(*arguments(known.values)), slopes(formed, known.values, known.names)
+    rows = np.array([table[g] for g in (x, y)])
+    joint = rows @ known.covariance @ rows.T
     angle = np.linspace(0, 2 * np.pi, count)
     circle = np.stack([np.cos(angle), np.sin(angle)]) * np.sqrt(5.991)  # chi-squared of two, 95 %
     values, vectors = np.linalg.eigh(joint)

@@ -18,6 +18,7 @@ from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,10 +33,9 @@ from run_pair_study import OUTCOMES  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
 from identify.prediction.chart import chart  # noqa: E402
-from identify.prediction.closed_forms import contact, jump  # noqa: E402
+from identify.prediction.chart_bands import sliding_margin, slip_margin  # noqa: E402
+from identify.prediction.closed_forms import jump, known_settings  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
-from identify.prediction.groups import settings  # noqa: E402
-from identify.prediction.limits import sliding_margin, slip_margin  # noqa: E402
 from identify.prediction.map_axes import Site, moved_values  # noqa: E402
 from identify.prediction.orbit import Orbit, settle  # noqa: E402
 from identify.prediction.quantities import QUANTITIES, quantities  # noqa: E402
@@ -106,8 +106,8 @@ def _scene(rng: np.random.Generator, target: float, assumed: bool) -> Scene | No
     told = dict(zip(QUANTITIES, quantities(map_, orbit.cycle, speed).tolist(), strict=True))
     fresh = values["mu_k0"] - values["delta_mu_k"] * np.expm1(-values["a"] * speed)
     told["amplitude"] = _largest_elongation(orbit) - fresh / values["stiffness"]
-    pair = contact(values)
-    closed = jump(pair.rig, pair.friction, speed, 1.0)
+    pair = SimpleNamespace(**known_settings(values))
+    closed = jump(pair, pair, speed, 1.0)
     errors = np.array([abs(getattr(closed, name) / told[name] - 1) for name in SHOWN])
     return Scene(values, speed, target, told["slip_distance"] / values["D"], errors)
 
@@ -187,10 +187,9 @@ def simulated_plane(sites: list[list[tuple[brute_force.Pair, float]]]) -> NDArra
 def closed_plane(site: Site, x: str, y: str, grid: tuple[Array, Array]) -> NDArray[np.str_]:
     """Outcomes (n_y, n_x) by the closed forms; "no answer" where the linear slip runs away."""
     values = moved_values(site, {x: grid[0], y: grid[1]})
-    pair = contact(values)
     with np.errstate(all="ignore"):
-        q = settings(pair.rig, pair.friction, values["drive_speed"], values["normal_force"])
-        slip, sliding = np.asarray(slip_margin(q)), np.asarray(sliding_margin(q))
+        q = known_settings(values)
+        slip, sliding = slip_margin(q), sliding_margin(q)
     words = np.array(
         [
             [OUTCOMES[bool(a <= 0), bool(b > 0)] for a, b in zip(*rows, strict=True)]

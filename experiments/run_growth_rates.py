@@ -12,7 +12,6 @@ sys.path[:0] = [str(Path(__file__).parents[1])]
 
 from experiments.growth_rates import FIXED_DAMPER, pairs  # noqa: E402
 from experiments.machine import describe  # noqa: E402
-from identify.prediction.limits import critical_stiffness  # noqa: E402
 
 SHARES = (0.97, 1.0, 1.03)
 SETS, FEW = 20, 3
@@ -38,7 +37,9 @@ def main(fast: bool = False) -> bool:
         good &= changes
         fixed = pair.effects == FIXED_DAMPER
         weakening = (pair.mu_s - pair.mu_k0) * pair.load * pair.t_cr / pair.D
-        known = float(critical_stiffness(pair.mass, pair.viscous, weakening, pair.t_cr))
+        # docs/equations.md, section 6: weakening = c (1 + k t_cr^2 / (m + c t_cr)) with the damping constant c held.
+        c, t = pair.viscous, pair.t_cr
+        known = (weakening - c) / c * (pair.mass + c * t) / t**2
         row = ["fixed c" if fixed else "h / omega_n, a v > 0", f"{pair.mass:.3g}", f"{k:.5g}"]
         row += [f"{known:.5g}" if fixed else "", f"{pair.viscous / (2 * (pair.mass * k) ** 0.5):.3g}"]
         row += [

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from identify.base.quantiles import NORMAL
 from identify.prediction.chart import Boundary
-from identify.prediction.closed_forms import beyond, contact
-from identify.prediction.groups import groups, settings
-from identify.prediction.limits import sliding_margin, slip_margin
+from identify.prediction.closed_forms import beyond, known_settings
+from identify.prediction.groups import formed
 from identify.prediction.map_axes import Axis, Site, axis, moved_values
 from identify.prediction.map_grid import Plane
+from identify.prediction.stability import critical_friction, log_critical_loading
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The paper's closed forms over the plane of a map: where they see stick-slip end and sliding lose its stability.
@@ -47,12 +47,24 @@ def closed_plane(plane: Plane, points: int = POINTS) -> ClosedPlane | None:
     x, y = (np.linspace(places[0], places[-1], points) for places in (plane.x_places, plane.y_places))
     grid_x, grid_y = np.meshgrid(plane.x.value_at(x), plane.y.value_at(y))
     values = moved_values(plane.site, {plane.x.name: grid_x, plane.y.name: grid_y})
-    pair = contact(values)
     with np.errstate(all="ignore"):
-        q = settings(pair.rig, pair.friction, values["drive_speed"], values["normal_force"])
-        g = groups(pair.rig, pair.friction, values["drive_speed"], values["normal_force"])
-        valid = _valid(q, g.alpha)
-        return ClosedPlane(x, y, np.asarray(slip_margin(q)), np.asarray(sliding_margin(q)), valid)
+        q = known_settings(values)
+        return ClosedPlane(x, y, slip_margin(q), sliding_margin(q), _valid(q, formed(q)["alpha"]))
+
+
+def slip_margin(q: Mapping[str, Any]) -> Array:
+    """ln Phi_cr - ln Phi of `groups.settings` (eqs. 17-18): positive where the slip goes on for ever."""
+    g = formed(q)
+    limit, never = log_critical_loading(g["alpha"]), np.where(g["alpha"] > -1, np.inf, np.nan)
+    return np.where(g["loading"] > 0, limit - np.log(g["loading"]), never)
+
+
+def sliding_margin(q: Mapping[str, Any]) -> Array:
+    """Pi_fc - Pi of `groups.settings` (eqs. 19-25), z where the contact is worn: positive where sliding is stable."""
+    g = formed(q)
+    decided = g["z"] * g["tau_cr"] > -1
+    ageing = np.where(decided, critical_friction(g["z"] / 2, g["tau_cr"]) - g["Pi"], -np.inf)
+    return np.where(g["v_acr"] <= 1, ageing, g["z"])
 
 
 def _valid(q: Mapping[str, Any], alpha: Array) -> NDArray[np.bool_]:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from types import SimpleNamespace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.base.dual import Dual, lifted, plain, sqrt, variables
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
-from identify.prediction.groups import Groups, formed, groups, settings
+from identify.prediction.groups import Groups, floated, formed, settings, slopes
 from identify.prediction.intervals import Interval
 from identify.prediction.stability import QUANTITIES, FrictionLike, RigLike
 
@@ -105,68 +103,49 @@ def saturations(alpha: ArrayLike, loading: ArrayLike, tau_cr: ArrayLike) -> Any:
     return share.reshape(shape)[()]
 
 
-def jump(
-    rig: RigLike,
-    friction: FrictionLike,
-    drive_speed: ArrayLike,
-    normal_force: ArrayLike,
-    *,
-    derivatives: bool = False,
-) -> Any:
+def jump(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_force: ArrayLike) -> Jump:
     """The cycle of the closed forms at operating points.
 
     Args:
         rig: mass [kg], stiffness [N/m], damping h [N/m].
         friction: mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; t_cr = 0: the contact saturates at once.
         drive_speed: [m/s], sign irrelevant. normal_force: [N]. All of these broadcast.
-        derivatives: also return {column: {quantity: exact derivative}} over UNITS and `steady.QUANTITIES` (SI).
     """
-    q = settings(rig, friction, drive_speed, normal_force)
     with np.errstate(all="ignore"):
-        status, columns = _columns(q)
-        values = Jump(status, **{name: _told(column) for name, column in columns.items()})
-        if not derivatives:
-            return values
-        _, duals = _columns(variables(q))
-        table = {
-            name: {k: _told(np.broadcast_to(dual.slopes.get(k, 0.0), np.shape(dual.value))) for k in QUANTITIES}
-            for name, dual in duals.items()
-            if isinstance(dual, Dual)
-        }
-    return values, table
+        status, columns = _cycle(settings(rig, friction, drive_speed, normal_force))
+        return Jump(status, **{name: floated(column) for name, column in columns.items()})
 
 
-def _columns(q: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Status, and the columns of UNITS of `settings` or of their `dual.variables`."""
+def _cycle(q: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Status, and the columns of UNITS of `settings`."""
     g = formed(q)
-    share = _lifted_saturation(g["alpha"], g["loading"], g["tau_cr"])
+    share = saturations(g["alpha"], g["loading"], g["tau_cr"])
     alpha, overshoot = g["alpha"], share * g["loading"] - 2 * g["alpha"]
-    status, slip = _lifted_slip(alpha, overshoot)
-    reached = status == "restick"
-    height = _lifted_height(alpha, overshoot, reached)
+    slip = amplitude.slip(alpha, overshoot)
+    none = np.where(slip.status == "restick", 0.0, np.nan)
+    height = amplitude.slip_maximum(alpha, overshoot)[1] + none
     length, time = q["drive_speed"] / g["omega_n"], 1 / g["omega_n"]
     middle = g["xi_o"] * length * q["stiffness"]
-    drop, period = slip["drop"] * length * q["stiffness"], slip["period"] * time
+    drop, period = slip.drop * length * q["stiffness"], slip.period * time
     damper = 2 * g["zeta"] * length * q["stiffness"]  # c v0, which the load cell sees while the mass is at rest
     onset = overshoot * length * q["stiffness"] + middle + damper
-    none = np.where(reached, 0.0, np.nan)
     columns = {
         "drop": drop,
         "period": period,
-        "stick_duration": slip["drop"] * time,
-        "slip_duration": slip["duration"] * time,
+        "stick_duration": slip.drop * time,
+        "slip_duration": slip.duration * time,
         "slip_distance": period * q["drive_speed"],
-        "peak_speed": slip["peak_speed"] * q["drive_speed"],
+        "peak_speed": slip.peak_speed * q["drive_speed"],
         "frequency": 1 / period,
-        "share_in_slip": slip["duration"] / slip["period"],
+        "share_in_slip": slip.share_in_slip,
         "amplitude": height * length,
         "largest_force": height * length * q["stiffness"] + middle,
         "onset_force": onset + none,
         "arrest_force": onset - drop,
         "saturation": share + none,
-        "validity": q["a"] * slip["peak_speed"] * q["drive_speed"],
+        "validity": q["a"] * slip.peak_speed * q["drive_speed"],
     }
-    return _told_status(status, plain(share), plain(g["alpha"]), plain(g["loading"])), columns
+    return _told_status(slip.status, share, g["alpha"], g["loading"]), columns
 
 
 def _told_status(status: Any, share: Any, alpha: Any, loading: Any) -> Any:
@@ -181,49 +160,6 @@ def _told_status(status: Any, share: Any, alpha: Any, loading: Any) -> Any:
     return told[()]
 
 
-def _lifted_saturation(alpha: Any, loading: Any, tau_cr: Any) -> Any:
-    a, phi, T = plain(alpha), plain(loading), plain(tau_cr)
-    share = saturations(a, phi, T)
-    if not isinstance(alpha, Dual):
-        return share
-    # s = 1 - exp(-drop(alpha, s Phi - 2 alpha)/T), differentiated.
-    slip, by = amplitude.slip(a, share * phi - 2 * a, derivatives=True)
-    reach = np.where(T > 0, np.exp(-slip.drop / T) / T, 0.0)
-    whole = 1 - reach * by["overshoot"]["drop"] * phi
-    parts = (
-        (alpha, reach * (by["alpha"]["drop"] - 2 * by["overshoot"]["drop"]) / whole),
-        (loading, reach * by["overshoot"]["drop"] * share / whole),
-        (tau_cr, -reach * np.where(T > 0, slip.drop / T, 0.0) / whole),
-    )
-    return lifted(share, parts)
-
-
-def _lifted_slip(alpha: Any, overshoot: Any) -> tuple[Any, dict[str, Any]]:
-    """Status, and the dimensionless columns of the slip by name."""
-    if not isinstance(alpha, Dual):
-        slip = amplitude.slip(alpha, overshoot)
-        return slip.status, {name: getattr(slip, name) for name in amplitude.COLUMNS}
-    slip, by = amplitude.slip(plain(alpha), plain(overshoot), derivatives=True)
-    columns = {
-        name: lifted(getattr(slip, name), [(alpha, by["alpha"][name]), (overshoot, by["overshoot"][name])])
-        for name in amplitude.COLUMNS
-    }
-    return slip.status, columns
-
-
-def _lifted_height(alpha: Any, overshoot: Any, reached: Any) -> Any:
-    """The amplitude of eq. (16), NaN where the cycle does not repeat."""
-    none = np.where(reached, 0.0, np.nan)
-    if not isinstance(alpha, Dual):
-        return amplitude.slip_maximum(alpha, overshoot)[1] + none
-    (_, height), by = amplitude.slip_maximum(plain(alpha), plain(overshoot), derivatives=True)
-    return lifted(height, [(alpha, by["alpha"][1]), (overshoot, by["overshoot"][1])]) + none
-
-
-def _told(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The paper's closed forms for a scene, in SI, each beside the nonlinear model's answer and judged by it.
 # ----------------------------------------------------------------------------------------------------------------------
@@ -233,14 +169,7 @@ Array = NDArray[np.float64]
 AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
 KNOWN = (*MAIN, "driven_damping", "linear_weakening", "varying_normal_force")  # effects, at one operating point
 SLOW = 1e-6  # s/m, of a weakening that no slip gets to the end of
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Rig and friction of a scene as the calculators take them; effects a model lacks stand at their null."""
-
-    rig: RigLike
-    friction: FrictionLike
+CYCLE = ("drop", "period", "slip_duration", "peak_speed")
 
 
 def beyond(effects: Sequence[str]) -> tuple[str, ...]:
@@ -248,93 +177,78 @@ def beyond(effects: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in effects if name not in KNOWN)
 
 
-def contact(values: Mapping[str, float]) -> Contact:
-    """The rig and friction of named parameter values; what is absent is null (no damping, ageing, weakening).
+def known_settings(values: Mapping[str, Any]) -> dict[str, Any]:
+    """What the closed forms take (QUANTITIES) of named values [SI] of a model's parameters, "drive_speed" and
+    "normal_force"; what is absent is null (no damping, ageing, weakening). Arrays of one shape, or floats.
 
     A damping at a frequency of its own is the h that gives the same damper at the natural frequency; weakening in
     proportion to speed is the start of an exponential one that is very slow.
     """
-    rig = {name: values.get(name, 0.0) for name in ("mass", "stiffness", "damping")}
+    q = {name: values.get(name, 0.0) for name in QUANTITIES}
     if "damping_frequency" in values:
-        natural = np.sqrt(rig["stiffness"] / rig["mass"]) / (2 * np.pi)
-        rig["damping"] *= float(natural / values["damping_frequency"])
-    friction = {name: values.get(name, 0.0) for name in ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")}
+        q["damping"] = q["damping"] * np.sqrt(q["stiffness"] / q["mass"]) / (2 * np.pi * values["damping_frequency"])
     if "slope" in values:
-        friction |= {"delta_mu_k": values["slope"] / SLOW, "a": SLOW}
-    return Contact(SimpleNamespace(**rig), SimpleNamespace(**friction))
+        q |= {"delta_mu_k": values["slope"] / SLOW, "a": SLOW}
+    return dict(zip(q, (np.asarray(value, float)[()] for value in np.broadcast_arrays(*q.values())), strict=True))
 
 
 @dataclass(frozen=True)
 class ClosedForms:
     """The closed forms at one operating point, SI, NaN where they have no answer; `status` says why.
 
-    status: "restick", "steady", "no_slip", "runaway" (of the linearised slip); critical_speed [m/s] is the drive
-    speed below which that slip sticks again; friction_parameter and its critical values decide whether steady
-    sliding is stable (below: stable), by the derived and by the printed eq. (25).
+    status: "restick", "steady", "no_slip", "runaway" (of the linearised slip). numbers: "drop", "period",
+    "slip_duration", "peak_speed"; "critical_speed" [m/s], below which that slip sticks again; "Pi" and its critical
+    value "Pi_fc" decide whether steady sliding is stable (below: stable), "Pi_fc_printed" by the printed eq. (25);
+    "Omega_c". worn: the contact does not age in steady sliding.
     """
 
     groups: Groups
     status: str
-    drop: float
-    period: float
-    slip_duration: float
-    peak_speed: float
-    saturation: float
-    critical_speed: float
-    friction_parameter: float
-    critical_friction: float
-    critical_friction_printed: float
-    critical_frequency: float
     worn: bool
+    numbers: Mapping[str, float]
 
 
-def side_by_side(pairs: Sequence[Contact]) -> Contact:
-    """Several pairs (n,) as one whose quantities are arrays (n,), as the closed forms take them."""
-
-    def column(parts: Sequence[Any]) -> SimpleNamespace:
-        return SimpleNamespace(**{name: np.array([getattr(one, name) for one in parts]) for name in vars(parts[0])})
-
-    return Contact(column([pair.rig for pair in pairs]), column([pair.friction for pair in pairs]))
-
-
-def closed_forms(pair: Contact, drive_speed: float, normal_force: float) -> ClosedForms:
-    """The closed forms at drive speed [m/s], positive, and normal force [N] (docs/equations.md, sections 4 to 6)."""
-    return closed_forms_each([pair], np.array([drive_speed]), np.array([normal_force]))[0]
+def closed_forms(values: Mapping[str, float]) -> ClosedForms:
+    """The closed forms of named values [SI] (docs/equations.md, sections 4 to 6), as for `known_settings`."""
+    q = known_settings(values)
+    status, numbers, g = _evaluated(q)
+    return ClosedForms(
+        groups=Groups(**{name: float(value) for name, value in g.items()}),
+        status=str(status),
+        worn=bool(not (q["D"] > 0 and q["t_cr"] > 0) or g["v_acr"] > 1),
+        numbers={name: float(value) for name, value in numbers.items()},
+    )
 
 
-def closed_forms_each(pairs: Sequence[Contact], drive_speed: Array, normal_force: Array) -> list[ClosedForms]:
-    """The closed forms of several pairs (n,), each at its own drive speed and normal force (n,); see `closed_forms`."""
-    pair = side_by_side(pairs)
-    rig, friction = pair.rig, pair.friction
-    g = groups(rig, friction, drive_speed, normal_force)
-    cycle = jump(rig, friction, drive_speed, normal_force)
-    limit = stability.critical_loading(g.alpha)
-    ageing = (np.asarray(friction.D) > 0) & (np.asarray(friction.t_cr) > 0)
+def form_slopes(values: Mapping[str, float], names: Sequence[str]) -> dict[str, Array]:
+    """Derivatives (f,) of the numbers of `closed_forms` and of the groups by `names` of the values."""
+
+    def formula(moved: dict[str, Any]) -> dict[str, Any]:
+        _, numbers, g = _evaluated(known_settings(moved))
+        return {**g, **numbers}
+
+    return slopes(formula, values, names)
+
+
+def _evaluated(q: Mapping[str, Any]) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """Status, numbers and groups of `settings`."""
     with np.errstate(all="ignore"):
-        fall = (friction.mu_s - friction.mu_k0) * normal_force / np.sqrt(rig.mass * rig.stiffness)
-        columns = {
-            "drop": cycle.drop,
-            "period": cycle.period,
-            "slip_duration": cycle.slip_duration,
-            "peak_speed": cycle.peak_speed,
-            "saturation": cycle.saturation,
-            "critical_speed": np.where(np.isnan(limit), np.nan, np.where(limit > 0, fall / limit, np.inf)),
-            "friction_parameter": g.Pi,
-            "critical_friction": np.where(ageing, stability.critical_friction(g.z / 2, g.tau_cr), np.nan),
-            "critical_friction_printed": np.where(
-                ageing, stability.critical_friction(g.zeta, g.tau_cr, form="printed"), np.nan
-            ),
-            "critical_frequency": np.where(ageing, stability.critical_frequency(g.z / 2, g.tau_cr), np.nan),
+        g, (status, cycle) = formed(q), _cycle(q)
+        ageing = (q["D"] > 0) & (q["t_cr"] > 0)
+        limit = stability.critical_loading(g["alpha"])
+        fall = (q["mu_s"] - q["mu_k0"]) * q["normal_force"] / np.sqrt(q["mass"] * q["stiffness"])
+        local = {
+            "Pi_fc": stability.critical_friction(g["z"] / 2, g["tau_cr"]),
+            "Pi_fc_printed": stability.critical_friction(g["zeta"], g["tau_cr"], form="printed"),
+            "Omega_c": stability.critical_frequency(g["z"] / 2, g["tau_cr"]),
         }
-    return [
-        ClosedForms(
-            groups=Groups(**{name: float(column[i]) for name, column in asdict(g).items()}),
-            status=str(cycle.status[i]),
-            worn=bool(not ageing[i] or g.v_acr[i] > 1),
-            **{name: float(column[i]) for name, column in columns.items()},
-        )
-        for i in range(len(pairs))
-    ]
+        numbers = {
+            **{name: cycle[name] for name in CYCLE},
+            "critical_speed": np.where(np.isnan(limit), np.nan, np.where(limit > 0, fall / limit, np.inf)),
+            "Pi": g["Pi"],
+            **{name: np.where(ageing, value, np.nan) for name, value in local.items()},
+        }
+    return status, numbers, g
 
 
 def judged(value: float, answer: float | None, status: str, alpha: float) -> str:
@@ -375,47 +289,3 @@ def number(value: Any, unit: str, validity: str, interval: Interval | None = Non
     if finite and interval is not None and interval.drawn:
         out["interval_from"] = "draws"
     return out
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Exact derivatives of every number of the closed forms at operating points, by rig, pair, speed and load.
-# ----------------------------------------------------------------------------------------------------------------------
-
-CYCLE = ("drop", "period", "slip_duration", "peak_speed")
-Table = dict[str, dict[str, float]]
-
-
-def form_slopes(pairs: Sequence[Contact], drive_speed: Array, normal_force: Array) -> list[tuple[Table, Table]]:
-    """For every pair (n,) at its drive speed and normal force (n,): (closed forms, groups), {name: {quantity:
-    derivative}} over `steady.QUANTITIES`, SI; a quantity that is absent moves nothing. Names as in a prediction."""
-    pair = side_by_side(pairs)
-    q = variables(settings(pair.rig, pair.friction, drive_speed, normal_force))
-    with np.errstate(all="ignore"):
-        g = formed(q)
-        cycle = jump(pair.rig, pair.friction, drive_speed, normal_force, derivatives=True)[1]
-        limit, table = stability.critical_loading(plain(g["alpha"]), derivatives=True)
-        fall = (q["mu_s"] - q["mu_k0"]) * q["normal_force"] / sqrt(q["mass"] * q["stiffness"])
-        forms: dict[str, Any] = {
-            "critical_speed": fall / lifted(limit, [(g["alpha"], table["alpha"])]),
-            "Pi": g["Pi"],
-            "Pi_fc": _stability(stability.critical_friction, g["z"] / 2, g["tau_cr"]),
-            "Pi_fc_printed": _stability(stability.critical_friction, g["zeta"], g["tau_cr"], "printed"),
-            "Omega_c": _stability(stability.critical_frequency, g["z"] / 2, g["tau_cr"]),
-        }
-    slopes = {name: cycle[name] for name in CYCLE} | {name: _slopes(value) for name, value in forms.items()}
-    by_group = {name: _slopes(value) for name, value in g.items()}
-    return [(_at(slopes, i), _at(by_group, i)) for i in range(len(pairs))]
-
-
-def _stability(function: Any, zeta: Any, tau_cr: Any, form: str = "derived") -> Any:
-    value, table = function(plain(zeta), plain(tau_cr), form, derivatives=True)
-    return lifted(value, [(zeta, table["zeta"]), (tau_cr, table["tau_cr"])])
-
-
-def _slopes(value: Any) -> Mapping[str, Any]:
-    return value.slopes if isinstance(value, Dual) else {}
-
-
-def _at(columns: Mapping[str, Mapping[str, Any]], i: int) -> Table:
-    """The derivatives (n,) of every name at one of the points."""
-    return {name: {q: float(slope[i]) for q, slope in table.items()} for name, table in columns.items()}

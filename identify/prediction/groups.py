@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from identify.base.dual import Dual, exp, expm1, plain, sqrt, variables, where
 from identify.prediction.stability import QUANTITIES, FrictionLike, RigLike
 
 MEANING = {
@@ -76,19 +75,19 @@ def settings(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, norma
 
 
 def formed(q: Mapping[str, Any]) -> dict[str, Any]:
-    """The groups of `settings`, or of the same as `dual.variables`, by name."""
-    v, impedance = q["drive_speed"], sqrt(q["mass"] * q["stiffness"])
-    ageing = (plain(q["D"]) > 0) & (plain(q["t_cr"]) > 0)
-    omega, zeta = sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
+    """The groups of `settings` by name."""
+    v, impedance = q["drive_speed"], np.sqrt(q["mass"] * q["stiffness"])
+    ageing = (q["D"] > 0) & (q["t_cr"] > 0)
+    omega, zeta = np.sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
     force = q["normal_force"] / impedance  # w v0: the groups below hardly know the drive speed
     w, v_a = force / v, q["a"] * v
-    v_cr = where(ageing, q["D"] / q["t_cr"], 0.0)
-    v_acr = where(ageing, v * q["t_cr"] / q["D"], np.inf)
-    gamma_0 = where(plain(v_acr) < 1, 1 - v_acr, 0.0)
+    v_cr = np.where(ageing, q["D"] / q["t_cr"], 0.0)
+    v_acr = np.where(ageing, v * q["t_cr"] / q["D"], np.inf)
+    gamma_0 = np.where(v_acr < 1, 1 - v_acr, 0.0)
     slope = q["delta_mu_k"] * q["a"] * force
     step = q["mu_s"] - q["mu_k0"]
     alpha, loading = zeta + slope / 2, step * w
-    weakened = step + q["delta_mu_k"] * expm1(-v_a)
+    weakened = step + q["delta_mu_k"] * np.expm1(-v_a)
     return {
         "omega_n": omega,
         "zeta": zeta,
@@ -104,39 +103,47 @@ def formed(q: Mapping[str, Any]) -> dict[str, Any]:
         "xi_p_printed": q["mu_s"] * w,
         "overshoot": loading - 2 * alpha,
         "loading": loading,
-        "z": 2 * zeta + slope * exp(-v_a) * (1 - gamma_0),
-        "Pi": where(ageing, force * weakened * q["t_cr"] / q["D"], np.nan),
+        "z": 2 * zeta + slope * np.exp(-v_a) * (1 - gamma_0),
+        "Pi": np.where(ageing, force * weakened * q["t_cr"] / q["D"], np.nan),
     }
 
 
-def groups(
-    rig: RigLike,
-    friction: FrictionLike,
-    drive_speed: ArrayLike,
-    normal_force: ArrayLike,
-    *,
-    derivatives: bool = False,
-) -> Any:
+def groups(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_force: ArrayLike) -> Groups:
     """The dimensionless groups of operating points.
 
     Args:
         rig: mass [kg], stiffness [N/m], damping h [N/m].
         friction: mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
         drive_speed: [m/s], sign irrelevant. normal_force: [N]. All of these broadcast.
-        derivatives: also return {group: {quantity: exact derivative}} over `steady.QUANTITIES` (SI).
     """
     q = settings(rig, friction, drive_speed, normal_force)
     with np.errstate(all="ignore"):
-        values = Groups(**{name: _told(value) for name, value in formed(q).items()})
-        if not derivatives:
-            return values
-        table = {
-            name: {k: _told(np.broadcast_to(group.slopes.get(k, 0.0), np.shape(group.value))) for k in QUANTITIES}
-            for name, group in formed(variables(q)).items()
-            if isinstance(group, Dual)
-        }
-    return values, table
+        return Groups(**{name: floated(value) for name, value in formed(q).items()})
 
 
-def _told(value: Any) -> Any:
+def floated(value: Any) -> Any:
+    """A number of one operating point as a float, arrays as they are."""
     return float(value) if np.ndim(value) == 0 else value
+
+
+STEP, LEAST = 1e-5, 1e-8  # of a difference: relative, and absolute for what is zero
+NOTHING = 1e-13  # of a number: a difference that small is rounding
+
+
+def slopes(
+    formula: Callable[[dict[str, Any]], Mapping[str, Any]], values: Mapping[str, float], names: Sequence[str]
+) -> dict[str, NDArray[np.float64]]:
+    """Derivatives (f,) by `names` of every number that a formula makes of named values [SI], which it takes as arrays.
+
+    Central differences, good to nine digits; NaN where a number is lost on one side of the point.
+    """
+    steps = np.array([STEP * abs(values[name]) or LEAST for name in names])
+    moved = {name: np.full((2, len(names)), float(value)) for name, value in values.items()}
+    for i, name in enumerate(names):
+        moved[name][:, i] += [steps[i], -steps[i]]
+    with np.errstate(all="ignore"):
+        found = {name: np.broadcast_to(value, (2, len(names))) for name, value in formula(moved).items()}
+        return {
+            name: np.where(np.abs(above - below) <= NOTHING * np.abs(above), 0.0, (above - below) / (2.0 * steps))
+            for name, (above, below) in found.items()
+        }

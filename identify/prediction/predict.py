@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.errors import SimulationError
 from identify.model.model import Model
 from identify.prediction.closed_forms import (
+    CYCLE,
     ClosedForms,
-    Table,
     beyond,
-    closed_forms_each,
-    contact,
+    closed_forms,
     form_slopes,
     judged,
     number,
@@ -37,7 +36,6 @@ Array = NDArray[np.float64]
 
 MODEL = "nonlinear model, valid at any speed"
 EITHER_SIGN = ("alpha", "z", "overshoot", "loading")  # groups told by their value, not its logarithm
-STAND_INS = ("slope", "damping_frequency")  # parameters of other effects that the closed forms take for the paper's own
 PERIOD, SLIP, PEAK = (list(QUANTITIES).index(name) for name in ("period", "slip_duration", "peak_speed"))
 POSITIVE = [i for i, name in enumerate(QUANTITIES) if name not in ("onset_force", "arrest_force")]
 QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it were this large
@@ -112,16 +110,10 @@ def _documents(
     unknown = [n for n in names if n not in model.parameter_names and n not in POINT]
     if unknown:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
-    pairs = [contact(dict(zip(model.parameter_names, map_.p.tolist(), strict=True))) for map_ in maps]
-    at = np.array(speeds), np.array([map_.normal_force for map_ in maps])
-    uncertain = bool(names) and any(point.covariance is not None for point in points)
-    slopes = form_slopes(pairs, *at) if uncertain else [({}, {})] * len(points)
     shared: dict[tuple[int, bytes], Array | None] | None = {} if draws else None
     return [
-        _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), tables, shared), forms)
-        for map_, point, answer, tables, forms in zip(
-            maps, points, solution_sets(maps, speeds), slopes, closed_forms_each(pairs, *at), strict=True
-        )
+        _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), shared))
+        for map_, point, answer in zip(maps, points, solution_sets(maps, speeds), strict=True)
     ]
 
 
@@ -135,8 +127,8 @@ def _map(model: Model, point: OperatingPoint) -> CycleMap:
     return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
 
 
-def _document(map_: CycleMap, answer: SolutionSet, spread: _Intervals, forms: ClosedForms) -> dict[str, Any]:
-    speed = answer.steady.drive_speed
+def _document(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[str, Any]:
+    speed, forms = answer.steady.drive_speed, closed_forms(spread.values)
     document: dict[str, Any] = {
         "operating_point": {
             "drive_speed": number(speed, "m/s", ""),
@@ -145,7 +137,7 @@ def _document(map_: CycleMap, answer: SolutionSet, spread: _Intervals, forms: Cl
         "stability": _stability(answer, spread),
         "amplitude": _amplitude(map_, answer, spread),
         "groups": {
-            name: number(value, MEANING[name][0], MEANING[name][1], spread.group(name, value))
+            name: number(value, MEANING[name][0], MEANING[name][1], spread.form(name, value))
             for name, value in asdict(forms.groups).items()
         },
     }
@@ -167,18 +159,16 @@ class _Intervals:
         answer: SolutionSet,
         covariance: ArrayLike | None,
         names: tuple[str, ...],
-        forms: tuple[Table, Table],
         shared: dict[tuple[int, bytes], Array | None] | None,
     ) -> None:
-        """forms: derivatives of the closed forms and of the groups; shared: draws of limits that several points have in
-        common; None: straight lines only."""
+        """shared: draws of limits that several points have in common; None: straight lines only."""
         self._map, self._answer, self._names = map_, answer, names
         matrix = None if covariance is None or not names else np.asarray(covariance, float)
         point = dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
         self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix, point)
-        self._forms, self._shared = forms, shared
-        values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True)) | point
-        self._uncertain = None if matrix is None else Uncertain(map_.model, values, names, matrix)
+        self._shared = shared
+        self.values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True)) | point
+        self._uncertain = None if matrix is None else Uncertain(map_.model, self.values, names, matrix)
         if self._spread is not None:
             steady = answer.steady
             self._growth, self._force = sliding_slopes(map_, steady.drive_speed, names)
@@ -207,27 +197,20 @@ class _Intervals:
         drawn = self._uncertain.drawn()
         return drawn, answers_of_draws(self._map.model, drawn, orbit).quantities
 
+    @cached_property
+    def _form_slopes(self) -> Mapping[str, Array]:
+        return form_slopes(self.values, self._names)
+
     def form(self, name: str, value: float) -> Interval | None:
-        """Of a number of the closed forms."""
-        return self._by_name(self._forms[0], name, value)
-
-    def group(self, name: str, value: float) -> Interval | None:
-        """Of a dimensionless group."""
-        return self._by_name(self._forms[1], name, value)
-
-    def _by_name(self, table: Table, name: str, value: float) -> Interval | None:
+        """Of a number of the closed forms or of a dimensionless group."""
         if self._spread is None or not np.isfinite(value):
             return None
-        slopes = np.array([self._slope(table[name], n) for n in self._names])
+        slopes = self._form_slopes[name]
         if not np.any(slopes):
             return None  # nothing in it is uncertain
         if value > 0.0 and name not in EITHER_SIGN:
             return self._spread.positive(value, slopes)
         return self._spread.signed(value, slopes, abs(value))
-
-    def _slope(self, table: Mapping[str, float], name: str) -> float:
-        """The closed forms know the paper's quantities; of others that stand in for one of them nothing is said."""
-        return np.nan if name in STAND_INS else table.get(name, 0.0)
 
     def validity(self, a: float, peak: float) -> Interval | None:
         """Of a V_max, from the orbit."""
@@ -366,17 +349,18 @@ def _inverse(interval: Interval | None) -> Interval | None:
 def _closed_forms(
     forms: ClosedForms, answer: SolutionSet, document: dict[str, Any], spread: _Intervals, ignored: tuple[str, ...]
 ) -> dict[str, Any]:
-    nonlinear, alpha = document["amplitude"], forms.groups.alpha
+    nonlinear, alpha, told = document["amplitude"], forms.groups.alpha, forms.numbers
     peak, a = nonlinear["peak_speed"]["value"], forms.groups.v_a / answer.steady.drive_speed
     validity = (None, None) if peak is None else (a * peak, spread.validity(a, peak))
 
     unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
 
-    def beside(name: str, value: float, unit: str, other: float | None) -> dict[str, Any]:
-        return number(value, unit, unaware or judged(value, other, forms.status, alpha), spread.form(name, value))
+    def beside(name: str, unit: str, other: float | None) -> dict[str, Any]:
+        why = unaware or judged(told[name], other, forms.status, alpha)
+        return number(told[name], unit, why, spread.form(name, told[name]))
 
-    def alone(name: str, value: float, why: str, there: bool = True) -> dict[str, Any]:
-        return number(value if there else None, "", why, spread.form(name, value))
+    def alone(name: str, why: str, there: bool = True) -> dict[str, Any]:
+        return number(told[name] if there else None, "", why, spread.form(name, told[name]))
 
     local = unaware or "exact for small disturbances of steady sliding"
     printed = printed_form(forms.groups.zeta, forms.groups.tau_cr)
@@ -384,13 +368,10 @@ def _closed_forms(
         "a_V_max": number(validity[0], "", "the closed forms of a slip need this to be far below 1", validity[1]),
         "slip": forms.status,
         "ignores": list(ignored),
-        "drop": beside("drop", forms.drop, "N", nonlinear["drop"]["value"]),
-        "period": beside("period", forms.period, "s", nonlinear["period"]["value"]),
-        "slip_duration": beside("slip_duration", forms.slip_duration, "s", nonlinear["slip_duration"]["value"]),
-        "peak_speed": beside("peak_speed", forms.peak_speed, "m/s", peak),
-        "critical_speed": beside("critical_speed", forms.critical_speed, "m/s", answer.end),
-        "Pi": alone("Pi", forms.friction_parameter, local, not forms.worn),
-        "Pi_fc": alone("Pi_fc", forms.critical_friction, local, not forms.worn),
-        "Pi_fc_printed": alone("Pi_fc_printed", forms.critical_friction_printed, printed),
-        "Omega_c": alone("Omega_c", forms.critical_frequency, local, not forms.worn),
+        **{name: beside(name, QUANTITIES[name], nonlinear[name]["value"]) for name in CYCLE},
+        "critical_speed": beside("critical_speed", "m/s", answer.end),
+        "Pi": alone("Pi", local, not forms.worn),
+        "Pi_fc": alone("Pi_fc", local, not forms.worn),
+        "Pi_fc_printed": alone("Pi_fc_printed", printed),
+        "Omega_c": alone("Omega_c", local, not forms.worn),
     }

@@ -11,7 +11,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from identify import amplitude, stability
-from identify.prediction import limits as critical
 from tests.support import closed_form_case as plain
 
 FEW = settings(max_examples=60, deadline=None, derandomize=True)
@@ -171,8 +170,6 @@ def test_named_refusals() -> None:
     for call in (stability.critical_friction, stability.critical_frequency):
         with pytest.raises(ValueError, match="'derived' or 'printed'"):
             call(0.1, 1.0, "exact")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="'derived' or 'printed'"):
-        critical.critical_mass(1.0, 1.0, 1.0, 1.0, "exact")  # type: ignore[arg-type]
 
 
 def test_without_the_exact_difference_digits_are_lost() -> None:

@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identify import ageing, amplitude, stability
-from identify.prediction import limits as critical
 from identify.prediction.groups import groups
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "reference.json").read_text())
@@ -135,15 +134,6 @@ def test_eigenvalues_and_groups(row: dict[str, Any]) -> None:
     agree(stability.critical_friction(g.z / 2, g.tau_cr), row["Pi_fc_derived"])
     agree(stability.critical_friction(g.zeta, g.tau_cr, form="printed"), row["Pi_fc_printed"])
     assert len(g.sentences()) == len(GROUPS) + 1 and "v_cr = " in " ".join(g.sentences())
-
-
-@rows("critical")
-def test_critical_rig_quantities(row: dict[str, Any]) -> None:
-    i = row["input"]
-    weakening = i["dmu"] * i["Fn"] * i["tcr"] / i["D"]
-    agree(critical.critical_stiffness(i["m"], i["c"], weakening, i["tcr"]), row["k_c"])
-    agree(critical.critical_damping(i["m"], i["k"], weakening, i["tcr"]), row["c_c"])
-    agree(critical.critical_mass(i["k"], i["c"], weakening, i["tcr"]), row["m_c"])
 
 
 @rows("gamma")
