@@ -27,6 +27,7 @@ def told_apart(value: float, other: float) -> tuple[str, str]:
 # ----------------------------------------------------------------------------------------------------------------------
 
 WIDTH = 79
+START_VALUES = "give start values nearer to the pair under [parameters], such as mu_s = { start = 0.6 }"
 
 
 def columns(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:

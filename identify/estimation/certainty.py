@@ -188,7 +188,7 @@ def hanging(solved: Solved, names: Sequence[str]) -> str | None:
     return (
         f"{name}: at this answer what happens from {begin:.5g} s lasts {end - begin:.2g} s only, if it happens at all, "
         f"and holds the answer back by {np.sqrt(squared):.1f} standard errors; leave this log out or end it "
-        "there, or give start values"
+        "there"
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from data_io.arrays import thinned
 from identify.base.outcome import Status
 from identify.base.quantiles import normal
+from identify.base.wording import START_VALUES
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered
 from identify.estimation.strained import odd_stick, scatter_words, strained_load
 from identify.logs.log_data import Guess, LogData
@@ -176,7 +177,7 @@ def inconsistency(
         if cycle is not None:
             return (
                 f"{name}, cycle {cycle + 1}: at this answer the slip runs backwards on its way, which the fit does not "
-                "follow; exclude that stretch, or give start values"
+                "follow; exclude that stretch"
             )
     return None
 
@@ -320,7 +321,7 @@ def _leaning(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> s
     return (
         f"the misfit is noise on the whole, but around {lean.time:.4g} s of {names[lean.log]} the curve misses by "
         f"{abs(lean.residual):.2g} N for {lean.length:.2g} s ({lean.deviations:.0f} standard deviations): another "
-        "answer may fit there too, or the model lacks something; look there in the report, and give start values"
+        f"answer may fit there too, or the model lacks something; look there in the report, and {START_VALUES}"
     )
 
 
@@ -370,7 +371,7 @@ def _judge(
     if not np.isfinite(chi2):
         return Status.SOLVER_FAILED, (
             f"the solver left the region where the model can be computed ({solution.words}); "
-            "check mass, stiffness and drive speed, or give start values"
+            "check mass, stiffness and drive speed"
         )
     if solution.success and chi2 < 1.0 and not np.any(z > PER_CYCLE) and solved.event_shift < SETTLED:
         share = _missed(solved, chi2)
@@ -384,7 +385,7 @@ def _judge(
     if not solution.success and not bad and np.max(np.abs(z)) <= PER_CYCLE:
         return Status.SOLVER_FAILED, (
             f"the solver stopped with {solution.words} after {solved.iterations} iterations although the curve fits; "
-            "give start values, or fix a parameter that these logs cannot tell"
+            f"{START_VALUES}, or fix a parameter that these logs cannot tell"
         )
     if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
         others = np.delete(np.abs(z), worst)
@@ -415,12 +416,12 @@ def _judge(
             + (
                 ""
                 if solution.success
-                else f"; the solver itself stopped with {solution.words}: a better start may still fit"
+                else f"; the solver itself stopped with {solution.words}, and may do better from "
+                f"elsewhere: {START_VALUES}"
             )
         )
     if not solved.event_shift < SETTLED:
         return Status.SOLVER_FAILED, (
-            f"the event times still move by {solved.event_shift:.2g} samples per pass; "
-            "give start values closer to the answer"
+            f"the event times still move by {solved.event_shift:.2g} samples per pass; {START_VALUES}"
         )
     return Status.CONVERGED, ""

@@ -375,8 +375,8 @@ def disowned(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int])
         return best
     message = (
         f"the answer of the other logs does not stick-slip as {', '.join(missing)} does: drive speed, stiffness or "
-        "mass of that log are not as stated, or the others tell too little to lead to it: check these, give start "
-        "values, or fit it alone"
+        "mass of that log are not as stated, or the others tell too little to lead to it: check these, or fit "
+        "it alone"
     )
     return replace(best, gate=replace(best.gate, status=Status.MODEL_MISFIT, message=message))
 

@@ -35,8 +35,8 @@ def strained_load(solved: Solved, names: Sequence[str]) -> str:
         if max(_excess(off), abs(float(off[worst]))) > FARTHEST:
             return (
                 f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
-                f"errors of its measured course (cycle {cycle + 1}): another start may fit, or friction drifts or "
-                f"differs from cycle to cycle; give start values{remedy}"
+                f"errors of its measured course (cycle {cycle + 1}), or friction drifts or differs from cycle to "
+                f"cycle; check the sensor of the normal force, leave those cycles out{remedy}"
             )
     return ""
 
