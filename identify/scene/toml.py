@@ -72,7 +72,7 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
         _refuse_a_log(path)
         raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
     except OSError as error:
-        raise SceneError(f"the scene file cannot be read ({error.strerror}); check its permissions") from None
+        raise SceneError(f"the scene file cannot be read ({error.strerror}); check its path and permissions") from None
     _refuse_long_integers(document)
     document = with_rig_file(document, path.parent)
     for override in overrides:

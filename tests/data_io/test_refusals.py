@@ -1,6 +1,5 @@
 """Every sentence in which a log is refused has input that triggers it and input that just does not."""
 
-import ast
 import functools
 import re
 
@@ -9,38 +8,7 @@ import pytest
 from data_io import LogError
 from data_io.units import UnitError
 from tests.support.refusal_cases import CASES
-
-REFUSING = ("LogError", "UnitError", "error", "fail", "_error", "_damaged")
-LEAST = 12  # characters of its own that tell a sentence from others
-
-
-def sentences_in(source):
-    """The sentences that a module refuses with, as patterns; those it puts together elsewhere are looked up there."""
-    tree = ast.parse(source)
-    functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
-    within = {id(inner): node for node in functions.values() for inner in ast.walk(node)}
-    for node in ast.walk(tree):
-        name = getattr(node.func, "attr", getattr(node.func, "id", "")) if isinstance(node, ast.Call) else ""
-        if name in REFUSING:
-            for argument in node.args:
-                yield from _patterns(argument, within.get(id(node)), functions)
-
-
-def _patterns(value, function, functions):
-    if isinstance(value, (ast.Constant, ast.JoinedStr)):
-        parts = value.values if isinstance(value, ast.JoinedStr) else [value]
-        texts = [part.value if isinstance(part, ast.Constant) else None for part in parts]
-        if all(isinstance(text, (str, type(None))) for text in texts) and len("".join(filter(None, texts))) >= LEAST:
-            yield ".*".join(re.escape(" ".join(text.split())) for text in texts if text and text.strip())
-    elif isinstance(value, ast.Name) and function is not None:
-        for node in ast.walk(function):
-            if isinstance(node, ast.Assign) and any(getattr(t, "id", "") == value.id for t in node.targets):
-                yield from _patterns(node.value, None, functions)
-    elif isinstance(value, ast.Call) and getattr(value.func, "id", "") in functions:
-        called = functions[value.func.id]
-        for node in ast.walk(called):
-            if isinstance(node, ast.Return) and node.value is not None:
-                yield from _patterns(node.value, called, functions)
+from tests.support.sentences import sentences_in
 
 
 @functools.cache
