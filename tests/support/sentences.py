@@ -34,3 +34,13 @@ def _patterns(value, function, functions):
         for node in ast.walk(called):
             if isinstance(node, ast.Return) and node.value is not None:
                 yield from _patterns(node.value, called, functions)
+
+
+def advising(source):
+    """All sentences of a module with a remedy, which stands behind a semicolon, as patterns."""
+    tree = ast.parse(source)
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    inner = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Constant, ast.JoinedStr)) and id(node) not in docstrings | inner:
+            yield from (pattern for pattern in _patterns(node, None, {}) if r";\ " in pattern)
