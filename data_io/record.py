@@ -170,6 +170,8 @@ def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: Float
     bad = np.isnan(normal) | np.isnan(friction)
     if not bad.any():
         return []
+    if np.count_nonzero(~bad) < 2:
+        raise fail("no two rows hold numbers of both forces; a log with numbers was expected; export it again")
     edges = np.flatnonzero(np.diff(np.concatenate(([False], bad, [False]))))
     starts, lengths = edges[::2], np.diff(edges)[::2]
     longest = int(np.argmax(lengths))
@@ -186,8 +188,6 @@ def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: Float
             f'{stop + begin:.6g} s" (in a scene: window = ["{start + begin:.6g} s", "{stop + begin:.6g} s"]), in a '
             f'scene leave them out with exclude = [["{first:.6g} s", "{last:.6g} s"]], or export the log again'
         )
-    if np.count_nonzero(~bad) < 2:
-        raise fail("no two rows hold finite forces; a log with numbers was expected; export it again")
     total, blocks = int(np.count_nonzero(bad)), starts.size
     message = f"{total} of {bad.size} rows hold no number in {blocks} place(s), first at {time[starts[0]]:.6g} s; "
     return [Finding("missing_rows", "warning", message + "they stay empty and get no weight")]
