@@ -103,16 +103,6 @@ RK4 = Tableau(
     b=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
 )
 
-# Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321-325.
-BOGACKI_SHAMPINE = Tableau(
-    name="bogacki_shampine",
-    order=3,
-    c=(0.0, 1 / 2, 3 / 4, 1.0),
-    a=((), (1 / 2,), (0.0, 3 / 4), (2 / 9, 1 / 3, 4 / 9)),
-    b=(2 / 9, 1 / 3, 4 / 9, 0.0),
-    error=(2 / 9 - 7 / 24, 1 / 3 - 1 / 4, 4 / 9 - 1 / 3, -1 / 8),
-)
-
 # Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19-26.
 DORMAND_PRINCE = Tableau(
     name="dormand_prince",
@@ -149,7 +139,7 @@ DOP853 = Tableau(
     coarse=ERROR_3,
 )
 
-ALL: tuple[Tableau, ...] = (RK4, BOGACKI_SHAMPINE, DORMAND_PRINCE, DOP853)
+ALL: tuple[Tableau, ...] = (RK4, DORMAND_PRINCE, DOP853)
 
 
 def weighted(weights: tuple[float, ...], stages: list[Any]) -> Any:

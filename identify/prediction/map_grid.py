@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from contourpy import contour_generator
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
@@ -17,26 +18,8 @@ from identify.prediction.path import SettingPath
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+MIDDLE = 1e-6  # of an edge: how far from its middle an outline crosses it
 Edge = tuple[str, int, int]  # "x" or "y": from node (row, column) to the next in that direction; of the padded grid
-
-# By the corners inside (1: lower left, 2: lower right, 4: upper right, 8: upper left): sides from which and to which
-# the outline runs with the region on its left. B, R, T, L: bottom, right, top, left.
-_RUNS: dict[int, tuple[tuple[str, str], ...]] = {
-    1: (("B", "L"),),
-    2: (("R", "B"),),
-    3: (("R", "L"),),
-    4: (("T", "R"),),
-    5: (("B", "L"), ("T", "R")),
-    6: (("T", "B"),),
-    7: (("T", "L"),),
-    8: (("L", "T"),),
-    9: (("B", "T"),),
-    10: (("R", "B"), ("L", "T")),
-    11: (("R", "T"),),
-    12: (("L", "R"),),
-    13: (("B", "R"),),
-    14: (("L", "B"),),
-}
 
 
 @dataclass(frozen=True)
@@ -70,25 +53,21 @@ def outline(inside: Bools, x: Array, y: Array, across_x: Array, across_y: Array)
         across_x (n_y, n_x - 1): x at which the region is crossed between two nodes of a row that differ;
         across_y (n_y - 1, n_x): y between two nodes of a column. Where they are NaN, half the way.
     """
-    padded = np.pad(inside, 1)
-    following: dict[Edge, Edge] = {}
-    for j in range(padded.shape[0] - 1):
-        for i in range(padded.shape[1] - 1):
-            corners = padded[j, i], padded[j, i + 1], padded[j + 1, i + 1], padded[j + 1, i]
-            sides: dict[str, Edge] = {"B": ("x", j, i), "T": ("x", j + 1, i), "L": ("y", j, i), "R": ("y", j, i + 1)}
-            for start, end in _RUNS.get(sum(1 << bit for bit, corner in enumerate(corners) if corner), ()):
-                following[sides[start]] = sides[end]
+    frame = np.pad(inside, 1).astype(float)
+    # On a grid of zeros and ones every point lies on the middle of an edge, which tells the edge; regions that meet at
+    # a corner only are apart, as the level is above that of their middle.
+    lines = contour_generator(z=frame, name="serial").lines(0.5 + MIDDLE)
     loops = []
-    while following:
-        first, edge = next(iter(following.items()))
-        del following[first]
-        edges = [first]
-        while edge != first:
-            edges.append(edge)
-            edge = following.pop(edge)
-        points = np.array([_crossing(e, x, y, across_x, across_y) for e in edges])
-        loops.append(Loop(points, tuple(_of_grid(e, x.size, y.size) for e in edges)))
+    for points in lines:
+        edges = [_edge(i, j) for i, j in np.asarray(points)[:-1].tolist()]
+        crossings = np.array([_crossing(e, x, y, across_x, across_y) for e in edges])
+        loops.append(Loop(crossings, tuple(_of_grid(e, x.size, y.size) for e in edges)))
     return loops
+
+
+def _edge(i: float, j: float) -> Edge:
+    """The edge of the padded grid on which a point (column, row) of an outline lies."""
+    return ("x", round(j), int(i)) if j == round(j) else ("y", int(j), round(i))
 
 
 def _of_grid(edge: Edge, n_x: int, n_y: int) -> Edge | None:

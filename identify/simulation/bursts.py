@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identify.model.model import SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
-from identify.simulation.steppers import Expression, Method, Scale
+from identify.simulation.steppers import Expression, Method, StepProblem
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One trial step of a model as a compiled function: the state after it, its error, and the guards of its mode.
@@ -81,8 +81,7 @@ def trial(model: Model, method: Method, mode: ModeName, steady: bool = False) ->
     z = kind.sym("z", n + 2)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
     x, t, h = z[:n], z[n], z[n + 1]
-    tolerated = _scale(model, mode, x, c, t, h, tolerances, steady)
-    after, norm = method.step(rate(model, mode, steady), x, c, t, h, tolerated)
+    after, norm = method.step(_problem(model, mode, z, c, tolerances, steady), x, t, h)
     # A largest value hides what is not a number: such a step is refused.
     norm = ca.if_else(ca.sum1(ca.fabs(after)) < LARGEST, norm, ca.inf)
     # So is one to where no motion leads: the equations of an implicit step have other solutions, too.
@@ -104,30 +103,24 @@ def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
     z = kind.sym("z", 2 * n + 3)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
     x, t, h, part = z[:n], z[n], z[n + 1], z[n + 2]
-    scale = _scale(model, mode, x, c, t, h, tolerances)
-    inside = method.within(rate(model, mode), x, c, t, h, part, scale, z[n + 3 :])
+    inside = method.within(_problem(model, mode, z, c, tolerances), x, t, h, part, z[n + 3 :])
     return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
 
 
-def _scale(
-    model: Model,
-    mode: ModeName,
-    x: Expression,
-    c: Expression,
-    t: Expression,
-    h: Expression,
-    tolerances: Expression,
-    steady: bool = False,
-) -> Scale:
-    """What a step of length h from x at time t is tolerated to be wrong by."""
+def _problem(
+    model: Model, mode: ModeName, xth: Expression, c: Expression, tolerances: Expression, steady: bool = False
+) -> StepProblem:
+    """A step of a mode from state, time and length xth, with what it is tolerated to be wrong by."""
+    n, moving = len(model.states), rate(model, mode, steady)
+    x, t, h = xth[:n], xth[n], xth[n + 1]
     # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
-    size = ca.fabs(x) + h * ca.fabs(rate(model, mode, steady)(x, c, t))
+    size = ca.fabs(x) + h * ca.fabs(moving(x, c, t))
 
     # Forces have so many digits: what their rounding makes of the speed is no error of the step.
-    blur = type(x).zeros(len(model.states))
+    blur = type(x).zeros(n)
     blur[SPEED] = h * ROUNDING * _pull(model, steady)(x, c, t)
 
-    return lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after))
+    return StepProblem(moving, c, lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after)))
 
 
 @lru_cache(maxsize=64)
@@ -164,7 +157,7 @@ class Stop(IntEnum):
 
 
 @dataclass(frozen=True)
-class Pace:
+class BurstState:
     """Where a burst stands, as a vector: the node x (n_x,), its time t, the mode (place in `MODES`), `Stop`, and then
 
     h: length of the next trial. error, step: root of the error and length of the last step taken (0: none).
@@ -192,7 +185,7 @@ class Pace:
 
     @property
     def control(self) -> slice:
-        """Places of h, error, step, low, high, final, watch."""
+        """BurstState of h, error, step, low, high, final, watch."""
         return slice(self.n + 3, self.n + 10)
 
     @property
@@ -202,7 +195,7 @@ class Pace:
 
     @property
     def ends(self) -> slice:
-        """Places of the guards and their slopes."""
+        """BurstState of the guards and their slopes."""
         return slice(self.n + 10, self.n + 10 + 2 * N_GUARDS)
 
     @property
@@ -220,12 +213,12 @@ class Pace:
 def burst(model: Model, method: Method, steady: bool) -> ca.Function:
     """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
 
-    z as in `Pace`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way of a
-    step [m], whether the trials go on in the mode after a switch. The step length follows the error; where a guard
+    z as in `BurstState`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way
+    of a step [m], whether the trials go on in the mode after a switch. The step length follows the error; where a guard
     has fallen the trials go on from the same node, with lengths by Newton's method, until the guard is zero. A trial
     that is refused repeats the node with another length. steady: for a normal force that has no slope.
     """
-    at, modes = Pace(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
+    at, modes = BurstState(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
     paced = [_paced(model, method, mode, locating, steady) for mode in modes for locating in (False, True)]
     given = [ca.MX.sym(name, paced[0].numel_in(i)) for i, name in enumerate("zbct")]
     z = ca.MX.sym("z", at.size)
@@ -239,7 +232,7 @@ def burst(model: Model, method: Method, steady: bool) -> ca.Function:
 
 def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
-    kind, at = method.kind, Pace(len(model.states))
+    kind, at = method.kind, BurstState(len(model.states))
     z, bounds = kind.sym("z", at.size), kind.sym("bounds", 6)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
@@ -257,7 +250,7 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady:
             there, there_ends = _through(model, there, there_ends, through)
             mode_after = ca.if_else(through, 1 - mode_after, mode_after)
     else:
-        moved, *control_after, stop = _walking(control, t, h, ends, row[at.n :], exits, bounds, method)
+        moved, *control_after, stop = _walking(at, z, h, row[at.n :], exits, bounds, method)
     new = ca.vertcat(
         ca.if_else(moved, there, x),
         t + ca.if_else(moved, h, 0),
@@ -270,7 +263,7 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady:
     return ca.Function("paced", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
 
 
-def _length(model: Model, at: Pace, z: Expression, exits: list[int], bounds: Expression) -> Expression:
+def _length(model: Model, at: BurstState, z: Expression, exits: list[int], bounds: Expression) -> Expression:
     """Length of the next step: what the error suggests, within its bounds."""
     ends, h = z[at.ends], ca.fmin(ca.fmin(z[at.h], bounds[1]), bounds[0] - z[at.t])
     for i in exits:
@@ -295,17 +288,17 @@ def _through(model: Model, x: Expression, ends: Expression, through: Expression)
 
 
 def _walking(
-    control: Expression,
-    t: Expression,
+    at: BurstState,
+    z: Expression,
     h: Expression,
-    before: Expression,
     trial_end: Expression,
     exits: list[int],
     bounds: Expression,
     method: Method,
 ) -> tuple[Expression, ...]:
     """Whether a trial of length h towards the next node is taken, and the control after it."""
-    ends, error, step, watch = trial_end[1:], control[1], control[2], control[6]
+    t, before, control, ends = z[at.t], z[at.ends], z[at.control], trial_end[1:]
+    error, step, watch = control[1], control[2], control[6]
     norm = ca.if_else(trial_end[0] <= WRONG, ca.fmax(trial_end[0], 1e-10), WRONG)
     good, fallen, risen, guess, dip = norm <= 1.0, 0.0, 0.0, h, h
     # The step after it: as the error says, and as its trend says where it grows (Gustafsson's predictive control).

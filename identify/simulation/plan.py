@@ -18,7 +18,7 @@ from identify.model.model import BASE_STATES, ELONGATION, INPUTS, SPEED, Model
 from identify.model.modes import ModeName, sliding_modes
 from identify.simulation.bursts import takes
 from identify.simulation.resting import swing
-from identify.simulation.steppers import HIGH, LINEAR, LOW, MIDDLE, STIFF, Method
+from identify.simulation.steppers import HIGH, LINEAR, STIFF, Method
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Steady sliding of the composed model: the state in which nothing changes while the mass goes as fast as the drive.
@@ -218,8 +218,6 @@ def _scales(model: Model, parameters: bytes, normal_force: float) -> Scales:
 ACCURACY = 1e-10  # where nobody asks and no noise is known
 BELOW_NOISE = 0.1  # of the noise: what the integration may be wrong by
 LOOSEST = 1e-4  # where the noise would allow more: a record stays free of visible errors
-# Down to this accuracy the method is the cheapest (docs/accuracy.md).
-BY_ACCURACY: tuple[tuple[float, Method], ...] = ((1e-1, LOW), (1e-3, MIDDLE), (0.0, HIGH))
 SAFETY = 10.0  # tolerance of a step: this much finer than the accuracy of the record
 FINEST, COARSEST = 1e-14, 1e-2  # tolerances of a step
 APART = 100.0  # tolerances of two runs whose distance tells the error
@@ -261,18 +259,17 @@ def accuracy_for(noise: float | None, force: float) -> float:
 def plan(model: Model, p: Array, scale: Scales, accuracy: float, *, steady: bool) -> Plan:
     """Methods and tolerance that keep switch times and forces of a record within `accuracy` (relative).
 
-    Linear laws are summed in closed form; motions with fast decays are left to an implicit method; the rest to the
-    cheapest explicit one, behind which the implicit one waits.
+    Linear laws are summed in closed form; motions with fast decays are left to an implicit method; the rest to an
+    explicit one of high order, behind which the implicit one waits.
 
     Args:
         p: parameters (n_p,). steady: whether the normal force stands still.
     """
-    chosen = next(method for least, method in BY_ACCURACY if accuracy >= least)
     methods: dict[ModeName, tuple[Method, ...]] = {}
     stiff = _stiff(model, p, scale)
     for mode in sliding_modes(model.clamped is not None):
         # What holds an explicit method back may hold the implicit one back more: then the first one has the last word.
-        general = (STIFF, chosen) if stiff else (chosen, STIFF, chosen)
+        general = (STIFF, HIGH) if stiff else (HIGH, STIFF, HIGH)
         methods[mode] = (LINEAR, *general) if takes(model, LINEAR, mode, steady) and not stiff else general
     return Plan(float(np.clip(accuracy / SAFETY, FINEST, COARSEST)), methods)
 

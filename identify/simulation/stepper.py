@@ -14,7 +14,7 @@ from identify.base import native
 from identify.base.compiled import Compiled, compiled
 from identify.model.model import Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
-from identify.simulation.bursts import DIPS, MODES, N_GUARDS, Pace, burst, coefficient, ends, trial
+from identify.simulation.bursts import DIPS, MODES, N_GUARDS, BurstState, burst, coefficient, ends, trial
 from identify.simulation.steppers import Method
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -103,7 +103,7 @@ class Stepper:
 
     def __init__(self, model: Model, method: Method) -> None:
         self.model, self.method = model, method
-        self.places = Pace(len(model.states))
+        self.places = BurstState(len(model.states))
         n = self.places.n
         self._z, self._xth = np.zeros(self.places.size), np.zeros(n + 2)
         self._bounds, self._constants = np.zeros(6), np.zeros(len(model.parameters) + 5)
@@ -164,8 +164,8 @@ class Stepper:
         return self.ends[N_GUARDS + GUARDS.index("speed")]
 
     def go_on(self) -> list[list[float]]:
-        """Several trials from where the last call stopped: rows of state, time, mode, stop and h as in `Pace`, the last
-        one where it stopped."""
+        """Several trials from where the last call stopped: rows of state, time, mode, stop and h as in `BurstState`,
+        the last one where it stopped."""
         rows = self._at_work().reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
         stopped = int(np.count_nonzero(rows[:, self.places.stop]))

@@ -14,7 +14,20 @@ from identify.base import tableaus
 from identify.base.tableaus import Tableau, step, weighted
 
 Expression = Any  # a CasADi SX or MX
-Scale = Callable[[Expression], Expression]  # state after a step -> tolerated error of each state (n_x,)
+
+
+@dataclass(frozen=True)
+class StepProblem:
+    """What a step is taken of: the function rate, (x (n_x,), constants, t [s]) -> dx/dt; its constants; and scale, from
+    the state after a step to the tolerated error of each state (n_x,)."""
+
+    rate: ca.Function
+    constants: Expression
+    scale: Callable[[Expression], Expression]
+
+    def __call__(self, x: Expression, t: Expression) -> Expression:
+        """dx/dt (n_x,) in state x at time t [s]."""
+        return self.rate(x, self.constants, t)
 
 
 class Method(ABC):
@@ -41,9 +54,7 @@ class Method(ABC):
         return True
 
     @abstractmethod
-    def step(
-        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
-    ) -> tuple[Expression, Expression]:
+    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
         """One step of length h [s] from x (n_x,) at time t [s].
 
         Returns:
@@ -51,19 +62,11 @@ class Method(ABC):
         """
 
     def within(
-        self,
-        rate: ca.Function,
-        x: Expression,
-        constants: Expression,
-        t: Expression,
-        h: Expression,
-        part: Expression,
-        scale: Scale,
-        after: Expression,
+        self, problem: StepProblem, x: Expression, t: Expression, h: Expression, part: Expression, after: Expression
     ) -> Expression:
         """The state (n_x,) at time t + part [s] inside a step of length h [s] that was good, to the state `after`: a
         step of that length."""
-        return self.step(rate, x, constants, t, part, scale)[0]
+        return self.step(problem, x, t, part)[0]
 
 
 def largest(error: Expression, tolerated: Expression) -> Expression:
@@ -117,35 +120,25 @@ class Radau(Method):
     source: str = "Radau IIA, Hairer and Wanner II, IV.8"
     trials: int = 8
 
-    def step(
-        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
-    ) -> tuple[Expression, Expression]:
+    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
         """One step; the error is filtered through the real factor, so that fast decays do not inflate it.
 
         What follows the drive at once has no such error at the end of a step, but inside it: there the polynomial is
         held against the motion, so that samples are as good as nodes.
         """
-        z, move, real_inverse = self._stages(rate, x, constants, t, h)
+        z, move, real_inverse = self._stages(problem, x, t, h)
         after = x + z[:, 2]
-        tolerated = scale(after)
-        error = real_inverse @ (rate(x, constants, t) + z @ (ERROR / h))
+        tolerated = problem.scale(after)
+        error = real_inverse @ (problem(x, t) + z @ (ERROR / h))
         inside = x + z @ (LAGRANGE @ INSIDE ** np.arange(1, 4))
         defect = real_inverse @ (
-            rate(inside, constants, t + INSIDE * h) - z @ (LAGRANGE @ (np.arange(1, 4) * INSIDE ** np.arange(3)) / h)
+            problem(inside, t + INSIDE * h) - z @ (LAGRANGE @ (np.arange(1, 4) * INSIDE ** np.arange(3)) / h)
         )
         norm = ca.fmax(largest(error, tolerated), largest(defect, tolerated))
         return after, ca.fmax(norm, largest(move[:, 2], SOLVED * tolerated))
 
     def within(
-        self,
-        rate: ca.Function,
-        x: Expression,
-        constants: Expression,
-        t: Expression,
-        h: Expression,
-        part: Expression,
-        scale: Scale,
-        after: Expression,
+        self, problem: StepProblem, x: Expression, t: Expression, h: Expression, part: Expression, after: Expression
     ) -> Expression:
         """The collocation polynomial of the whole step: a part of an implicit step need not be good, for it may
         show what the whole one has damped away.
@@ -153,20 +146,20 @@ class Radau(Method):
         Newton's steps may find their way in the step itself and, a last digit apart, not find it again: then it is the
         cubic through both ends, with the rates there.
         """
-        z, share = self._stages(rate, x, constants, t, h)[0], part / h
+        z, share = self._stages(problem, x, t, h)[0], part / h
         curve = x + z @ ca.vertcat(*(share * (a + share * (b + share * c)) for a, b, c in LAGRANGE.tolist()))
-        first, last = (h * rate(*at) for at in ((x, constants, t), (after, constants, t + h)))
+        first, last = h * problem(x, t), h * problem(after, t + h)
         bent = (first + last - 2 * (after - x)) * share
         cubic = x + share * (first + share * (3 * (after - x) - 2 * first - last + bent))
-        return ca.if_else(largest(x + z[:, 2] - after, scale(after)) <= 1, curve, cubic)
+        return ca.if_else(largest(x + z[:, 2] - after, problem.scale(after)) <= 1, curve, cubic)
 
     @staticmethod
     def _stages(
-        rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression
+        problem: StepProblem, x: Expression, t: Expression, h: Expression
     ) -> tuple[Expression, Expression, Expression]:
         """Moves from x to the three stages (n_x, 3), what the last Newton step moved them by, and the inverse of the
         real factor."""
-        n, slope = x.numel(), _slope(rate)(x, constants, t)
+        n, slope = x.numel(), _slope(problem.rate)(x, problem.constants, t)
         one = ca.SX.eye(n)
         real = REAL / h * one - slope
         mixed = ca.vertcat(
@@ -177,7 +170,7 @@ class Radau(Method):
         z = ca.SX.zeros(n, 3)
         move = z
         for _ in range(NEWTON_STEPS):
-            rates = [rate(x + z[:, i], constants, t + NODES[i] * h) for i in range(3)]
+            rates = [problem(x + z[:, i], t + NODES[i] * h) for i in range(3)]
             turned, w = ca.horzcat(*rates) @ BACK.T, z @ BACK.T
             first = turned[:, 0] - REAL / h * w[:, 0]
             second = turned[:, 1] - (PAIR[0] * w[:, 1] - PAIR[1] * w[:, 2]) / h
@@ -192,57 +185,6 @@ def _slope(rate: ca.Function) -> ca.Function:
     """d rate/dx of (x, constants, t)."""
     inputs = [ca.SX.sym(name, rate.numel_in(i)) for i, name in enumerate(("x", "c", "t"))]
     return ca.Function("slope", inputs, [ca.densify(ca.jacobian(rate(*inputs), inputs[0]))])
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A reference from outside: one step is a whole integration by CVODES of SUNDIALS.
-# ----------------------------------------------------------------------------------------------------------------------
-
-ABSOLUTE = 1e-3  # of what is tolerated in a step
-
-
-@dataclass(frozen=True)
-class Cvodes(Method):
-    """Backward differentiation formulas of variable order, started anew with every step of ours: slow and foreign.
-
-    Its own relative tolerance holds; the absolute one is a small share of the tolerance asked for.
-    """
-
-    tolerance: float = 1e-12
-    name: str = "cvodes"
-    order: int = 5
-    measured: int = 1
-    says: str = "SUNDIALS, outside reference"
-    source: str = "Hindmarsh et al., ACM TOMS 31 (2005) 363, through CasADi"
-    kind: ClassVar[Any] = ca.MX
-    reach: float = 0.5
-    trials: int = 4
-
-    def step(
-        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
-    ) -> tuple[Expression, Expression]:
-        """Integrate over the step; no error is measured."""
-        n = x.numel()
-        # States in units of what they are tolerated to be wrong by, once the step has made something of them.
-        ahead = x + h * rate(x + h * rate(x, constants, t), constants, t + h)
-        measure = scale(ahead)
-        share, unit = ca.SX.sym("share"), ca.SX.sym("unit", n)
-        scaled, fixed, at, length = (
-            ca.SX.sym("scaled", n),
-            ca.SX.sym("c", constants.numel()),
-            ca.SX.sym("t"),
-            ca.SX.sym("h"),
-        )
-        motion = {
-            "x": scaled,
-            "t": share,
-            "p": ca.vertcat(fixed, at, length, unit),
-            "ode": length * rate(unit * scaled, fixed, at + share * length) / unit,
-        }
-        options = {"reltol": self.tolerance, "abstol": ABSOLUTE, "max_num_steps": 100_000}
-        whole = ca.integrator("whole", "cvodes", motion, 0.0, 1.0, options)
-        after = measure * whole(x0=x / measure, p=ca.vertcat(constants, t, h, measure))["xf"]
-        return after, ca.MX(0.5)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -274,19 +216,18 @@ class Exponential(Method):
         motion = rate(x, constants, t)
         return bool(ca.is_linear(motion, x)) and not ca.depends_on(motion, t)
 
-    def step(
-        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
-    ) -> tuple[Expression, Expression]:
+    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
         """The sum; the last term against the last digit measures whether h is short enough."""
-        state, fixed = ca.SX.sym("x", x.numel()), ca.SX.sym("c", constants.numel())
+        state, fixed = ca.SX.sym("x", x.numel()), ca.SX.sym("c", problem.constants.numel())
         # Linear: the state at which the slope is taken plays no part, even where it still appears in the expression.
-        slope = ca.Function("slope", [state, fixed], [ca.jacobian(rate(state, fixed, 0), state)])(x, constants)
-        term = h * rate(x, constants, t)
+        rates = ca.jacobian(problem.rate(state, fixed, 0), state)
+        slope = ca.Function("slope", [state, fixed], [rates])(x, problem.constants)
+        term = h * problem(x, t)
         after = x + term
         for number in range(2, TERMS + 1):
             term = h * (slope @ term) / number
             after = after + term
-        size = ca.fmax(ca.fabs(x), ca.fabs(after)) + LAST_DIGIT * scale(after)
+        size = ca.fmax(ca.fabs(x), ca.fabs(after)) + LAST_DIGIT * problem.scale(after)
         return after, largest(term, LAST_DIGIT * size)
 
 
@@ -314,12 +255,10 @@ class Explicit(Method):
         """The method of a tableau that has an embedded formula."""
         return cls(tableau, tableau.name, tableau.order, tableau.order, says, source)
 
-    def step(
-        self, rate: ca.Function, x: Expression, constants: Expression, t: Expression, h: Expression, scale: Scale
-    ) -> tuple[Expression, Expression]:
+    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
         """One step of the tableau."""
-        after, error, stages = step(self.tableau, lambda state, at: rate(state, constants, t + at), x, h)
-        tolerated = scale(after)
+        after, error, stages = step(self.tableau, lambda state, at: problem(state, t + at), x, h)
+        tolerated = problem.scale(after)
         norm = largest(error, tolerated)
         if self.tableau.coarse:
             # Mostly the weights of the step itself: what differs is summed, and the way of the step taken off.
@@ -330,17 +269,9 @@ class Explicit(Method):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The table of integration methods. A new one is one file here and one line in ALL.
+# The integration methods that a plan chooses among; those it is compared with stand in `experiments`.
 # ----------------------------------------------------------------------------------------------------------------------
 
-LOW = Explicit.of(tableaus.BOGACKI_SHAMPINE, "explicit, low order", "Bogacki and Shampine 1989")
-MIDDLE = Explicit.of(tableaus.DORMAND_PRINCE, "explicit, middle order", "Dormand and Prince 1980")
 HIGH = Explicit.of(tableaus.DOP853, "explicit, high order", "Hairer, Norsett and Wanner I, II.10")
 STIFF = Radau()
 LINEAR = Exponential()
-OUTSIDE = Cvodes()
-
-ALL: tuple[Method, ...] = (LOW, MIDDLE, HIGH, STIFF, LINEAR, OUTSIDE)
-NAMES: tuple[str, ...] = tuple(method.name for method in ALL)
-
-__all__ = ["ALL", "HIGH", "LINEAR", "LOW", "MIDDLE", "NAMES", "OUTSIDE", "STIFF", "Method"]

@@ -12,7 +12,7 @@ from experiments.verdicts import difference, judge, motion
 from identify.model.model import assemble
 from identify.simulation.machine import CREEP
 from identify.simulation.simulate import run
-from identify.simulation.steppers import STIFF
+from identify.simulation.steppers import STIFF, StepProblem
 
 # Seed of the scene: what was wrong there.
 FOUND = {
@@ -43,8 +43,8 @@ def _follower(kind: type[ca.SX] = ca.SX) -> tuple[ca.Function, ca.Function]:
     """A step, and the state inside it, of y' = -lambda (y - cos t) - sin t, whose solution is cos t."""
     x, c, t, h, part = (ca.SX.sym(name) for name in ("x", "c", "t", "h", "part"))
     rate = ca.Function("rate", [x, c, t], [-LAMBDA * (x - ca.cos(t)) - ca.sin(t)])
-    after, norm = STIFF.step(rate, x, c, t, h, lambda after: RTOL)
-    inside = STIFF.within(rate, x, c, t, h, part, lambda after: RTOL, after)
+    after, norm = STIFF.step(StepProblem(rate, c, lambda after: RTOL), x, t, h)
+    inside = STIFF.within(StepProblem(rate, c, lambda after: RTOL), x, t, h, part, after)
     return ca.Function("step", [x, t, h], [after, norm]), ca.Function("inside", [x, t, h, part], [inside])
 
 
@@ -69,8 +69,9 @@ def test_a_part_of_an_implicit_step_is_the_motion_there() -> None:
     """Without a fast decay: the polynomial is as good as the step."""
     x, c, t, h, part = (ca.SX.sym(name) for name in ("x", "c", "t", "h", "part"))
     rate = ca.Function("rate", [x, c, t], [-x])
-    after = STIFF.step(rate, x, c, t, h, lambda after: 1e-12)[0]
-    inside = ca.Function("inside", [x, h, part], [STIFF.within(rate, x, c, t, h, part, lambda after: 1e-12, after)])
+    problem = StepProblem(rate, c, lambda after: 1e-12)
+    after = STIFF.step(problem, x, t, h)[0]
+    inside = ca.Function("inside", [x, h, part], [STIFF.within(problem, x, t, h, part, after)])
     at = np.linspace(0.0, 1.0, 11)
 
     def error(h: float) -> float:

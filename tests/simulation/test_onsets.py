@@ -10,13 +10,13 @@ import pytest
 
 from experiments.draws import draw
 from experiments.hard_scenes import PAIR
+from experiments.reference_methods import LOW
 from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation import stepper
 from identify.simulation.resting import bounds
 from identify.simulation.simulate import run
-from identify.simulation.steppers import LOW
 
 
 @pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])

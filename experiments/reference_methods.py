@@ -1,0 +1,71 @@
+"""Integration methods that those of the package are compared with: lower orders, and SUNDIALS from outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import casadi as ca
+
+from identify.base.tableaus import DORMAND_PRINCE, Tableau
+from identify.simulation.steppers import HIGH, LINEAR, STIFF, Explicit, Expression, Method, StepProblem
+
+BOGACKI_SHAMPINE = Tableau(
+    name="bogacki_shampine",
+    order=3,
+    c=(0.0, 1 / 2, 3 / 4, 1.0),
+    a=((), (1 / 2,), (0.0, 3 / 4), (2 / 9, 1 / 3, 4 / 9)),
+    b=(2 / 9, 1 / 3, 4 / 9, 0.0),
+    error=(2 / 9 - 7 / 24, 1 / 3 - 1 / 4, 4 / 9 - 1 / 3, -1 / 8),
+)
+
+ABSOLUTE = 1e-3  # of what is tolerated in a step
+
+
+@dataclass(frozen=True)
+class Cvodes(Method):
+    """Backward differentiation formulas of variable order, started anew with every step of ours: slow and foreign.
+
+    Its own relative tolerance holds; the absolute one is a small share of the tolerance asked for.
+    """
+
+    tolerance: float = 1e-12
+    name: str = "cvodes"
+    order: int = 5
+    measured: int = 1
+    says: str = "SUNDIALS, outside reference"
+    source: str = "Hindmarsh et al., ACM TOMS 31 (2005) 363, through CasADi"
+    kind: ClassVar[Any] = ca.MX
+    reach: float = 0.5
+    trials: int = 4
+
+    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
+        """Integrate over the step; no error is measured."""
+        n, rate, constants = x.numel(), problem.rate, problem.constants
+        # States in units of what they are tolerated to be wrong by, once the step has made something of them.
+        ahead = x + h * rate(x + h * rate(x, constants, t), constants, t + h)
+        measure = problem.scale(ahead)
+        share, unit = ca.SX.sym("share"), ca.SX.sym("unit", n)
+        scaled, fixed, at, length = (
+            ca.SX.sym("scaled", n),
+            ca.SX.sym("c", constants.numel()),
+            ca.SX.sym("t"),
+            ca.SX.sym("h"),
+        )
+        motion = {
+            "x": scaled,
+            "t": share,
+            "p": ca.vertcat(fixed, at, length, unit),
+            "ode": length * rate(unit * scaled, fixed, at + share * length) / unit,
+        }
+        options = {"reltol": self.tolerance, "abstol": ABSOLUTE, "max_num_steps": 100_000}
+        whole = ca.integrator("whole", "cvodes", motion, 0.0, 1.0, options)
+        after = measure * whole(x0=x / measure, p=ca.vertcat(constants, t, h, measure))["xf"]
+        return after, ca.MX(0.5)
+
+
+LOW = Explicit.of(BOGACKI_SHAMPINE, "explicit, low order", "Bogacki and Shampine 1989")
+MIDDLE = Explicit.of(DORMAND_PRINCE, "explicit, middle order", "Dormand and Prince 1980")
+OUTSIDE = Cvodes()
+
+ALL: tuple[Method, ...] = (LOW, MIDDLE, HIGH, STIFF, LINEAR, OUTSIDE)
