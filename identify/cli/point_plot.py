@@ -14,8 +14,8 @@ from data_io.atomic import atomic_path
 from identify.cli.common import CommandLineError
 from identify.prediction.cycle import CycleMap
 from identify.prediction.quantities import QUANTITIES, quantities
-from identify.prediction.sliding import sliding
 from identify.prediction.solutions import SolutionSet, solution_set
+from identify.simulation.sliding import sliding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

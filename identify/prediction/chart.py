@@ -21,8 +21,8 @@ from identify.prediction.map_grid import Edge, Loop, Plane, outline, plane
 from identify.prediction.orbit import Orbit, close, settle
 from identify.prediction.path import OrbitPath, PathEnd, expected, piece
 from identify.prediction.quantities import QUANTITIES, quantities
-from identify.prediction.sliding import clearances, growth_rates
 from identify.prediction.windows import Outcome, long_enough, outcome_of, patience
+from identify.simulation.sliding import clearances, growth_rates
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where steady sliding loses its stability, along the edges of a grid, and how those places move.

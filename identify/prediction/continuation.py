@@ -17,8 +17,8 @@ from identify.prediction.chart import Boundary, Chart, Range, chart, charted
 from identify.prediction.map_axes import Axis, Site
 from identify.prediction.map_grid import Edge, row
 from identify.prediction.quantities import QUANTITIES
-from identify.prediction.sliding import slidings
 from identify.scene import Scene
+from identify.simulation.sliding import slidings
 
 Array = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -16,10 +16,10 @@ from identify.prediction.intervals import POINT, Drawn, Interval, Spread, draw, 
 from identify.prediction.orbit import Orbit, settle
 from identify.prediction.path import moved_orbit
 from identify.prediction.quantities import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
-from identify.prediction.sliding import growth_rates
 from identify.prediction.solutions import SolutionSet, solution_set
 from identify.prediction.windows import StickSlipLimit, long_enough
 from identify.prediction.wording import said
+from identify.simulation.sliding import growth_rates
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How sure the answers at an operating point are: probability of stick-slip, and intervals from draws beside the linear

@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from identify.prediction.cycle import Cycle, CycleMap, loads
 from identify.prediction.orbit import Orbit
 from identify.prediction.path import along
-from identify.prediction.sliding import slidings
 from identify.prediction.slip import SlipSegment
 from identify.prediction.windows import StickSlipLimit
+from identify.simulation.sliding import slidings
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the force that the load cell sees is highest and lowest in a cycle: what a lab calls the size of a jump.

@@ -10,7 +10,6 @@ import numpy as np
 from identify.prediction.cycle import CycleMap, loads
 from identify.prediction.orbit import Orbit, SettledMotion, close, settle
 from identify.prediction.path import expected
-from identify.prediction.sliding import Sliding, slidings
 from identify.prediction.windows import (
     LONGEST_PATIENCE,
     Outcome,
@@ -19,6 +18,7 @@ from identify.prediction.windows import (
     outcome_of,
     speed_windows,
 )
+from identify.simulation.sliding import Sliding, slidings
 
 SMALL, FINE = 0.3, 1e-9  # a drop below this share of the load is found again with this tolerance
 ALIKE = 1.03  # ratio of normal forces up to which the same windows, their ends moved by derivatives, serve both

@@ -17,10 +17,10 @@ from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.intervals import POINT, Interval, Spread
 from identify.prediction.orbit import Orbit, close, settle
 from identify.prediction.path import PathEnd, drive_speed_path, trace
-from identify.prediction.sliding import clearances, growth_rates
 from identify.prediction.sources import Tested
 from identify.prediction.windows import long_enough
 from identify.prediction.wording import said, with_interval
+from identify.simulation.sliding import clearances, growth_rates
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The nearest value of one rig quantity at which sliding turns steady, or stops being so: the composed model asked.

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from identify.prediction.cycle import SLIDES_AFTER, CycleMap
 from identify.prediction.orbit import Orbit, SettledMotion, settle
 from identify.prediction.path import OrbitPath, PathEnd, advance, drive_speed_path, moved_orbit, trace
-from identify.prediction.sliding import growth_rates, unstable_speeds
+from identify.simulation.sliding import growth_rates, unstable_speeds
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from identify.logs.slips import line_slope, slope_error
 from identify.model.model import Model
 from identify.simulation.drive import NormalForce
 from identify.simulation.phases import Stick, rest
-from identify.simulation.plan import Steadiness, steadiness
 from identify.simulation.resting import Resting
 from identify.simulation.simulate import run
+from identify.simulation.sliding import Sliding, lasting
 from identify.simulation.stepper import Situated
 from identify.simulation.trajectory import Trajectory
 
@@ -206,10 +206,10 @@ class Along:
         """The friction force that the load cell shows in a state [N]."""
         return float(np.array(self.model.load_cell(x, self.p, self.inputs(t, just_before))).item())
 
-    def steady(self, t: float, just_before: bool = False) -> Steadiness | None:
+    def steady(self, t: float, just_before: bool = False) -> Sliding | None:
         """The state of steady sliding at a time [s]."""
         u = self.inputs(t, just_before)
-        return steadiness(self.model, self.p, u) if u[0] > 0.0 else None
+        return lasting(self.model, self.p, u) if u[0] > 0.0 else None
 
     def drive_motion(self, t: float) -> float:
         """How far the drive has gone since the begin of the window [m]."""

@@ -14,7 +14,7 @@ from identify.model.model import ELONGATION, SPEED
 from identify.shooting.blocks import BlockKind
 from identify.shooting.layout import KNOWN, Collector, Indices, Layout, Places, StretchPlaces
 from identify.shooting.parts import after_reageing, cut, parts_of_rest
-from identify.simulation.plan import rate_slopes
+from identify.simulation.sliding import rate_slopes
 
 Array = NDArray[np.float64]
 NO_OFFSET = np.array([KNOWN])

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, NORMAL, student, student_below
 from identify.prediction.predict import OperatingPoint, predictions
-from identify.prediction.sliding import slidings
 from identify.report.quantity_text import finite
 from identify.scene import Scene
+from identify.simulation.sliding import slidings
 from identify.studies.compare import Comparison
 from identify.studies.fits import FitEntry
 from identify.studies.joint import Joint, Together

@@ -39,8 +39,8 @@ from identify.shooting.following import follow, glide
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 from identify.simulation.drive import Drive
-from identify.simulation.plan import decay, steadiness
 from identify.simulation.simulate import run
+from identify.simulation.sliding import lasting
 from tests.support import oracle
 
 MODEL = assemble(MAIN)
@@ -93,15 +93,15 @@ def test_steady_sliding_is_the_closed_form_and_fades_where_it_is_stable():
     for pair, rig, speed, saturated in ((DEMO, RIG, 0.05, True), (MILD, STIFF, 1e-3, True), (MILD, STIFF, 1e-5, False)):
         values = pair | rig
         p, u = np.array([values[n] for n in NAMES]), np.array([speed, 1.0, 1.0, 0.0])
-        found = steadiness(MODEL, p, u)
+        found = lasting(MODEL, p, u)
         mu_k = values["mu_k0"] + values["delta_mu_k"] * -np.expm1(-values["a"] * speed)
         gamma = max(0.0, 1.0 - speed * values["t_cr"] / values["D"])
-        assert found.saturated is saturated
+        assert found.worn is saturated
         shown = float(MODEL.load_cell(found.state, p, u))
         assert shown == pytest.approx(mu_k + (values["mu_s"] - mu_k) * gamma, rel=1e-9)
-        assert decay(MODEL, found, p, u) > 0.0
-    slow = steadiness(MODEL, np.array([(DEMO | RIG)[n] for n in NAMES]), np.array([1e-3, 1.0, 1.0, 0.0]))
-    assert decay(MODEL, slow, np.array([(DEMO | RIG)[n] for n in NAMES]), np.array([1e-3, 1.0, 1.0, 0.0])) < 0.0
+        assert found.stable
+    slow = lasting(MODEL, np.array([(DEMO | RIG)[n] for n in NAMES]), np.array([1e-3, 1.0, 1.0, 0.0]))
+    assert slow is not None and not slow.stable
 
 
 @pytest.mark.parametrize(("log", "pair", "rig"), [(HOLDS, DEMO, RIG), (KINDS[6].logs[0], MILD, STIFF)])

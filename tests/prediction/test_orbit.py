@@ -20,9 +20,9 @@ from identify.prediction.intervals import Spread
 from identify.prediction.orbit import settle
 from identify.prediction.predict import OperatingPoint, predict, predictions
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities
-from identify.prediction.sliding import sliding, unstable_speeds
 from identify.prediction.solutions import solution_set
 from identify.prediction.windows import Outcome
+from identify.simulation.sliding import sliding, unstable_speeds
 from tests.support import oracle
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")

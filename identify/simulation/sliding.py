@@ -86,7 +86,7 @@ def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]
     if worn and model.clamped is not None:
         x[:, model.clamped] = model.states[model.clamped].lower or 0.0
     slope = np.empty(0)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(NEWTON_STEPS):  # one is enough where the rates are linear in the states
         rate, slope = _linearised(model, worn, x, p, u)
         step = np.linalg.solve(slope[:, rates[:, None], unknown], rate[:, rates][..., None])[..., 0]
         x[:, unknown] -= step
@@ -131,6 +131,22 @@ def slidings(model: Model, p: Array, drive_speed: Array, normal_force: Array) ->
         force = float(model.load_cell(x[i], p[i], u[i]))
         out.append(Sliding(float(drive_speed[i]), x[i], force, bool(worn[i]), known[order]))
     return out
+
+
+def lasting(model: Model, p: Array, u: Array) -> Sliding | None:
+    """Steady sliding under the inputs u (4,) of a moment; None where there is none (something goes on changing)."""
+    if model.clocked:
+        return None
+    try:
+        found = sliding(model, p, float(u[0]), float(u[1]))
+    except SimulationError:
+        return None
+    return found if np.all(np.isfinite(found.state)) else None
+
+
+def rate_slopes(model: Model, x: Array, p: Array, u: Array) -> Array:
+    """Derivatives (n_x, n_x) of the rates of a sliding mass by its states x (n_x,) [1/s per unit], no state held."""
+    return _linearised(model, False, x[None, :], p[None, :], u[None, :])[1][0]
 
 
 def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> Sliding:
