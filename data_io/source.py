@@ -96,13 +96,33 @@ def unpacked(path: Path, packing: Packing | None) -> IO[bytes]:
     try:
         if packing is None:
             return path.open("rb")
-        if packing.kind == "gz":
-            return io.BufferedReader(_Watched(path, cast(IO[bytes], gzip.open(path, "rb")), path.stat().st_size))
-        archive = zipfile.ZipFile(path)
-        info = archive.getinfo(packing.member)
-        return io.BufferedReader(_Watched(path, archive.open(info), info.compress_size))
+        stream = _watched(path, packing)
+        if _is_trap(path, packing):
+            while stream.read(1 << 20):  # it is met before its lines are taken apart
+                pass
+            stream = _watched(path, packing)
+        return stream
     except (OSError, zipfile.BadZipFile, RuntimeError, NotImplementedError, ValueError) as error:
         raise _damaged(path, packing, error) from error
+
+
+def _watched(path: Path, packing: Packing) -> IO[bytes]:
+    if packing.kind == "gz":
+        return io.BufferedReader(_Watched(path, cast(IO[bytes], gzip.open(path, "rb")), path.stat().st_size))
+    archive = zipfile.ZipFile(path)
+    info = archive.getinfo(packing.member)
+    return io.BufferedReader(_Watched(path, archive.open(info), info.compress_size))
+
+
+def _is_trap(path: Path, packing: Packing) -> bool:
+    """Whether a packed file states a size that no log has; of a gz file that is cut off, its end states any."""
+    if packing.kind == "zip":
+        info = zipfile.ZipFile(path).getinfo(packing.member)
+        return info.file_size > max(LEAST_SUSPECT, MOST_TIMES * info.compress_size)
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        stream.seek(max(size - 4, 0))
+        return int.from_bytes(stream.read(4), "little") > max(LEAST_SUSPECT, MOST_TIMES * size)
 
 
 class _Watched(io.RawIOBase):
