@@ -26,9 +26,9 @@ from scipy.stats import binom  # noqa: E402
 
 from identify.model.model import Model, assemble  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
-from identify.prediction.intervals import draw  # noqa: E402
+from identify.prediction.intervals import OperatingPoint, draw  # noqa: E402
 from identify.prediction.orbit import settle  # noqa: E402
-from identify.prediction.predict import OperatingPoint, predictions  # noqa: E402
+from identify.prediction.predict import predictions  # noqa: E402
 from identify.prediction.probability import answers_of_draws, stick_slip_probability  # noqa: E402
 from identify.prediction.quantities import QUANTITIES  # noqa: E402
 from identify.prediction.solutions import solution_set  # noqa: E402
@@ -134,10 +134,14 @@ def sampled(model: Model, known: Known, factor: float, count: int) -> dict[str, 
 
 def advised(model: Model, known: Known, factor: float, count: int) -> dict[str, list[bool]]:
     """The same of the limits of every rig quantity, at 15 mm/s."""
-    truth = {row["quantity"]: row for row in stabilising_changes(model, dict(STAND_IN), SPEEDS[2], LOAD)["changes"]}
+    truth = {
+        row["quantity"]: row for row in stabilising_changes(model, OperatingPoint(STAND_IN, SPEEDS[2], LOAD))["changes"]
+    }
     hits: dict[str, list[bool]] = defaultdict(list)
     for values, covariance in estimates(model, known, factor, count, seed=7):
-        for row in stabilising_changes(model, values, SPEEDS[2], LOAD, covariance, known.names)["changes"]:
+        for row in stabilising_changes(model, OperatingPoint(values, SPEEDS[2], LOAD, covariance), known.names)[
+            "changes"
+        ]:
             name, limit = row["quantity"], row["limit"]
             right = truth[name]["limit"]["value"]
             # The set value of mass and damping is off by as much as what they are now is.

@@ -26,7 +26,8 @@ from run_orbit_check import DEMO, EFFECTS, SPEEDS, random_pairs  # noqa: E402
 
 from identify.model.model import assemble  # noqa: E402
 from identify.prediction.closed_forms import AGREES  # noqa: E402
-from identify.prediction.predict import OperatingPoint, predictions  # noqa: E402
+from identify.prediction.intervals import OperatingPoint  # noqa: E402
+from identify.prediction.predict import predictions  # noqa: E402
 
 TARGET = 0.01
 COMPARED = {"drop": "drop", "period": "period", "peak_speed": "peak"}  # in answers, in `brute_force.Jump`

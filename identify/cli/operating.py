@@ -12,7 +12,8 @@ from identify.base.outcome import numbers_of
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
 from identify.cli.points import Point, one_pair, operating_points, points_of, tested_range
-from identify.prediction.predict import OperatingPoint, predict, predictions
+from identify.prediction.intervals import OperatingPoint
+from identify.prediction.predict import predict, predictions
 from identify.prediction.probability import probability_document
 from identify.prediction.sources import Tested, groups_of
 from identify.prediction.stabilising import stabilising_changes
@@ -45,11 +46,11 @@ def asked_further(arguments: Namespace) -> Further:
         from identify.prediction.stabilising import stabilising_changes
 
         found: dict[str, Any] = {}
-        at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
+        at = OperatingPoint(point.values, point.drive_speed, point.normal_force, point.covariance)
         if draws is not None:
-            found["sureness"] = probability_document(*at, draws)
+            found["sureness"] = probability_document(point.model, at, point.names, draws)
         if margin is not None:
-            found["advice"] = stabilising_changes(*at, tested, margin)
+            found["advice"] = stabilising_changes(point.model, at, point.names, tested, margin)
         return found
 
     return further
@@ -140,11 +141,11 @@ def with_counsel(scene: Scene, fit: Fit) -> Fit:
     point = _point(scene, result, chosen)
     if point is None:
         return fit
-    at = (point.model, point.values, point.drive_speed, point.normal_force, point.covariance, point.names)
+    at = OperatingPoint(point.values, point.drive_speed, point.normal_force, point.covariance)
     try:
         further = {
-            "sureness": probability_document(*at, DRAWS),
-            "advice": stabilising_changes(*at, Tested.of_result(result)),
+            "sureness": probability_document(point.model, at, point.names, DRAWS),
+            "advice": stabilising_changes(point.model, at, point.names, Tested.of_result(result)),
         }
     except SimulationError:
         return fit  # the answers of the logs say why

@@ -19,7 +19,7 @@ from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.map_axes import Site
 from identify.prediction.map_grid import Edge, Loop, Plane, outline, plane
 from identify.prediction.orbit import Orbit, close, settle
-from identify.prediction.path import OrbitPath, PathEnd, expected, piece
+from identify.prediction.path import Crossing, OrbitPath, expected, piece
 from identify.prediction.quantities import QUANTITIES, quantities
 from identify.prediction.windows import Outcome, long_enough, outcome_of, patience
 from identify.simulation.sliding import clearances, growth_rates
@@ -29,18 +29,11 @@ from identify.simulation.sliding import clearances, growth_rates
 # ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 ROUNDS, SPLITS = 3, 16  # of narrowing a crossing, and by how much each round narrows it
 STEP, LEAST = 1e-5, 1e-6  # relative step of a setting, and absolute for what is zero
 JUMPS = 0.1  # share of the change over an edge that is left in a narrowed crossing where the rate jumps
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """Where a boundary crosses an edge: coordinate there, and its derivatives by the setting (n_w,)."""
-
-    place: float
-    slopes: Array
 
 
 def growth_at(model: Model, settings: Array) -> Array:
@@ -75,7 +68,7 @@ def losses_of_stability(plane: Plane, growth: Array) -> dict[Edge, Crossing]:
     settings = np.array([way[0].setting(p) for way, p in zip(ways, found.tolist(), strict=True)])
     along = np.array([way[0].slope(p) for way, p in zip(ways, found.tolist(), strict=True)])
     slopes = _slopes(model, settings, along, jumps)
-    return {edge: Crossing(float(p), s) for edge, p, s in zip(edges, found, slopes, strict=True)}
+    return {e: Crossing(float(p), s, bool(j)) for e, p, s, j in zip(edges, found, slopes, jumps, strict=True)}
 
 
 def _slopes(model: Model, settings: Array, along: Array, jumps: NDArray[np.bool_]) -> Array:
@@ -113,13 +106,21 @@ HOVERS = 30  # cycles after which a motion near an unstable orbit is given up
 
 @dataclass
 class OrbitsOnGrid:
-    """What was found: orbits by node (with the map of each), nodes that stick without settling, ends by edge."""
+    """What was found: orbits by node (with the map of each), rest states of motions that stick without settling, ends
+    by edge."""
 
     orbits: dict[Node, Orbit] = field(default_factory=dict)
     maps: dict[Node, CycleMap] = field(default_factory=dict)
-    irregular: set[Node] = field(default_factory=set)
+    irregular: dict[Node, Array] = field(default_factory=dict)
     refused: set[Node] = field(default_factory=set)  # motions that cannot be integrated
-    ends: dict[Edge, PathEnd] = field(default_factory=dict)
+    ends: dict[Edge, Crossing] = field(default_factory=dict)
+
+    def sticks(self, shape: tuple[int, int]) -> Bools:
+        """Whether a node has stick-slip, periodic or not, (n_y, n_x)."""
+        out = np.zeros(shape, dtype=bool)
+        for node in (*self.orbits, *self.irregular):
+            out[node] = True
+        return out
 
 
 class OrbitSearch:
@@ -130,8 +131,10 @@ class OrbitSearch:
         self.known, self._n_w = OrbitsOnGrid(), plane.settings.shape[-1]
 
     def run(self) -> OrbitsOnGrid:
-        """Orbits at every node that has one: from a coarse grid of starts, and from wherever sliding does not last."""
-        rows, columns = (np.unique(np.linspace(0, n - 1, min(n, SEEDS)).astype(int)) for n in self._plane.shape)
+        """Orbits at every node that has one: from a coarse grid of starts (from every node of a single row), and from
+        wherever sliding does not last."""
+        most = SEEDS if min(self._plane.shape) > 1 else max(self._plane.shape)
+        rows, columns = (np.unique(np.linspace(0, n - 1, min(n, most)).astype(int)) for n in self._plane.shape)
         for j in rows.tolist():
             for i in columns.tolist():
                 self._seed((j, i))
@@ -142,35 +145,35 @@ class OrbitSearch:
 
     def _close_in(self) -> None:
         """Halve the edges over which stick-slip ends in no fold, as where its jumps fade away."""
-        sticks = np.zeros(self._plane.shape, dtype=bool)
-        for node in self.known.orbits:
-            sticks[node] = True
+        sticks = self.known.sticks(self._plane.shape)
         for edge in self._plane.edges(sticks):
             ends = (edge[1], edge[2]), (edge[1], edge[2] + 1) if edge[0] == "x" else (edge[1] + 1, edge[2])
-            if edge not in self.known.ends and not any(self._given_up(node) for node in ends):
+            if edge not in self.known.ends and self.known.refused.isdisjoint(ends):
                 inside = ends[0] if sticks[ends[0]] else ends[1]
-                self.known.ends[edge] = PathEnd(
+                self.known.ends[edge] = Crossing(
                     self._halved(edge, inside, inside == ends[0]), np.full(self._n_w, np.nan)
                 )
 
     def _halved(self, edge: Edge, inside: Node, first: bool) -> float:
-        """The coordinate on an edge at which the motion from the orbit of one of its nodes no longer sticks."""
+        """The coordinate on an edge at which the motion from that of one of its nodes no longer sticks."""
         setting_path, begin, finish = self._plane.way(edge)
         sticks, slides = (begin, finish) if first else (finish, begin)
-        orbit, scale = self.known.orbits[inside], self.known.maps[inside].scale
+        map_ = self._map(inside)
+        near = self.known.orbits.get(inside)
+        state = self.known.irregular[inside] if near is None else near.y
         for _ in range(HALVINGS):
             middle = 0.5 * (sticks + slides)
             w = setting_path.setting(middle)
-            map_ = self._origin.at(w)
-            speed = float(w[-1])
+            there, speed = self._origin.at(w), float(w[-1])
+            start = state * there.scale / map_.scale if near is None else expected(near, map_.scale, there, w)
             try:
-                found = settle(map_, speed, expected(orbit, scale, map_, w), patience=patience(map_, speed)).orbit
+                found = settle(there, speed, start, patience=patience(there, speed))
             except SimulationError:
-                found = None
-            if found is None:
-                slides = middle
+                break
+            if found.sticks:
+                sticks, near, state, map_ = middle, found.orbit, found.state, there
             else:
-                sticks, orbit, scale = middle, found, map_.scale
+                slides = middle
         return 0.5 * (sticks + slides)
 
     def _seed(self, node: Node) -> None:
@@ -186,7 +189,7 @@ class OrbitSearch:
             self._take(node, there, found.orbit)
             self._spread(node)
         elif found.sticks:
-            self.known.irregular.add(node)
+            self.known.irregular[node] = found.state
 
     def _spread(self, start: Node) -> None:
         queue = deque([start])
@@ -223,7 +226,7 @@ class OrbitSearch:
             return found
         settled = settle(map_, self._speed(node), found.y, patience=long, cycles=HOVERS)
         if settled.orbit is None and settled.sticks:
-            self.known.irregular.add(node)
+            self.known.irregular[node] = settled.state
         return settled.orbit
 
     def _along(self, map_: CycleMap, here: Node, there: Node, edge: Edge) -> Orbit | None:
@@ -237,7 +240,7 @@ class OrbitSearch:
         last = found.orbits[-1]
         if found.ending is not None and found.ending.place < finish:
             sign = 1.0 if forwards else -1.0
-            self.known.ends[edge] = PathEnd(sign * found.ending.place, sign * found.ending.slopes)
+            self.known.ends[edge] = Crossing(sign * found.ending.place, sign * found.ending.slopes)
             return None
         return self._near(map_, there, last, map_.at(last.cycle.setting).scale)
 
@@ -266,7 +269,6 @@ class OrbitSearch:
         return long_enough(float(self._growth[node]) * map_.half_period)
 
 
-Bools = NDArray[np.bool_]
 Range = tuple[float, float]
 
 NOT_ADMITTED = "not possible"  # outcome where the model takes no such pair
@@ -345,7 +347,6 @@ def _drawn(grid: Plane, growth: Array, found: OrbitsOnGrid) -> Chart:
     outcomes = np.full(grid.shape, NOT_ADMITTED, dtype="<U20")
     multiplier = np.full(grid.shape, np.nan)
     figures = {name: np.full(grid.shape, np.nan) for name in QUANTITIES}
-    sticks = np.zeros(grid.shape, dtype=bool)
     for j, i in np.argwhere(grid.admitted).tolist():
         if (j, i) in found.refused:
             outcomes[j, i] = NO_ANSWER
@@ -353,14 +354,12 @@ def _drawn(grid: Plane, growth: Array, found: OrbitsOnGrid) -> Chart:
         orbit, irregular = found.orbits.get((j, i)), (j, i) in found.irregular
         outcome: Outcome = outcome_of(orbit, irregular, bool(growth[j, i] < 0.0))
         outcomes[j, i] = outcome.value
-        sticks[j, i] = orbit is not None or irregular
         if orbit is not None:
             multiplier[j, i] = orbit.multiplier
             told = quantities(found.maps[j, i], orbit.cycle, orbit.drive_speed)
             for name, value in zip(QUANTITIES, told.tolist(), strict=True):
                 figures[name][j, i] = value
-    ends = {edge: Crossing(end.place, end.slopes) for edge, end in found.ends.items()}
-    sticking = _boundary(grid, sticks, ends)
+    sticking = _boundary(grid, found.sticks(grid.shape), found.ends)
     unstable = _boundary(grid, growth >= 0.0, losses_of_stability(grid, growth))
     return Chart(grid, outcomes, growth, multiplier, figures, sticking, unstable)
 

@@ -25,6 +25,18 @@ WIDEST = 3.0  # standard deviation of a logarithm, or of a parameter in its own 
 
 
 @dataclass(frozen=True)
+class OperatingPoint:
+    """Where a prediction is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
+    zero), normal force [N] (positive), covariance (f, f) of the fitted parameters in their own SI units (not of
+    logarithms; variances of what is not identifiable may be huge or infinite), None without one."""
+
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    covariance: ArrayLike | None = None
+
+
+@dataclass(frozen=True)
 class Drawn:
     """Draws of an operating point: p (n, n_p) in the model's order, drive_speed (n,) [m/s], normal_force (n,) [N].
 

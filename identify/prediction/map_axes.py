@@ -1,9 +1,10 @@
 """What a map or a continuation can be drawn over: each quantity, and what of an operating point it moves.
 
 A quantity moves itself and what is tied to it, everything else stays: `mu_k0` takes mu_s with it (their difference
-stays), `mu_step` is mu_s - mu_k0 at constant mu_k0, `zeta` sets the damping h = 2 zeta k. Pressure and area move the
-normal force F_n = p A: pressure at the area of the point (or along its area law), area at the pressure of the point;
-beside a normal force they move the nominal area, which counts only where friction depends on pressure.
+stays), `mu_step` is mu_s - mu_k0 at constant mu_k0, `zeta` sets the damping h = 2 zeta k, `stiffness_at_zeta` takes h
+along. Pressure and area move the normal force F_n = p A: pressure at the area of the point (or along its area law),
+area at the pressure of the point; beside a normal force they move the nominal area, which counts only where friction
+depends on pressure.
 """
 
 from __future__ import annotations
@@ -77,7 +78,9 @@ OWN: Mapping[str, tuple[str, str, float, float, bool]] = {
     "area": ("contact area", "m^2", 1e-12, 1e3, True),
     "zeta": ("damping ratio ζ", "", 1e-9, 1e3, True),
     "mu_step": ("μs − μk0", "", 1e-6, 20.0, False),
+    "stiffness_at_zeta": ("stiffness k (damping ratio ζ held)", "N/m", 1e-6, 1e12, True),
 }
+FOR_ADVICE = ("stiffness_at_zeta",)  # beside the stiffness itself nobody draws a map over it
 WORDS = {
     "mass": "mass",
     "stiffness": "stiffness k",
@@ -92,7 +95,10 @@ EVEN = ("mu_s", "mu_k0", "delta_mu_k")
 def known_axes(model: Model) -> tuple[str, ...]:
     """Names of every quantity that can be moved in a model."""
     names = [name for name in OWN if name != "zeta" or "damping" in model.parameter_names]
-    return (*names, *(p.name for p in model.parameters if p.name not in AREA))
+    return (
+        *(name for name in names if name not in FOR_ADVICE),
+        *(p.name for p in model.parameters if p.name not in AREA),
+    )
 
 
 def axis(site: Site, name: str) -> Axis:
@@ -101,7 +107,7 @@ def axis(site: Site, name: str) -> Axis:
     Raises:
         SimulationError: one that the model does not have, or an area that nobody said.
     """
-    if name not in known_axes(site.model):
+    if name not in (*known_axes(site.model), *FOR_ADVICE):
         raise SimulationError(f"{name!r} is no quantity of this model; known are {', '.join(known_axes(site.model))}")
     if name in ("pressure", "area") and site.area is None:
         raise SimulationError(f'the {name} is not known here: give [contact] area = "0.8 cm^2" in the scene')
@@ -118,6 +124,8 @@ def _value(site: Site, name: str) -> float:
     v = site.values
     if name == "mu_step":
         return v["mu_s"] - v["mu_k0"]
+    if name == "stiffness_at_zeta":
+        return v["stiffness"]
     if name == "zeta":
         return v["damping"] / (2.0 * v["stiffness"])
     own = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
@@ -160,6 +168,9 @@ def moved_values(site: Site, changes: Mapping[str, Any]) -> dict[str, Any]:
         v["mu_s"] = changes["mu_k0"] + (site.values["mu_s"] - site.values["mu_k0"])
     if "mu_step" in changes:
         v["mu_s"] = v["mu_k0"] + changes["mu_step"]
+    if "stiffness_at_zeta" in changes:
+        v["stiffness"] = changes["stiffness_at_zeta"]
+        v["damping"] = v["damping"] * (v["stiffness"] / site.values["stiffness"])
     if "zeta" in changes:
         v["damping"] = 2.0 * changes["zeta"] * v["stiffness"]
     load, area = _load_and_area(site, changes)

@@ -176,8 +176,13 @@ def row(site: Site, name: str, span: tuple[float, float] | None = None, points: 
         SimulationError: as of `plane`.
     """
     x = axis(site, name)
-    y = axis(site, "drive_speed" if name != "drive_speed" else "normal_force")
-    return _filled(site, x, y, places(x, span, points), np.array([y.place(y.value)]))
+    return row_at(site, x, places(x, span, points))
+
+
+def row_at(site: Site, x: Axis, x_places: Array) -> Plane:
+    """The same at given coordinates (n,), rising and even."""
+    y = axis(site, "drive_speed" if x.name != "drive_speed" else "normal_force")
+    return _filled(site, x, y, x_places, np.array([y.place(y.value)]))
 
 
 def _filled(site: Site, x: Axis, y: Axis, x_places: Array, y_places: Array) -> Plane:

@@ -68,12 +68,14 @@ CLOSE, SURE = 2e-4, 2e-3  # of the coordinate, of doubt in the end before a cubi
 
 
 @dataclass(frozen=True)
-class PathEnd:
-    """The end of a branch: coordinate of the path there, and its derivatives (n_w,) by parameters, normal force and
-    drive speed while every other entry of the setting stays on the path."""
+class Crossing:
+    """Where an answer changes along a path, as where a branch ends: coordinate there, its derivatives (n_w,) by
+    parameters, normal force and drive speed while every other entry of the setting stays on the path, and whether it is
+    the contact that wears out there."""
 
     place: float
     slopes: Array
+    wear: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class TracedPath:
 
     orbits: tuple[Orbit, ...]
     places: tuple[float, ...]
-    end: PathEnd | None
+    end: Crossing | None
     lost: bool
 
 
@@ -238,7 +240,7 @@ def _crest(before: _Point, behind: _Point) -> Array:
     return np.asarray(before.z + start * share + square * share**2 + cube * share**3)
 
 
-def _fold(walk: _Walk, before: _Point, behind: _Point) -> PathEnd | None:
+def _fold(walk: _Walk, before: _Point, behind: _Point) -> Crossing | None:
     """The end between two points of a branch, before and behind the fold; None where it cannot be closed in on.
 
     At the fold the coordinate is stationary along the branch, so how it moves with the setting while the place
@@ -260,7 +262,7 @@ def _fold(walk: _Walk, before: _Point, behind: _Point) -> PathEnd | None:
     crest = _crest(before, behind)
     _, slope, flow = walk.equations(crest)
     by_setting = walk.ordered(flow.fixed[:, n:])
-    return PathEnd(float(crest[-1]), np.linalg.lstsq(slope, -by_setting, rcond=None)[0][-1])
+    return Crossing(float(crest[-1]), np.linalg.lstsq(slope, -by_setting, rcond=None)[0][-1])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -280,7 +282,7 @@ class OrbitPath:
 
     orbits: tuple[Orbit, ...]
     places: tuple[float, ...]
-    ending: PathEnd | None
+    ending: Crossing | None
 
 
 def advance(map_: CycleMap, done: OrbitPath, setting_path: SettingPath, last: float, patience: Patience) -> OrbitPath:
@@ -303,7 +305,7 @@ def advance(map_: CycleMap, done: OrbitPath, setting_path: SettingPath, last: fl
         step = min(1.6 * step, BRANCH_WIDEST) if np.isinf(failed) else min(1.6 * step, 0.5 * (failed - place))
     end = 0.5 * (places[-1] + min(failed, places[-1] + FINEST))
     slopes = _slopes_at(map_.at(orbits[-1].cycle.setting), orbits[-1], setting_path, places[-1])
-    return OrbitPath(tuple(orbits), tuple(places), PathEnd(end, slopes))
+    return OrbitPath(tuple(orbits), tuple(places), Crossing(end, slopes))
 
 
 def expected(here: Orbit, scale: Array, there: CycleMap, w: Array) -> Array:

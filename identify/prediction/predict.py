@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,7 @@ from identify.prediction.closed_forms import (
 )
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.groups import MEANING
-from identify.prediction.intervals import POINT, Drawn, Interval, Spread, Uncertain, maps, sampled
+from identify.prediction.intervals import POINT, Drawn, Interval, OperatingPoint, Spread, Uncertain, maps, sampled
 from identify.prediction.path import moved_orbit
 from identify.prediction.probability import answers_of_draws
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
@@ -39,18 +39,6 @@ EITHER_SIGN = ("alpha", "z", "overshoot", "loading")  # groups told by their val
 PERIOD, SLIP, PEAK = (list(QUANTITIES).index(name) for name in ("period", "slip_duration", "peak_speed"))
 POSITIVE = [i for i, name in enumerate(QUANTITIES) if name not in ("onset_force", "arrest_force")]
 QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it were this large
-
-
-@dataclass(frozen=True)
-class OperatingPoint:
-    """Where a prediction is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
-    zero), normal force [N] (positive), covariance (f, f) of the fitted parameters in their own SI units (not of
-    logarithms; variances of what is not identifiable may be huge or infinite), None without one."""
-
-    values: Mapping[str, float]
-    drive_speed: float
-    normal_force: float
-    covariance: ArrayLike | None = None
 
 
 def predict(

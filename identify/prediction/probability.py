@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.quantiles import LEVEL, beta, normal_below
 from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import POINT, Drawn, Interval, Spread, draw, unknown
+from identify.prediction.intervals import POINT, Drawn, Interval, OperatingPoint, Spread, draw, unknown
 from identify.prediction.orbit import Orbit, settle
 from identify.prediction.path import moved_orbit
 from identify.prediction.quantities import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
@@ -219,10 +219,7 @@ def document(
 
 def probability_document(
     model: Model,
-    values: Mapping[str, float],
-    drive_speed: float,
-    normal_force: float,
-    covariance: ArrayLike | None,
+    point: OperatingPoint,
     names: Sequence[str],
     draws: int = DRAWS,
     seed: int = 0,
@@ -230,8 +227,7 @@ def probability_document(
     """Probability of stick-slip at an operating point and intervals of its jumps, by lines and by draws.
 
     Args:
-        values: every parameter of the model by name [SI]. drive_speed [m/s] and normal_force [N], positive.
-        covariance: (f, f) [SI] of `names` (parameters, "drive_speed", "normal_force"), None where nothing is known.
+        names: what the covariance of the point is of: parameters, "drive_speed", "normal_force".
         draws: how many; each takes some milliseconds.
 
     Returns:
@@ -242,19 +238,20 @@ def probability_document(
     Raises:
         SimulationError: a motion that cannot be integrated.
     """
-    where = f"{said(abs(drive_speed), 'm/s')} and {said(normal_force, 'N')}"
+    drive_speed, normal_force, covariance = abs(point.drive_speed), point.normal_force, point.covariance
+    where = f"{said(drive_speed, 'm/s')} and {said(normal_force, 'N')}"
     if covariance is None or not names:
         why = "nothing that it depends on has an error: give tolerances, priors, or the result of a fit that tells it"
         empty = document(StickSlipProbability(None, None, {}, 0, 0), {}, {})
         return empty | {"text": f"How sure this is at {where} cannot be said: {why}."}
-    map_ = CycleMap(model, normal_force, np.array([float(values[name]) for name in model.parameter_names]))
-    answer = solution_set(map_, abs(drive_speed))
+    map_ = CycleMap(model, normal_force, np.array([float(point.values[name]) for name in model.parameter_names]))
+    answer = solution_set(map_, drive_speed)
     found = stick_slip_probability(map_, answer, names, covariance, draws, seed)
     lines: dict[str, Interval | None] = {}
     now: dict[str, float] = {}
     if answer.orbit is not None:
-        point = dict(zip(POINT, (answer.orbit.drive_speed, normal_force), strict=True))
-        spread = Spread(model, map_.p, names, np.asarray(covariance, float), point)
+        at = dict(zip(POINT, (answer.orbit.drive_speed, normal_force), strict=True))
+        spread = Spread(model, map_.p, names, np.asarray(covariance, float), at)
         row = quantities(map_, answer.orbit.cycle, answer.orbit.drive_speed)
         slopes = orbit_slopes(map_, answer.orbit, names)
         now = dict(zip(QUANTITIES, row.tolist(), strict=True))

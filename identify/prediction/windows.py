@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from identify.prediction.cycle import SLIDES_AFTER, CycleMap
 from identify.prediction.orbit import Orbit, SettledMotion, settle
-from identify.prediction.path import OrbitPath, PathEnd, advance, drive_speed_path, moved_orbit, trace
+from identify.prediction.path import Crossing, OrbitPath, advance, drive_speed_path, moved_orbit, trace
 from identify.simulation.sliding import growth_rates, unstable_speeds
 
 Array = NDArray[np.float64]
@@ -255,7 +255,7 @@ class _Sweep:
         growth = growth_rates(map_.model, map_.p, np.exp(places), map_.normal_force)
         self._patience = [long_enough(float(rate) * map_.half_period) for rate in growth]
         self._motions: list[_Motion | None] = [None] * places.size
-        self._folds: list[tuple[int, PathEnd, Orbit]] = []  # to faster (+1) or slower (-1) drives, orbit before
+        self._folds: list[tuple[int, Crossing, Orbit]] = []  # to faster (+1) or slower (-1) drives, orbit before
 
     def run(self) -> None:
         """Motions at every node that has stick-slip."""
@@ -357,7 +357,7 @@ class _Sweep:
             float(np.exp(0.5 * (sticks + slides))), np.full(self._map.setting(1.0).size, np.nan), sign > 0
         )
 
-    def _ending(self, sign: int, first: float, last: float, motion: _Motion) -> tuple[PathEnd, Orbit] | None:
+    def _ending(self, sign: int, first: float, last: float, motion: _Motion) -> tuple[Crossing, Orbit] | None:
         """The end of a branch between two coordinates, and its last orbit: a fold that was met, else that of the
         orbit of a motion."""
         met = [(end, orbit) for way, end, orbit in self._folds if way == sign and first <= end.place <= last]

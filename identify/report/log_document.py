@@ -16,7 +16,8 @@ from identify.diagnosis.findings import Findings
 from identify.logs.classical import classical_table
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.prediction.predict import OperatingPoint, predictions
+from identify.prediction.intervals import OperatingPoint
+from identify.prediction.predict import predictions
 from identify.prediction.sources import with_tied
 from identify.scene.values import Tie
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, NORMAL, student, student_below
-from identify.prediction.predict import OperatingPoint, predictions
+from identify.prediction.intervals import OperatingPoint
+from identify.prediction.predict import predictions
 from identify.report.quantity_text import finite
 from identify.scene import Scene
 from identify.simulation.sliding import slidings

@@ -12,12 +12,13 @@ from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction import sources as tested
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import Interval, draw, unknown
+from identify.prediction.intervals import Interval, OperatingPoint, draw, unknown
+from identify.prediction.map_axes import Site, axis
 from identify.prediction.predict import predict
 from identify.prediction.probability import alike, document, stick_slip_probability
 from identify.prediction.solutions import solution_set
 from identify.prediction.sources import stated
-from identify.prediction.stabilising import Search, stabilising_changes
+from identify.prediction.stabilising import nearest_turn, stabilising_changes
 from identify.report.depth import advice_table
 from identify.report.report_tables import Cell
 from tests.support import oracle
@@ -57,7 +58,7 @@ def sticks(values: dict[str, float], speed: float, load: float) -> bool:
 
 @pytest.fixture(scope="module")
 def told() -> dict[str, dict[str, object]]:
-    found = stabilising_changes(MODEL, ALL, SPEED, LOAD, covariance(0.01), NAMES, TESTED)
+    found = stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, covariance(0.01)), NAMES, TESTED)
     return {"all": found, **{row["quantity"]: row for row in found["changes"]}}
 
 
@@ -83,8 +84,9 @@ def test_a_limit_moves_as_it_says(quantity, name):
     step = 0.004
     turns = []
     for factor in (1.0, 1 - step, 1 + step):
-        search = Search(map_of(ALL | {name: ALL[name] * factor}), SPEED)
-        turns.append(search.turn(quantity, search.now(quantity) / 8, search.now(quantity) * 8))
+        site = Site(MODEL, ALL | {name: ALL[name] * factor}, SPEED, LOAD)
+        now = axis(site, quantity).value
+        turns.append(nearest_turn(site, quantity, now / 8, now * 8)[1])
     here, less, more = turns
     assert here is not None and less is not None and more is not None
     moved = (more.value - less.value) / (2 * step * ALL[name])
@@ -107,15 +109,15 @@ def test_advice_keeps_the_margin_and_says_what_is_extrapolated(told):
 
 
 def test_what_is_steady_stays_as_it_is_and_what_cannot_be_is_said():
-    far = stabilising_changes(MODEL, ALL, 4e-2, LOAD)
+    far = stabilising_changes(MODEL, OperatingPoint(ALL, 4e-2, LOAD))
     rows = {row["quantity"]: row for row in far["changes"]}
     assert far["steady"] and rows["drive_speed"]["advised"]["value"] == 4e-2 and "as it is" in far["text"]
     assert rows["drive_speed"]["limit"]["interval"] is None
-    slow = stabilising_changes(MODEL, ALL, 1e-4, LOAD)
+    slow = stabilising_changes(MODEL, OperatingPoint(ALL, 1e-4, LOAD))
     mass = next(row for row in slow["changes"] if row["quantity"] == "mass")
     assert mass["limit"]["value"] is None and "cannot be reached" in slow["text"] and "2 g to 20 kg" in slow["text"]
     with pytest.raises(SimulationError, match="expected positive numbers"):
-        stabilising_changes(MODEL, ALL, 0.0, LOAD)
+        stabilising_changes(MODEL, OperatingPoint(ALL, 0.0, LOAD))
 
 
 def test_probability_and_sampled_intervals():
@@ -276,7 +278,7 @@ def test_advice_in_the_report(told):
 
 def test_an_open_interval_of_a_limit_says_why():
     names = ("mu_s", "t_cr")
-    told = stabilising_changes(MODEL, ALL, SPEED, LOAD, np.diag([1e-6, np.inf]), names)
+    told = stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, np.diag([1e-6, np.inf])), names)
     limit = told["changes"][0]["limit"]
     assert limit["interval"] == [None, None] and "these data do not tell t_cr" in limit["reason"]
     (line,) = (line for line in told["text"].splitlines() if line.startswith("- drive speed"))

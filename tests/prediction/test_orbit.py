@@ -16,9 +16,9 @@ from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.closed_forms import closed_forms
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import Spread
+from identify.prediction.intervals import OperatingPoint, Spread
 from identify.prediction.orbit import settle
-from identify.prediction.predict import OperatingPoint, predict, predictions
+from identify.prediction.predict import predict, predictions
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities
 from identify.prediction.solutions import solution_set
 from identify.prediction.windows import Outcome

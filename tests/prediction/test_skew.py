@@ -15,8 +15,8 @@ from brute_force_lanes import Lanes
 
 from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import LEAST_DRAWS, sampled
-from identify.prediction.predict import OperatingPoint, predict, predictions
+from identify.prediction.intervals import LEAST_DRAWS, OperatingPoint, sampled
+from identify.prediction.predict import predict, predictions
 from identify.prediction.probability import probability_document
 from identify.prediction.windows import speed_windows
 from identify.prediction.wording import amplitude_text
@@ -92,7 +92,7 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(names):
 
 def test_the_straight_line_is_not_shown_where_draws_are(skew):
     assert "Intervals are those of draws" in amplitude_text(skew.document)
-    found = probability_document(MODEL, PAIR, skew.speed, 1.0, skew.covariance, study.NAMES, draws=120)
+    found = probability_document(MODEL, OperatingPoint(PAIR, skew.speed, 1.0, skew.covariance), study.NAMES, draws=120)
     assert found["quantities"]["drop"]["alike"] is False and found["quantities"]["drop"]["linear"] is None
     assert "95 % of the draws of the drop lie from" in found["text"] and "take the draws" not in found["text"]
 

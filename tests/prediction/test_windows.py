@@ -18,7 +18,8 @@ from brute_force_lanes import Lanes, simulate
 from identify.cli.main import main
 from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap
-from identify.prediction.predict import OperatingPoint, predict, predictions
+from identify.prediction.intervals import OperatingPoint
+from identify.prediction.predict import predict, predictions
 from identify.prediction.windows import speed_windows
 from identify.scene import Scene
 
