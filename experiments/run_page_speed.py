@@ -34,9 +34,9 @@ LOGARITHMIC = (False, False, False, True, True, True)
 
 
 def write_batch(folder: Path, real: Path, fits: int, seed: int = 1) -> None:
-    """So many folders of fits: four materials, ten volunteers, as many runs as it takes."""
+    """So many folders of fits: four materials (one, of few fits), ten volunteers, as many runs as it takes."""
     base = json.loads((real / "result.json").read_text(encoding="utf-8"))
-    materials = 4 if fits > 40 else 2
+    materials = 4 if fits > 40 else 1
     runs = -(-fits // (10 * materials))
     study = draw(Plan("page", materials=materials, volunteers=10, runs=runs, gap=1.0), np.random.default_rng(seed))
     assert study.setting.subject is not None
@@ -63,19 +63,19 @@ def write_batch(folder: Path, real: Path, fits: int, seed: int = 1) -> None:
 
 
 def main(fast: bool = False, fits: int = 200) -> None:
-    """200 fits; fast: 8 fits of three logs."""
+    """200 fits; fast: 4 fits of three logs, of one material."""
     print(describe())
     with tempfile.TemporaryDirectory() as spare:
         real, batch = Path(spare) / "real", Path(spare) / "batch"
         batch.mkdir()
         whole = Scene.from_toml(examples.SCENE)
         write_report(fit(whole.choose([str(log.path) for log in whole.logs[1:]]) if fast else whole), real)
-        write_batch(batch, real, 8 if fast else fits)
+        write_batch(batch, real, 4 if fast else fits)
         began, processor = time.perf_counter(), time.process_time()
         page = write_batch_report(batch)
         seconds, busy = time.perf_counter() - began, time.process_time() - processor
         print(
-            f"page of {8 if fast else fits} fits: {seconds:.1f} s ({busy:.1f} s of the processor), "
+            f"page of {4 if fast else fits} fits: {seconds:.1f} s ({busy:.1f} s of the processor), "
             f"{page.stat().st_size / 1e6:.2f} MB"
         )
 

@@ -10,7 +10,8 @@ from identify.estimation import other_optima as valleys
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 IN_VIVO, WRONG_RIG = FOLDER / "run_in_vivo_study.py", FOLDER / "run_wrong_rig.py"
 WINDOWS = FOLDER / "run_window_study.py"  # run by tests/prediction/test_windows.py
-SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS})
+MEASURED = FOLDER / "run_measured_records.py"  # by tests/uneven/test_measured_records.py
+SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED})
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

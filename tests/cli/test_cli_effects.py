@@ -124,6 +124,7 @@ def test_parameters_of_any_effect_set_the_operating_point(scene_file, capsys):
     assert "did you mean 'skin_stiffness'" in refused(capsys, "amplitude", "--scene", path, "--at", "skin_stifness=1")
 
 
+@pytest.mark.slow
 def test_a_fit_says_which_effects_it_took_and_why(folder, capsys):  # noqa: F811
     logs = ["1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz"]
     code, out, err = stickslip(capsys, "fit", *logs, "--scene", examples.SCENE, "--out", "r", "--json")

@@ -145,6 +145,7 @@ def test_only_what_explains_all_logs_is_named(case):
     assert not _explanations([(mass, partial)], scene, ended)
 
 
+@pytest.mark.slow
 def test_a_model_taken_over_from_another_one_is_judged_by_itself(case):
     """The motion of a converged fit does not make the model converge that lacks what it had."""
     scene, records = _scene(RIG | {"mass": 0.3}), [case.records[i] for i in LOGS]

@@ -91,6 +91,7 @@ def test_a_single_log_is_not_told_from_all(records):
     assert _suspected(alone, records[:1], (1.0,)) == []
 
 
+@pytest.mark.slow
 def test_a_missed_slip_stays_a_missed_slip(records):
     time, force = records[1].time, records[1].friction_force.copy()
     inside = (time > 1.0) & (time < 1.08)

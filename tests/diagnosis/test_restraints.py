@@ -177,6 +177,7 @@ def test_what_is_left_out_is_the_restraint_alone() -> None:
     assert held.parameters["mu_k0"].fixed is None and held.parameters["mu_k0"].start == 0.5
 
 
+@pytest.mark.slow
 def test_a_tie_that_the_data_contradict_is_named_with_what_they_say_instead(
     case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,6 +52,7 @@ def off(record: Record) -> tuple[float, list[str]]:
     return float(error / np.sqrt(found.covariance[0, 0])), ends
 
 
+@pytest.mark.slow
 def test_what_such_a_slip_tells_is_true(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong, ends = off(record)
     assert abs(wrong) < 2.5

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from experiments.run_fit_speed import TRUTH, simulated
 from experiments.run_recovery_study import Study, fit_case
@@ -21,6 +22,7 @@ from identify.shooting.starts import GOOD, fit_features
 from tests.support.taken_logs import taken
 
 
+@pytest.mark.slow
 def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypatch):
     case, _, _ = Study("usual", rate=0.25).case(28)  # its slowest log at 5 Hz, slips of 35 ms
     found = fit_case(case, None, "data")

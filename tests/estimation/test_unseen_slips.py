@@ -43,6 +43,7 @@ def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.Monke
     assert guess.arrests > 100 and cut.data.end < 0.5 * prepared[SLOWEST].data.end
 
 
+@pytest.mark.slow
 def test_a_train_of_slips_that_show_together_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of 251 slips stands out by two standard deviations, and this log alone tells t_cr."""
     prepared, unknowns = case(15)

@@ -217,6 +217,7 @@ def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     assert ends[1][1] > wrong.solved.theta[i], "and holds the answer still"
 
 
+@pytest.mark.slow
 def test_a_place_on_a_ridge_without_end_counts_and_takes_nobodys_place(astray, monkeypatch):
     _, wrong, unknowns = astray
     solution = replace(wrong.solved.solution, cost=wrong.solved.solution.cost - 1.0, success=False)

@@ -42,6 +42,7 @@ def test_a_banana_is_held_and_nothing_becomes_surer():
     assert np.min(np.linalg.eigvalsh(wider - covariance)) >= -1e-12
 
 
+@pytest.mark.slow
 def test_a_bent_ridge_of_ten_percent_is_followed(monkeypatch):
     # Standard error of a 11 %, truth 2.6 of them away: the others follow it on a bent path.
     case, start, _ = Study("usual").case(126)

@@ -359,7 +359,7 @@ def test_holds_in_a_live_grip_are_fitted():
         assert low - 0.2 * (high - low) < truth[name] < high + 0.2 * (high - low)
 
 
-@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize("own", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_every_slip_of_a_course_has_a_load_of_its_own(monkeypatch, own):
     scene, record, truth = _held_in_a_live_grip()
     unknowns = from_scene(scene)
@@ -374,7 +374,7 @@ def test_every_slip_of_a_course_has_a_load_of_its_own(monkeypatch, own):
     assert (found.solved.guesses[0].slip_deviation.size > 10) == own
 
 
-@pytest.mark.parametrize("counted", [True, False])
+@pytest.mark.parametrize("counted", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_tremor_in_a_broad_band_is_not_known_better_than_it_is(monkeypatch, counted):
     """Its skirts lie below the noise in every line, and hold a sixth of it together."""
     if not counted:

@@ -53,7 +53,14 @@ def bench(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("path", ["logs", "logs/stroke_*.csv", "packed.zip/whole.csv"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param("logs", marks=pytest.mark.slow),
+        "logs/stroke_*.csv",
+        pytest.param("packed.zip/whole.csv", marks=pytest.mark.slow),
+    ],
+)
 def test_a_fit_of_it_verifies_where_it_lay_and_where_it_lies_now(bench, path, capsys):
     (bench / "scene.toml").write_text(SCENE.replace("{path}", path), encoding="utf-8")
     assert main(["fit", "--scene", str(bench / "scene.toml"), "--out", str(bench / "out")]) == 0

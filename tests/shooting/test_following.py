@@ -141,6 +141,7 @@ UNSEEN = {"mu_s": 0.4018, "mu_k0": 0.3429, "delta_mu_k": -0.1123, "a": 61.69, "D
 UNSEEN_RIG = {"mass": 0.1238, "stiffness": 1019.8, "damping": 109.58}
 
 
+@pytest.mark.slow
 def test_slips_that_the_noise_hides_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """To follow some of them would end the log after a number of slips that is made up, and tell the fit its period."""
     p = np.array([(UNSEEN | UNSEEN_RIG)[n] for n in MODEL.parameter_names])
@@ -220,7 +221,7 @@ TRAIN = {"mu_s": 0.959, "mu_k0": 0.8458, "delta_mu_k": -0.04465, "a": 40.58, "D"
 TRAIN_RIG = {"mass": 0.1551, "stiffness": 2518.0, "damping": 131.6}
 
 
-@pytest.mark.parametrize("wrong", [1.0, 1.5])
+@pytest.mark.parametrize("wrong", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
 def test_slips_that_only_show_together_are_followed_through(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each is placed by the noise; that each follows the one before keeps their number, at a wrong t_cr too."""
     truth = TRAIN | TRAIN_RIG

@@ -1,0 +1,16 @@
+"""Pages of many fits are tested with intervals of straight lines: draws take minutes, and change no layout."""
+
+from functools import partial
+
+import pytest
+
+from identify.prediction.predict import predictions
+from identify.studies import operating_points
+
+
+@pytest.fixture(scope="session", autouse=True)
+def straight_lines():
+    with pytest.MonkeyPatch.context() as patch:
+        real = partial(predictions, draws=False)
+        patch.setattr(operating_points, "predictions", lambda *points, draws: real(*points))
+        yield
