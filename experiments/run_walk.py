@@ -63,10 +63,9 @@ def _floor(file: str) -> int:
     return ROOMS.index(file.split("/")[0])
 
 
-def walked(logs: int | None = None) -> Walk:
-    """The walk of a fit of the example pair, or of its last logs only."""
+def walked() -> Walk:
+    """The walk of a fit of the example pair."""
     walk, scene = Walk(), Scene.from_toml(examples.SCENE)
-    scene = scene if logs is None else scene.choose([str(log.path) for log in scene.logs[-logs:]])
     sys.setprofile(walk)
     try:
         fit(scene)
@@ -76,8 +75,8 @@ def walked(logs: int | None = None) -> Walk:
 
 
 def main(fast: bool = False) -> None:
-    """Print what was counted; fast: of the last log alone."""
-    walk = walked(1 if fast else None)
+    """Print what was counted; fast is the same."""
+    walk = walked()
     print(describe())
     print(f"{len(walk.files)} files, {len(walk.calls)} calls from file to file, {len(walk.climbs)} into a higher room:")
     print("\n".join(f"  {caller} -> {called}" for caller, called in walk.climbs))
