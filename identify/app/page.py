@@ -29,7 +29,7 @@ from identify.logs.segmented import Segmented, segmented
 from identify.report.stored_result import read_result
 from identify.report.stored_result import scene_of as scene_of_result
 from identify.scene import Scene
-from identify.scene.values import LogEntry, Rig
+from identify.scene.values import LogEntry
 
 Asked = Mapping[str, Any]
 REMEMBERED = 16  # cut logs and scenes of results
@@ -118,7 +118,7 @@ class Page:
 
     def open_log(self, asked: Asked) -> dict[str, Any]:
         """Whether a log is in memory, what is in it, and where it stands in a scene."""
-        name, options, entry, _ = self._named(asked)
+        name, options, entry = self._named(asked)
         opened = self.logs.opened(name, options)
         seen = self.looks.of(name)
         about: dict[str, Any] = {
@@ -140,14 +140,12 @@ class Page:
 
     def see_curves(self, asked: Asked) -> NDArray[np.float64]:
         """Curves of a window of a log."""
-        name, options, _, _ = self._named(asked)
+        name, options, _ = self._named(asked)
         return self.logs.opened(name, options).window(_number(asked, "begin", 0.0), _number(asked, "end", np.inf))
 
     def see_cut(self, asked: Asked) -> dict[str, Any]:
         """A log of a scene as a fit with its cuts sees it."""
-        scene, number = self._scene(asked), self._log_number(asked)
-        log = self._segmented(scene, asked, number)
-        return seen_by_a_fit(log)
+        return seen_by_a_fit(self._segmented(self._scene(asked), self._log_number(asked)))
 
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
@@ -176,7 +174,7 @@ class Page:
     def try_values(self, asked: Asked) -> dict[str, Any]:
         """Simulate some cycles of a log with other values."""
         scene, number = self._scene(asked), self._log_number(asked)
-        log = self._segmented(scene, asked, number)
+        log = self._segmented(scene, number)
         values = {str(key): float(value) for key, value in (asked.get("values") or {}).items()}
         stretch = TriedCycles(int(_number(asked, "first", 0)), int(_number(asked, "count", 8)))
         return tried(scene, scene.logs[number], log, values, stretch)
@@ -216,11 +214,14 @@ class Page:
     def _log_number(self, asked: Asked) -> int:
         return int(_number(asked, "number", 0))
 
-    def _named(self, asked: Asked) -> tuple[str, dict[str, Any], LogEntry | None, Rig | None]:
-        """Path, reading options, entry and rig of a log: one of a scene by its number, or a file by its path."""
+    def _named(self, asked: Asked) -> tuple[str, dict[str, Any], LogEntry | None]:
+        """Path, reading options and entry of a log: one of a scene by its number, or a file by its path."""
         if not asked.get("scene"):
-            return _text(asked, "path"), {}, None, None
-        scene, number = self._scene(asked), self._log_number(asked)
+            return _text(asked, "path"), {}, None
+        return self._listed(self._scene(asked), self._log_number(asked))
+
+    def _listed(self, scene: Scene, number: int) -> tuple[str, dict[str, Any], LogEntry]:
+        """The same of a log of a scene."""
         if not 0 <= number < len(scene.logs):
             raise PageError(f"the scene has {len(scene.logs)} logs; choose one of them")
         entry = scene.logs[number]
@@ -234,12 +235,12 @@ class Page:
         said = {"step": entry.step, "run": entry.run, "rate": entry.rate, "normal_force": load,
                 "columns": dict(entry.columns or {}) or None, "units": dict(entry.units or {}) or None}  # fmt: skip
         options = {key: value for key, value in said.items() if value is not None}
-        return name, options, entry, scene.rig_for(entry)
+        return name, options, entry
 
-    def _segmented(self, scene: Scene, asked: Asked, number: int) -> Segmented:
+    def _segmented(self, scene: Scene, number: int) -> Segmented:
         """A log of the scene, cut and segmented; kept while its file and the scene stay as they are."""
-        name, options, entry, rig = self._named(asked)
-        assert entry is not None and rig is not None
+        name, options, entry = self._listed(scene, number)
+        rig = scene.rig_for(entry)
         record = self.logs.wait(name, options)
         key = (name, id(record), repr(entry), repr(rig))
         with self._lock:

@@ -6,7 +6,6 @@ import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
 from statistics import median
 from time import perf_counter
 from typing import Any
@@ -26,7 +25,7 @@ from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
-POINTS = 2_000  # of a curve
+POINTS = 1_000  # of a curve
 ACCURACY = 1e-4  # of switch times and forces: finer than a line on a screen
 RUNS, CYCLES = 5, 4.0  # of a simulation whose time is taken
 MODERATE = 1e-3  # drive speed where the scene says none [m/s]
@@ -77,8 +76,7 @@ def tried(
         at = np.union1d(np.linspace(0.0, made.duration, POINTS), np.clip(made._edges, 0.0, made.duration))
         at = at[:: max(1, -(-at.size // (2 * POINTS)))]
         curve = made.sample(at)
-        there = made.sample(time[:: max(1, time.size // POINTS)])["force"]
-    off = there - force[:: max(1, time.size // POINTS)]
+    off = np.interp(time, at, curve["force"]) - force
     step = max(1, -(-time.size // (2 * POINTS)))
     document = {
         "begin": begin,
@@ -102,12 +100,11 @@ def _course(time: Array, load: Array, follows: bool) -> float | tuple[Array, Arr
     """The load that the simulation gets: its mean, or its course in pieces where the model follows it."""
     if not follows:
         return float(np.nanmean(load))
-    edges = np.unique(np.linspace(0, time.size, min(LOADS, time.size // 2) + 1).astype(int))
-    pieces = [slice(a, b) for a, b in pairwise(edges)]
-    means = np.array([np.nanmean(load[piece]) for piece in pieces])
-    middles = np.array([np.mean(time[piece]) for piece in pieces])
-    sound = np.isfinite(means)
-    return np.append(0.0, middles[sound]), np.append(means[sound][0], means[sound])
+    sound = np.isfinite(load)
+    time, load = time[sound], load[sound]
+    edges = np.linspace(0, time.size, min(LOADS, time.size) + 1).astype(int)
+    middles, means = (np.add.reduceat(values, edges[:-1]) / np.diff(edges) for values in (time, load))
+    return np.append(0.0, middles), np.append(means[0], means)
 
 
 def _strength(onsets: Array, arrests: Array, curve: Mapping[str, Array], at: Array) -> list[list[float]]:

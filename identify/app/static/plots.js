@@ -2,6 +2,7 @@
 import { element, newestWins, plain, refill, style } from "./base.js";
 
 const CLICK = 4; // pixels that a click may move
+const HAIR = 1 / (devicePixelRatio || 1); // thicker lines of thousands of points take browsers five times as long
 
 /** Curves over time in panels one below the other, of which only the visible window is asked for.
 
@@ -41,7 +42,7 @@ export class TimeView {
       cursor: { sync: { key: "time", scales: ["x", null] }, drag: { x: true, y: false, setScale: false }, points: { show: false } },
       scales: { x: { time: false, range: () => [this.begin, this.end] } },
       axes: [last ? { ...axis, label: "time (s)", size: 34 } : { ...axis, values: () => [], size: 8 }, { ...axis, label: `${panel.label} (${panel.unit})`, size: 58 }],
-      series: [{}, ...panel.series.map((s) => ({ label: s.label, stroke: style(s.color), width: 1.3, dash: s.dash, points: { show: false } }))],
+      series: [{}, ...panel.series.map((s) => ({ label: s.label, stroke: style(s.color), width: HAIR, dash: s.dash, points: { show: false } }))],
       hooks: {
         draw: [(u) => this.drawOver?.(u, number)],
         setCursor: [(u) => { if (u.cursor.left >= 0) this.hover?.(u.posToVal(u.cursor.left, "x")); }],
@@ -98,7 +99,6 @@ export class TimeView {
     const [first, last] = this.whole, span = Math.min(Math.max(end - begin, 1e-9 * (last - first)), last - first);
     this.begin = Math.min(Math.max(begin, first), last - span);
     this.end = this.begin + span;
-    this.plots.forEach((plot) => plot.setScale("x", { min: this.begin, max: this.end }));
     this.moved?.(this.begin, this.end);
     this.fetch();
   }
@@ -199,7 +199,7 @@ export function span(values, { margin = 0.05, log = false } = {}) {
 }
 
 /** A line through points, broken where a value is missing. */
-export function line(context, xs, ys, x, y, color, { dash = [], width = 1.5 } = {}) {
+export function line(context, xs, ys, x, y, color, { dash = [], width = HAIR } = {}) {
   context.save();
   context.strokeStyle = color; context.lineWidth = width; context.setLineDash(dash);
   context.beginPath();

@@ -24,7 +24,7 @@ export async function tryView(host, asked, session) {
     const { measured, simulated } = made, [blue, red] = [style("--force"), style("--model")];
     const reach = [0, Math.max(measured.time[measured.time.length - 1], 1e-9)];
     picture(force, { height: 300, x: { label: `time after the arrest at ${plain(made.begin, 5)} s (s)`, range: reach }, y: { label: "friction force (N)", range: span([...measured.force, ...simulated.force]) },
-      draw: (context, x, y) => { line(context, measured.time, measured.force, x, y, blue, { width: 1 }); line(context, simulated.time, simulated.force, x, y, red, { dash: [7, 4], width: 2 }); } });
+      draw: (context, x, y) => { line(context, measured.time, measured.force, x, y, blue); line(context, simulated.time, simulated.force, x, y, red, { dash: [7, 4] }); } });
     const moving = simulated.speed.map((v) => v * 1e3);
     picture(phase, { x: { label: "friction force (N)", range: span(simulated.force) }, y: { label: "sliding speed (mm/s)", range: span(moving) }, draw: (context, x, y) => line(context, simulated.force, moving, x, y, red) });
     picture(speed, { x: { label: "sliding speed (mm/s)", range: span(moving) }, y: { label: "friction coefficient while sliding", range: span(simulated.coefficient) }, draw: (context, x, y) => line(context, moving, simulated.coefficient, x, y, red) });
