@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identify.app.curves import MOST_POINTS, STRETCHES
 from identify.app.folder import Folder, PageError, read_json
 from identify.report.stored_result import plain
+from identify.report.summary import tolerances_text
 
 Array = NDArray[np.float64]
 SHOWN = ("status", "message", "parameters", "gate", "fit", "search", "not_tried", "found_by", "next_logs", "notes",
@@ -30,6 +31,7 @@ def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
     if document is None:
         raise PageError(f"{name} holds no whole result.json; run the fit again")
     seen = {key: document.get(key) for key in SHOWN}
+    seen["tolerances"] = tolerances_text(document.get("tolerances") or {})
     seen["effects"] = (document.get("effects") or {}).get("reasons") or []
     seen["logs"] = [
         {

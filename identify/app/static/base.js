@@ -128,8 +128,10 @@ export function quantity(value, unit = "", digits = 4) {
   const [name, factor] = known.find(([, size]) => Math.abs(value) >= 0.0999 * size) ?? (value === 0 ? known[0] : known[known.length - 1]);
   return `${plain(value / factor, digits)} ${name}`.trim();
 }
-export const interval = (entry) => entry.interval && entry.interval[0] !== null && entry.interval[1] !== null
-  ? `${quantity(entry.interval[0], entry.unit)} to ${quantity(entry.interval[1], entry.unit)}` : "open";
+export function interval(ends, unit) {
+  const [low, high] = (ends ?? [null, null]).map((end) => end === null ? null : quantity(end, unit));
+  return low !== null && high !== null ? `${low} to ${high}` : low !== null ? `above ${low}` : high !== null ? `below ${high}` : "open";
+}
 export const duration = (value) => value < 100 ? `${value.toFixed(value < 10 ? 1 : 0)} s` : `${Math.round(value / 60)} min`;
 
 /** A command with a button that copies it: what was done here, for the command line. */

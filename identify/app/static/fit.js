@@ -15,10 +15,13 @@ function accuracies(seen) {
 /** The table of parameters of one fit, or of two beside each other. */
 function parameters(one, two) {
   const names = [...new Set([...Object.keys(one.parameters), ...Object.keys(two?.parameters ?? {})])];
-  const cells = (entry) => entry ? [{ number: quantity(entry.value, entry.unit) }, interval(entry), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
+  const entries = names.map((name) => one.parameters[name]);
+  const exact = one.tolerances ? "95 %, rig exact" : "95 %", wide = !two && one.tolerances, why = !two && entries.some((entry) => entry.reason);
+  const cells = (entry) => entry ? [{ number: quantity(entry.value, entry.unit) }, interval(entry.interval, entry.unit), ...(wide ? [interval(entry.interval_with_tolerances, entry.unit)] : []), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
   const apart = (a, b) => a?.standard_error && b?.standard_error && a.value !== null && b.value !== null ? { number: `${plain((b.value - a.value) / Math.hypot(a.standard_error, b.standard_error), 2)} s.e.` } : "";
-  return table(["", { number: "value" }, "95 %", "verdict", ...(two ? [{ number: "second" }, "95 %", "verdict", { number: "apart" }] : ["why"])],
-    names.map((name) => [name, ...cells(one.parameters[name]), ...(two ? [...cells(two.parameters[name]), apart(one.parameters[name], two.parameters[name])] : [one.parameters[name].reason ?? ""])]), { id: "parameters" });
+  return [table(["", { number: "value" }, exact, ...(wide ? ["95 %, tolerances"] : []), "verdict", ...(two ? [{ number: "second" }, exact, "verdict", { number: "apart" }] : []), ...(why ? ["why"] : [])],
+    names.map((name, i) => [name, ...cells(entries[i]), ...(two ? [...cells(two.parameters[name]), apart(entries[i], two.parameters[name])] : []), ...(why ? [entries[i].reason ?? ""] : [])]), { id: "parameters" }),
+  wide ? element("p", { class: "quiet" }, `${one.tolerances}.`) : null];
 }
 
 function residualView(host, path, seen, session) {
