@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.answering import Task, answered
 from identify.base.budget import now, seconds_left, time_limit
+from identify.base.compiled import Mapped
 from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
@@ -33,7 +34,7 @@ from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import from_scene, user_start
-from identify.report.depth_document import accuracy_document
+from identify.report.depth_document import FitSeconds, accuracy_document
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import document
@@ -76,7 +77,7 @@ def fit(
         FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
             its status says so.
     """
-    clock, began = Clock(), time.perf_counter()
+    clock, began, worked, in_functions = Clock(), time.perf_counter(), time.process_time(), Mapped.total
     told = progress or to_nobody
     choice: Choice | None = None
     scene, drives = with_drives(scene, records)
@@ -106,6 +107,9 @@ def fit(
     curves = _curves(prepared, findings)
     result = document(scene, prepared, findings, clock, began, seed, choice)
     result["provenance"]["scene"] = stated.as_document() if stated.effects != "auto" else scene.as_document()
+    timing, processor = result["timing_s"], time.process_time() - worked
+    solving = (timing["build"] + timing["solve"]) / timing["total"] / max(len(findings.trace.trials), 1)
+    spent = FitSeconds(processor, (Mapped.total - in_functions) / timing["total"], solving * processor)
     if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
         told("effects compared", 0.95)
         whole = len(prepared) == len(scene.logs)
@@ -114,7 +118,7 @@ def fit(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
     if findings.status is Status.CONVERGED:
-        result["accuracy"] = accuracy_document(findings, asked.accuracy, result["timing_s"]["total"])
+        result["accuracy"] = accuracy_document(findings, asked.accuracy, spent)
     result["next_logs"] = next_log_document(advice)
     if drives:
         result["notes"] = [*drives, *result["notes"]]

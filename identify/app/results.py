@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from identify.app.curves import MOST_POINTS, STRETCHES
 from identify.app.folder import Folder, PageError, read_json
 from identify.report.stored_result import plain
-from identify.report.summary import tolerances_text
+from identify.report.summary import accuracy_text, tolerances_text
 
 Array = NDArray[np.float64]
 SHOWN = ("status", "message", "parameters", "gate", "fit", "search", "not_tried", "found_by", "next_logs", "notes",
@@ -32,6 +32,7 @@ def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
         raise PageError(f"{name} holds no whole result.json; run the fit again")
     seen = {key: document.get(key) for key in SHOWN}
     seen["tolerances"] = tolerances_text(document.get("tolerances") or {})
+    seen["accuracy_line"] = accuracy_text(document.get("accuracy") or {})
     seen["effects"] = (document.get("effects") or {}).get("reasons") or []
     seen["logs"] = [
         {

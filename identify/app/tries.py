@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass
-from statistics import median
-from time import perf_counter
+from dataclasses import dataclass, replace
+from time import process_time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.app.folder import PageError
-from identify.base.errors import IdentifyError
 from identify.estimation.preview import preview
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.segmented import Segmented
@@ -22,12 +19,13 @@ from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive
-from identify.simulation.simulate import run
+from identify.simulation.price import price
+from identify.simulation.simulate import run, simulate
 
 Array = NDArray[np.float64]
 POINTS = 1_000  # of a curve
 ACCURACY = 1e-4  # of switch times and forces: finer than a line on a screen
-RUNS, CYCLES = 5, 4.0  # of a simulation whose time is taken
+CYCLES = 4.0  # of a simulation whose time is taken
 MODERATE = 1e-3  # drive speed where the scene says none [m/s]
 LOADS = 200  # pieces of the course of the load
 ONE_AT_A_TIME = threading.Lock()  # compiled functions of a model are used by one thread
@@ -116,34 +114,23 @@ def _strength(onsets: Array, arrests: Array, curve: Mapping[str, Array], at: Arr
 
 
 def costs(scene: Scene, entry: LogEntry) -> dict[str, float]:
-    """Milliseconds of a simulated cycle that each effect of the scene takes: with all less without it.
-
-    An effect that the model cannot do without is left out.
+    """Milliseconds of a simulated cycle that each effect of the scene takes, at the highest speed of a log.
 
     Raises:
         SceneError, SimulationError: a scene that cannot be simulated.
     """
-    drive = scene.rig_for(entry).drive_speed
-    speed = max(abs(v) for _, v in drive) if isinstance(drive, tuple) else abs(drive or MODERATE)
-    load = scene.rig_for(entry).normal_force or 1.0
-
-    def taken(made: Scene) -> float:
-        values, model = made.values(entry), made.model
-        period = 4.0 * abs(values["mu_s"] - values["mu_k0"]) * load / (values["stiffness"] * speed)
-        seconds = []
-        for _ in range(RUNS + 1):  # the first one builds the model's functions
-            begun = perf_counter()
-            run(model, values, speed, load, CYCLES * period, accuracy=ACCURACY)
-            seconds.append(perf_counter() - begun)
-        return 1e3 * median(seconds[1:]) / CYCLES
-
-    found = {}
+    rig = scene.rig_for(entry)
+    speed = max(abs(v) for _, v in rig.drive_speed) if isinstance(rig.drive_speed, tuple) else abs(rig.drive_speed or 0)
+    driven = replace(scene, rig=replace(rig, drive_speed=speed or MODERATE, normal_force=rig.normal_force or 1.0))
+    values = driven.values(entry)
+    gap = abs(values["mu_s"] - values["mu_k0"]) * (driven.rig.normal_force or 1.0)
+    period = 4.0 * gap / (values["stiffness"] * (speed or MODERATE))
     with ONE_AT_A_TIME:
-        whole, effects = taken(scene), scene.model.effects
-        for name in effects:
-            with suppress(IdentifyError, KeyError):
-                found[name] = whole - taken(scene.with_effects([other for other in effects if other != name]))
-    return found
+        since = process_time()
+        motion = simulate(driven, CYCLES * period, accuracy=ACCURACY)
+        found = price(driven, motion, process_time() - since)
+    scale = 1e3 / max(motion.onsets.size, 1)
+    return {name: scale * seconds for name, seconds in found.effects.items()}
 
 
 def start_from_data(scene: Scene) -> dict[str, Any]:

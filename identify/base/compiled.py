@@ -145,10 +145,13 @@ class Mapped:
     Runs in CasADi's virtual machine until machine code of it is found in the cache; both give the same numbers.
     """
 
+    total = 0.0  # seconds that all of them took in this process so far
+
     def __init__(self, function: ca.Function, many: int = MANY) -> None:
         """many: lanes per call where there are so many; what is left of them is called for in smaller chunks."""
         self._function, self._many = function, many
-        self._few = min(max(WORK // max(function.n_instructions(), 1), 1), many)
+        self.instructions = function.n_instructions()  # of one lane
+        self._few = min(max(WORK // max(self.instructions, 1), 1), many)
         self._sizes = [function.numel_out(i) for i in range(function.n_out())]
         self.spent, self._ask = 0.0, 0.0  # seconds, since it runs as it runs now
         self._keys: tuple[str, ...] = ()
@@ -178,7 +181,9 @@ class Mapped:
                 bench = self._bench(code, chunk, lanes.stop - lanes.start)
                 for result, out in zip(results, bench.run([given[lanes] for given in arguments]), strict=True):
                     result[lanes] = out
-        self.spent += time.perf_counter() - since
+        spent = time.perf_counter() - since
+        self.spent += spent
+        Mapped.total += spent
         return results
 
     def _bench(self, code: _Code, chunk: int, lanes: int) -> _Bench:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,8 +62,10 @@ def map_answer(
         n = LINE if arguments.points is None else arguments.points
         return _line(terminal, part, site, names[0], ranges[0], n, known, plot, data)
     n = GRID if arguments.points is None else arguments.points
+    since = process_time()
     made = chart(site, (names[0], names[1]), (ranges[0], ranges[1]), (n, n))
-    terminal.say(wrapped(chart_text(made), "", ""))
+    levels = _levels(n, process_time() - since)
+    terminal.say(wrapped(f"{chart_text(made)} {_price_text(levels)}", "", ""))
     if plot:
         from identify.report.draw_map import Marks, draw_map
 
@@ -72,7 +75,7 @@ def map_answer(
     files = [] if data is None else write_chart(made, data)
     for file in files:
         terminal.say(f"data: {file}")
-    return Answer(document={"status": "done", "map": _chart_document(made)})
+    return Answer(document={"status": "done", "map": _chart_document(made), "price": {"points": n, "levels": levels}})
 
 
 def _named(name: str, site: Site) -> str:
@@ -118,6 +121,21 @@ def chart_text(made: Chart) -> str:
     ]
     shares = ", ".join(f"{100 * share:.0f} % {OUTCOMES.get(word, word)}" for word, share in made.shares.items())
     return f"Map of {' and '.join(spans)}, {plane.shape[1]} x {plane.shape[0]} points: {shares}."
+
+
+def _levels(points: int, seconds: float) -> list[dict[str, float]]:
+    """Processor seconds of maps with half as many points along each quantity, as many, and twice as many."""
+    return [{"points": round(f * points), "seconds": f * f * seconds} for f in (0.5, 1.0, 2.0)]
+
+
+def _price_text(levels: Sequence[Mapping[str, float]]) -> str:
+    """The same in words."""
+    coarse, taken, fine = (f"{level['seconds']:.2g} s" for level in levels)
+    return (
+        f"{taken} of processor time; with {levels[0]['points']} points along each about {coarse}, with "
+        f"{levels[2]['points']} about {fine}. Its boundaries are solved for whatever the points; what lies wholly "
+        "between points is not seen."
+    )
 
 
 def _chart_document(made: Chart) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import json
 from argparse import ArgumentParser, Namespace
 from dataclasses import asdict
 from pathlib import Path
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 from identify.base.wording import speed_text
@@ -64,6 +65,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.base.wording import wrapped
     from identify.diagnosis.choice import document_of
     from identify.diagnosis.selection_numbers import choose_from_numbers
+    from identify.simulation.price import price
     from identify.simulation.simulate import simulate
 
     scene, words = _scene_of(arguments)
@@ -71,7 +73,9 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     if choice is not None:
         scene = scene.with_effects(choice.effects)
         terminal.say(f"effects by the numbers of the scene: {', '.join(choice.effects)}")
+    since = process_time()
     motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None).refined()
+    cost = price(scene, motion, process_time() - since)
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     samples = motion.sample(time)
     speed = scene.rig.drive_speed
@@ -92,7 +96,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         found = {name: error if np.isfinite(error) else None for name, error in asdict(motion.achieved).items()}
         asked = motion.accuracy or 0.0
         terminal.say(f"asked for {asked:.2g}; {_words(found, asked)}; {', '.join(motion.methods) or 'no slip'}")
+        terminal.say(wrapped(cost.text, ""))
         document["accuracy"] = {"asked": motion.accuracy, **found, "methods": list(motion.methods)}
+        document["price"] = {
+            "levels": [{"accuracy": level, "seconds": seconds} for level, seconds in cost.seconds.items()],
+            "effects_s": cost.effects,
+        }
     if choice is not None:
         document["effects"] = document_of(choice, auto=True)
     return Answer(document=document)

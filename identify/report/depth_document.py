@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from identify.diagnosis.findings import Findings
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import parameter_value
 from identify.estimation.profile import CRITICAL
+from identify.estimation.strategies import Strategy
 from identify.logs.unknowns import Unknowns
-from identify.shooting.accuracy import Accuracy, accuracy_costs
+from identify.shooting.accuracy import FEWEST_STEPS, Accuracy, accuracy_costs, effect_shares
 
 Array = NDArray[np.float64]
 
@@ -173,8 +175,19 @@ def _finite(x: float) -> float | None:
     return float(x) if math.isfinite(x) else None
 
 
-def accuracy_document(found: Findings, taken: Accuracy, seconds: float) -> dict[str, Any] | None:
-    """What the accuracy of a fit cost and gives, and what the other levels would; None without an answer.
+@dataclass(frozen=True)
+class FitSeconds:
+    """processor: seconds of it that a fit took; equations: share of them in functions of the model; solve: processor
+    seconds of one of its solves."""
+
+    processor: float
+    equations: float
+    solve: float
+
+
+def accuracy_document(found: Findings, taken: Accuracy, seconds: FitSeconds) -> dict[str, Any] | None:
+    """What the accuracy of a fit cost and gives, what the other levels would, and what each effect took of the seconds
+    (processor time, which no other program lengthens); None without an answer.
 
     Args:
         taken: the level of the fit; seconds: that it took.
@@ -183,9 +196,15 @@ def accuracy_document(found: Findings, taken: Accuracy, seconds: float) -> dict[
         return None
     size = np.sqrt(np.diag(found.information.covariance() if found.covariance is None else found.covariance))
     tabled = found.sure.accuracy_table if found.sure is not None else None
-    own = seconds - sum(row.seconds for row in tabled or ())  # of the fit alone
+    own = seconds.processor - sum(row.seconds for row in tabled or ())  # of the fit alone
+    halvings = sum(trial.strategy == Strategy.FINER_STEPS.title for trial in found.trace.trials)
+    steps = found.attempt.solved.grid.steps
+    first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
+    shares = effect_shares(found.unknowns.model)
     return {
         "taken": taken.name,
+        "equations_s": seconds.equations * own,
+        "effects_s": {name: share * seconds.equations * own for name, share in shares.items()},
         "levels": [
             {
                 "accuracy": cost.level,
@@ -194,6 +213,6 @@ def accuracy_document(found: Findings, taken: Accuracy, seconds: float) -> dict[
                 "error_in_standard_errors": cost.error if np.isfinite(cost.error) else None,
                 "estimated": cost.level != taken.name,
             }
-            for cost in accuracy_costs(found.attempt.solved, size, taken)
+            for cost in accuracy_costs(found.attempt.solved, size, taken, first, seconds.solve)
         ],
     }

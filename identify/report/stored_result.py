@@ -36,7 +36,7 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, np.ndarray) and value.dtype.kind == "f":
         finite = np.isfinite(value)
-        return (value if finite.all() else np.where(finite, value.astype(object), None)).tolist()
+        return (value if finite.all() else np.where(finite, value.astype(object), np.array(None))).tolist()
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, Enum):

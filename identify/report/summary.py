@@ -68,7 +68,8 @@ def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def accuracy_text(accuracy: Mapping[str, Any]) -> str:
-    """What the accuracy of the fit cost and gives, and what the other levels would; "" where that is not known."""
+    """What the accuracy of the fit cost and gives, what the other levels would, and what each effect took of it; ""
+    where that is not known."""
     if not accuracy:
         return ""
     levels = {level["accuracy"]: level for level in accuracy["levels"]}
@@ -76,11 +77,14 @@ def accuracy_text(accuracy: Mapping[str, Any]) -> str:
     def said(level: Mapping[str, Any], about: str) -> str:
         error = level["error_in_standard_errors"]
         left = "an unknown error" if error is None else f"{error:.2g} standard errors"
-        return f"{about}{level['seconds']:.2g} s, steps leave {left}"
+        return f"{about}{level['seconds']:.2g} s{'' if about else ' of processor time'}, steps leave {left}"
 
     taken = levels.pop(accuracy["taken"])
     others = "; ".join(f"{name}: {said(level, 'about ')}" for name, level in levels.items())
-    return f"accuracy {accuracy['taken']}: {said(taken, '')}. Estimated, {others}"
+    dearest = sorted(accuracy.get("effects_s", {}).items(), key=lambda item: -item[1])
+    effects = f": {', '.join(f'{name} {seconds:.2g} s' for name, seconds in dearest)}" if dearest else ""
+    equations = f". The equations of the model took {accuracy['equations_s']:.2g} s of it{effects}" if effects else ""
+    return f"accuracy {accuracy['taken']}: {said(taken, '')}. Estimated, {others}{equations}"
 
 
 def tolerances_text(tolerances: Mapping[str, Mapping[str, Any]]) -> str:

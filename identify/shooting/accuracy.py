@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.errors import FitError
+from identify.base.errors import FitError, SceneError
 from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
+from identify.model.model import Model, assemble
+from identify.shooting.blocks import block
 from identify.shooting.passes import COARSE as FIRST_GRID
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.placing import place
@@ -56,7 +59,6 @@ def moved_by_steps(solved: Solved, problem: Problem) -> Array:
 
 OFFSETS = (0.3, 0.1, 0.03, 0.0)  # of the spread: how far from the answer the solves of the table start
 FINEST = 1e-4
-HALVING = 10  # iterations of a solve with half the step, from the answer with the whole one
 FEWEST_STEPS = 4  # of the fine passes
 
 
@@ -100,8 +102,8 @@ def accuracy_of(text: str) -> Accuracy:
 
 @dataclass(frozen=True)
 class AccuracyRow:
-    """One level: seconds, iterations and steps per interval of a solve; shift (f,) of the free parameters against the
-    finest level and the error its steps leave (f,), in standard errors; None for both where the solve failed."""
+    """One level: processor seconds, iterations and steps per interval of a solve; shift (f,) of the free parameters
+    against the finest level and the error its steps leave (f,), in standard errors; None for both where it failed."""
 
     level: Accuracy
     seconds: float
@@ -123,7 +125,7 @@ def accuracy_table(
     data = [log.data for log in logs]
     solves: list[tuple[Solved, float, int]] = []
     for level in levels:
-        since = time.perf_counter()
+        since = time.process_time()
         search = replace(unknowns, start=begin).softened()
         solved = solve_in_passes(data, guesses, search, most=level.most)
         iterations = solved.iterations
@@ -133,7 +135,7 @@ def accuracy_table(
             again = replace(unknowns, start=solved.theta).softened()
             solved = solve_in_passes(data, solved.guesses, again, steps=2 * solved.grid.steps)
             iterations += solved.iterations
-        solves.append((solved, time.perf_counter() - since, iterations))
+        solves.append((solved, time.process_time() - since, iterations))
     finest = next((s for s, _, _ in reversed(solves) if s.solution.success), answer)
     rows = []
     for level, (solved, seconds, iterations) in zip(levels, solves, strict=True):
@@ -146,8 +148,8 @@ def accuracy_table(
 
 @dataclass(frozen=True)
 class AccuracyCost:
-    """What a level takes and leaves: steps per interval, seconds more (or less) than the fit that was made, error of
-    the steps in standard errors, the largest of all parameters."""
+    """What a level takes and leaves: steps per interval, processor seconds more (or less) than the fit that was made,
+    error of the steps in standard errors, the largest of all parameters."""
 
     level: str
     steps: int
@@ -155,55 +157,71 @@ class AccuracyCost:
     error: float
 
 
-def accuracy_costs(solved: Solved, size: Array, taken: Accuracy) -> list[AccuracyCost]:
+def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int, solve: float) -> list[AccuracyCost]:
     """What each level would take and leave, from the blocks of a fit that was made: no level is solved.
 
-    The error of coarse steps is that of a Newton step to them; finer ones follow the order of the step formula. What
-    steps cost is timed on the evaluation of the whole problem; every halving takes a solve of `HALVING` iterations.
+    After the first solve of a fit every halving of its steps is one more solve, and so are coarse steps. The error of
+    coarse steps is that of a Newton step to them; finer ones follow the order of the step formula. What a solve costs
+    with other steps follows from the evaluation of the whole problem with these and with half of them.
 
     Args:
-        size: standard errors (f,) of the free parameters; taken: the level of the fit.
+        size: standard errors (f,) of the free parameters; taken: the level of the fit; first: steps of its first
+            solve; solve: processor seconds that one of its solves took.
     """
     steps, problem = solved.grid.steps, solved.problem
     left = discretisation_error(solved)
     own, finer = _seconds(problem, solved), _seconds(problem.with_finer_steps(), solved)
-    per_step = max(finer - own, 0.0) / steps
-    error = float(np.max(np.abs(left / size)))
-    costs = [AccuracyCost(taken.name, steps, 0.0, error)]
-    coarse = min(COARSE.most, steps)
-    if taken is not COARSE and steps % coarse == 0:
-        moved = moved_by_steps(solved, problem.with_coarser_steps(steps // coarse)) if coarse < steps else 0.0 * left
-        saved = solved.iterations * per_step * (steps - coarse)
-        costs.append(AccuracyCost(COARSE.name, coarse, -saved, float(np.max(np.abs((left + moved) / size)))))
-    for level in (DEFAULT, TIGHT):
+    per_step = min(max(finer - own, 0.0), own) / steps  # at most in proportion: finer steps may not be compiled yet
+
+    def error_with(count: int) -> float:
+        moved = problem.with_coarser_steps(steps // count) if count < steps and steps % count == 0 else None
+        if moved is not None:
+            return float(np.max(np.abs((left + moved_by_steps(solved, moved)) / size)))
+        return float(np.max(np.abs(left / size))) * (steps / count) ** ORDER
+
+    def seconds_of(level: Accuracy, count: int) -> float:
+        halved = [count // 2**n for n in range(level.refinements) if count // 2**n > first]
+        solves = [count] if level is COARSE else halved
+        return sum(solve * max(1.0 + per_step * (n - steps) / own, 0.0) for n in solves)
+
+    made = seconds_of(taken, steps)
+    costs = [AccuracyCost(taken.name, steps, 0.0, error_with(steps))]
+    for level in LEVELS:
         if level == taken:
             continue
-        halvings = 0
-        while steps * 2**halvings < FEWEST_STEPS:
-            halvings += 1
-        while error / 2.0 ** (ORDER * halvings) > level.share and halvings < level.refinements:
-            halvings += 1
-        while taken.share < level.share and error * 2.0 ** (ORDER * (1 - halvings)) <= level.share and steps % 4 == 0:
-            halvings -= 1  # a fit that was made more finely than that
-            if steps * 2**halvings <= FEWEST_STEPS:
+        count = min(first, level.most)
+        for _ in range(level.refinements):
+            if error_with(count) <= level.share:
                 break
-        seconds = sum(HALVING * (own + per_step * steps * (2**n - 1)) for n in range(1, halvings + 1))
-        if halvings < 0:
-            seconds = -HALVING * sum(own - per_step * steps * (1 - 2.0**n) for n in range(halvings + 1, 1))
-        made = max(int(steps * 2.0**halvings), 1)
-        costs.append(AccuracyCost(level.name, made, seconds, error / 2.0 ** (ORDER * halvings)))
+            count *= 2
+        costs.append(AccuracyCost(level.name, count, seconds_of(level, count) - made, error_with(count)))
     order = [level.name for level in LEVELS]
     return sorted(costs, key=lambda cost: order.index(cost.level) if cost.level in order else len(order))
 
 
 def _seconds(problem: Problem, solved: Solved) -> float:
-    """Seconds of one evaluation with derivatives, the shorter of two."""
+    """Processor seconds of one evaluation with derivatives, the shorter of two."""
     taken = []
     for nudge in (0.0, 1e-12):  # the problem remembers the last point
-        since = time.perf_counter()
+        since = time.process_time()
         problem.evaluate(solved.solution.z + nudge, derivatives=True)
-        taken.append(time.perf_counter() - since)
+        taken.append(time.process_time() - since)
     return min(taken)
+
+
+def effect_shares(model: Model) -> dict[str, float]:
+    """By effect, the share of the time of a model's functions that it takes: of the instructions of a slip with its
+    derivatives, those that are not there without the effect. An effect that others need is left out."""
+    whole, shares = _instructions(model), {}
+    for name in model.effects:
+        with suppress(SceneError):
+            less = assemble(tuple(other for other in model.effects if other != name))
+            shares[name] = max(1.0 - _instructions(less) / whole, 0.0)
+    return shares
+
+
+def _instructions(model: Model) -> int:
+    return block(model, "slip", FEWEST_STEPS).derivatives.instructions
 
 
 def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[Guess]]:

@@ -15,7 +15,7 @@ def result():
 
 
 def test_the_error_that_other_levels_would_leave_is_what_they_leave(result):
-    """Within 30 %, of the largest error of all parameters; finer steps cost more and leave less."""
+    """Within 30 %, of the largest error of all parameters; other steps cost a solve, and finer ones leave less."""
     told = {level["accuracy"]: level for level in result["accuracy"]["levels"]}
     assert list(told) == ["coarse", "default", "tight"] and result["accuracy"]["taken"] == "default"
     assert [told[name]["estimated"] for name in told] == [True, False, True]
@@ -24,7 +24,9 @@ def test_the_error_that_other_levels_would_leave_is_what_they_leave(result):
         assert told[entry["accuracy"]]["error_in_standard_errors"] == pytest.approx(left, rel=0.3)
         assert told[entry["accuracy"]]["steps"] == entry["steps"]
     assert np.all(np.diff([level["error_in_standard_errors"] for level in told.values()]) <= 0.0)
-    assert told["coarse"]["seconds"] < told["default"]["seconds"] <= told["tight"]["seconds"]
+    assert all(told[name]["seconds"] > told["default"]["seconds"] for name in ("coarse", "tight")), (
+        "one more solve each"
+    )
     assert told["default"]["seconds"] < result["timing_s"]["total"], "the table is no part of the fit"
 
 
@@ -33,4 +35,7 @@ def test_it_stands_in_the_summary_and_on_the_first_screen(result):
     assert line.startswith("accuracy default: ") and "Estimated, coarse: about " in line and "tight: about " in line
     assert " ".join(line.split()) in " ".join(summary(result).split())
     assert line in first_screen(result)
+    effects = result["accuracy"]["effects_s"]
+    assert max(effects, key=effects.get) == "contact_ageing" and "contact_ageing " in line
+    assert 0.0 < sum(effects.values()) < result["accuracy"]["equations_s"] < result["accuracy"]["levels"][1]["seconds"]
     assert accuracy_text({}) == ""

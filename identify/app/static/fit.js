@@ -67,8 +67,7 @@ async function result(host, path, second, session) {
       link("map from this fit", "map", { fit: path }), element("a", { href: fileAddress(`${path}/report.html`), target: "_blank", rel: "noopener" }, "the whole report"),
       seen.files.map((name) => element("a", { href: fileAddress(`${path}/${name}`, true) }, name))),
     parameters(seen, two));
-  const accuracy = (seen.accuracy?.levels ?? []).map((level) => `${level.accuracy}${level.accuracy === seen.accuracy.taken ? " (taken)" : ""}: ${duration(level.seconds)}, steps leave ${plain(level.error_in_standard_errors, 2)} standard errors`);
-  if (accuracy.length) put(host, element("p", {}, `Accuracy and its price: ${accuracy.join("; ")}.`));
+  if (seen.accuracy_line) put(host, element("p", { id: "price" }, `${seen.accuracy_line}.`));
   const close = residualView(host, path, seen, session);
   put(host, element("details", { open: true }, element("summary", {}, "What follows, log by log"), seen.logs.map((log) => element("p", {}, element("strong", {}, `${log.path}: `), log.left_out ? `left out: ${log.left_out}` : log.text))));
   if (seen.next_logs?.length) put(host, element("h3", {}, "The next test to make"), element("ul", {}, seen.next_logs.map((next) => element("li", {}, next.text ?? next.sentence ?? JSON.stringify(next)))));
