@@ -47,7 +47,7 @@ def test_the_table_of_logs_fills_itself_and_takes_what_is_dropped(two, page):
     rows = "document.querySelectorAll('#logs tbody tr')"
     page.wait(f"{rows}.length === 2 && [...{rows}].every((row) => row.textContent.includes('accept'))")
     told = page.ask(f"[...{rows}[0].cells].map((cell) => cell.textContent)")
-    assert told[1:8] == ["1_mm_per_s.txt.gz", "cetr-text", "1 mm/s", "0.935\u00a0N", "1000\u00a0Hz", "13", "stick slip"]
+    assert told[1:8] == ["1_mm_per_s.txt.gz", "cetr-text", "1 mm/s", "0.943\u00a0N", "1000\u00a0Hz", "13", "stick slip"]
     page.ask(
         "(() => { const files = new DataTransfer(), rows = Array.from({length: 50}, (_, i) => `${i / 10},1,${i % 9}`);"
         "files.items.add(new File(['time,normal force,friction force\\ns,N,N\\n' + rows.join('\\n')], '<b>new.csv'));"
