@@ -241,7 +241,9 @@ class CycleMap:
         return CycleMap(self.model, self.normal_force, self.p, rtol)
 
     def at(self, w: Array) -> CycleMap:
-        """The map of the same model at another setting (n_w,)."""
+        """The map of the same model at another setting (n_w,); this one where only the drive speed differs."""
+        if w[-2] == self.normal_force and np.array_equal(w[:-2], self.p):
+            return self
         return CycleMap(self.model, float(w[-2]), w[:-2], self.rtol)
 
     def rested(self) -> Array:

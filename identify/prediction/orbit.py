@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from identify.model.model import ELONGATION
 from identify.prediction.cycle import SLIDES_AFTER, Cycle, CycleMap, Tangent, rest_state
+from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,8 @@ MAX_STEPS = 12
 SETTLING = 40  # plain cycles before a motion that has not settled is called irregular
 TRIES = (1, 9, 24)  # cycles after which the orbit is sought by Newton's method
 LONGEST, DRIFTING = 600, 10  # cycles: a motion that still drifts one way lingers, as just beyond an end
+GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
+LONGEST_PATIENCE = 100.0  # half periods
 SURE = 24  # cycles after which an orbit that is found but unstable is taken for what the motion hovers around
 
 
@@ -139,3 +142,14 @@ def settle(
             if orbit is not None and (orbit.stable or i >= min(SURE, cycles - 1)):
                 return SettledMotion(orbit, True, orbit.y)
     return SettledMotion(None, True, y)
+
+
+def long_enough(growth: float) -> float:
+    """Half periods until a disturbance of steady sliding that grows by e^`growth` in each has come to rest."""
+    return float(np.clip(GROWN / growth, SLIDES_AFTER, LONGEST_PATIENCE)) if growth > 0 else SLIDES_AFTER
+
+
+def patience(map_: CycleMap, speed: float) -> float:
+    """Half periods after which a mass that has not come to rest at this drive speed [m/s] is taken to slide on."""
+    rates = growth_rates(map_.model, map_.p, np.array([speed]), map_.normal_force)
+    return long_enough(float(rates[0]) * map_.half_period)

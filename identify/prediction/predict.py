@@ -24,12 +24,13 @@ from identify.prediction.closed_forms import (
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.groups import MEANING
 from identify.prediction.intervals import POINT, Drawn, Interval, OperatingPoint, Spread, Uncertain, maps, sampled
+from identify.prediction.orbit import patience
 from identify.prediction.path import moved_orbit
 from identify.prediction.probability import answers_of_draws
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
 from identify.prediction.solutions import SolutionSet, solution_sets
 from identify.prediction.stability import printed_form
-from identify.prediction.windows import Outcome, StickSlipLimit, patience
+from identify.prediction.windows import Outcome, StickSlipLimit
 from identify.prediction.wording import amplitude_text, closed_form_text, said, stability_text
 
 Array = NDArray[np.float64]

@@ -13,11 +13,11 @@ from identify.base.quantiles import LEVEL, beta, normal_below
 from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
 from identify.prediction.intervals import POINT, Drawn, Interval, OperatingPoint, Spread, draw, unknown
-from identify.prediction.orbit import Orbit, settle
+from identify.prediction.orbit import Orbit, long_enough, settle
 from identify.prediction.path import moved_orbit
 from identify.prediction.quantities import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
 from identify.prediction.solutions import SolutionSet, solution_set
-from identify.prediction.windows import StickSlipLimit, long_enough
+from identify.prediction.windows import StickSlipLimit
 from identify.prediction.wording import said
 from identify.simulation.sliding import growth_rates
 

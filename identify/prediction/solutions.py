@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.prediction.cycle import CycleMap, loads
-from identify.prediction.orbit import Orbit, SettledMotion, close, settle
+from identify.prediction.orbit import LONGEST_PATIENCE, Orbit, SettledMotion, close, long_enough, settle
 from identify.prediction.path import expected
 from identify.prediction.windows import (
-    LONGEST_PATIENCE,
     Outcome,
     Windows,
-    long_enough,
     outcome_of,
     speed_windows,
 )

@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
-from identify.prediction.chart import OrbitSearch, growth_at, losses_of_stability
 from identify.prediction.closed_forms import number
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.intervals import POINT, Interval, OperatingPoint, Spread
 from identify.prediction.map_axes import Site, axis, moved
 from identify.prediction.map_grid import row_at
-from identify.prediction.orbit import settle
+from identify.prediction.orbit import long_enough, settle
+from identify.prediction.orbit_search import OrbitSearch, growth_at, losses_of_stability
 from identify.prediction.path import Crossing
 from identify.prediction.sources import Tested
-from identify.prediction.windows import long_enough
 from identify.prediction.wording import said, with_interval
 
 # ----------------------------------------------------------------------------------------------------------------------

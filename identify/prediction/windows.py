@@ -1,9 +1,7 @@
 """Windows of drive speed in which a pair sticks and slips, slides steadily, or does either.
 
 The whole range of drive speeds is searched on a grid that the pair and the rig alone determine, so that the windows are
-the same whatever speed was asked for. At every node the motion is started from a rested contact (the strongest first
-kick) and from the stick-slip of its neighbours; a stable orbit is followed to both sides through folds of its branch;
-where the orbit is lost or unstable (flips, grazing, irregular motion) the motion itself is followed.
+the same whatever speed was asked for (`orbit_search`).
 """
 
 from __future__ import annotations
@@ -16,20 +14,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.prediction.cycle import SLIDES_AFTER, CycleMap
-from identify.prediction.orbit import Orbit, SettledMotion, settle
-from identify.prediction.path import Crossing, OrbitPath, advance, drive_speed_path, moved_orbit, trace
-from identify.simulation.sliding import growth_rates, unstable_speeds
+from identify.prediction.cycle import CycleMap
+from identify.prediction.map_axes import Site, axis
+from identify.prediction.map_grid import Plane
+from identify.prediction.orbit import Orbit, patience
+from identify.prediction.orbit_search import OrbitSearch, OrbitsOnGrid, growth_at
+from identify.prediction.path import Crossing, drive_speed_path, moved_orbit, trace
+from identify.simulation.sliding import unstable_speeds
 
 Array = NDArray[np.float64]
 
-SPACING = 0.2  # of the logarithm of the drive speed between nodes
+SPACING = 0.3  # of the logarithm of the drive speed between nodes
 SLOWEST, FASTEST = 1e-2, 30.0  # range searched, over the slowest and the typical speed of pair and rig
-BEYOND = 1e-2  # of the logarithm: where stick-slip is looked for beyond the end of a branch
 MARGINS, FARTHEST = (0.03, 0.1, 0.3, 1.0), 5.0  # of the logarithm: before a limit expected, and beyond
-HALVINGS = 9  # of the gap between two nodes, where a motion ends in no fold
-GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
-LONGEST_PATIENCE = 100.0  # half periods
 
 
 class Outcome(Enum):
@@ -208,17 +205,6 @@ def _slowest(map_: CycleMap) -> float:
     return min(speeds)
 
 
-def long_enough(growth: float) -> float:
-    """Half periods until a disturbance of steady sliding that grows by e^`growth` in each has come to rest."""
-    return float(np.clip(GROWN / growth, SLIDES_AFTER, LONGEST_PATIENCE)) if growth > 0 else SLIDES_AFTER
-
-
-def patience(map_: CycleMap, speed: float) -> float:
-    """Half periods after which a mass that has not come to rest at this drive speed [m/s] is taken to slide on."""
-    rates = growth_rates(map_.model, map_.p, np.array([speed]), map_.normal_force)
-    return long_enough(float(rates[0]) * map_.half_period)
-
-
 def speed_windows(map_: CycleMap, asked: Sequence[float] = ()) -> Windows:
     """The windows of drive speed of a pair under the normal force of its map.
 
@@ -232,142 +218,44 @@ def speed_windows(map_: CycleMap, asked: Sequence[float] = ()) -> Windows:
     ends = [np.log(SLOWEST * _slowest(map_)), anchor + np.log(FASTEST), *np.log(asked)]
     first, last = (np.floor((min(ends) - anchor) / SPACING), np.ceil((max(ends) - anchor) / SPACING))
     places = np.union1d(anchor + SPACING * np.arange(first, last + 1), np.log(asked))
-    sweep = _Sweep(map_, places)
-    sweep.run()
+    grid = _speed_row(map_, places)
+    found = OrbitSearch(grid, map_, growth_at(map_.model, grid.settings[0])[None, :]).run()
     searched = float(np.exp(places[0])), float(np.exp(places[-1]))
     unstable = unstable_speeds(map_.model, map_.p, map_.normal_force, *searched)
-    return Windows(map_.normal_force, searched, sweep.ranges(), unstable)
+    return Windows(map_.normal_force, searched, _ranges(grid, found), unstable)
 
 
-@dataclass(frozen=True)
-class _Motion:
-    """Stick-slip at a node, or next to it on the branch of a stable orbit."""
+def _speed_row(map_: CycleMap, places: Array) -> Plane:
+    """The grid over drive speed alone, at logarithms `places` (n,) of it."""
+    values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True))
+    site = Site(map_.model, values, float(np.exp(places[0])), map_.normal_force)
+    load = axis(site, "normal_force")
+    settings = np.stack([map_.setting(speed) for speed in np.exp(places).tolist()])[None]
+    admitted = np.ones(settings.shape[:2], dtype=bool)
+    return Plane(site, axis(site, "drive_speed"), load, places, np.array([load.place(load.value)]), settings, admitted)
 
-    state: Array
-    orbit: Orbit | None
+
+def _ranges(grid: Plane, found: OrbitsOnGrid) -> tuple[SpeedRange, ...]:
+    """The ranges of drive speed with stick-slip."""
+    sticks, speeds = found.sticks(grid.shape)[0], grid.x_values.tolist()
+    starts = np.flatnonzero(sticks & ~np.append(False, sticks[:-1])).tolist()
+    stops = np.flatnonzero(sticks & ~np.append(sticks[1:], False)).tolist()
+    out = []
+    for first, last in zip(starts, stops, strict=True):
+        nodes = [(0, i) for i in range(first, last + 1)]
+        orbits = [found.orbits.get(node) for node in nodes]
+        states = [found.irregular[n] if orbit is None else orbit.y for n, orbit in zip(nodes, orbits, strict=True)]
+        low = None if first == 0 else _limit(grid, found, first, first - 1)
+        high = None if last + 1 == sticks.size else _limit(grid, found, last, last + 1)
+        out.append(SpeedRange(low, high, tuple(speeds[first : last + 1]), tuple(orbits), tuple(states)))
+    return tuple(out)
 
 
-class _Sweep:
-    """The search over the nodes `places` (n,), logarithms of the drive speed in m/s."""
-
-    def __init__(self, map_: CycleMap, places: Array) -> None:
-        self._map, self._places = map_, places
-        growth = growth_rates(map_.model, map_.p, np.exp(places), map_.normal_force)
-        self._patience = [long_enough(float(rate) * map_.half_period) for rate in growth]
-        self._motions: list[_Motion | None] = [None] * places.size
-        self._folds: list[tuple[int, Crossing, Orbit]] = []  # to faster (+1) or slower (-1) drives, orbit before
-
-    def run(self) -> None:
-        """Motions at every node that has stick-slip."""
-        count = len(self._motions)
-        for i in range(count):
-            if self._motions[i] is None:
-                self._start(i, None)
-        changed = True
-        while changed:
-            changed = False
-            for order, step in ((range(1, count), -1), (range(count - 2, -1, -1), 1)):
-                for i in order:
-                    beside = self._motions[i + step]
-                    if self._motions[i] is None and beside is not None:
-                        changed |= self._start(i, beside.state)
-
-    def _settle(self, place: float, y: Array | None, patience: float) -> SettledMotion:
-        return settle(self._map, float(np.exp(place)), y, patience=patience)
-
-    def _start(self, i: int, y: Array | None) -> bool:
-        """Look at the motion at a node from rest state y; whether it goes on sticking."""
-        settled = self._settle(self._places[i], y, self._patience[i])
-        if settled.sticks:
-            self._motions[i] = _Motion(settled.state, settled.orbit)
-            if settled.orbit is not None and settled.orbit.stable:
-                for sign in (1, -1):
-                    self._spread(i, settled.orbit, sign)
-        return settled.sticks
-
-    def _spread(self, i: int, orbit: Orbit, sign: int) -> None:
-        """Follow the branch of a stable orbit at a node to faster (+1) or slower (-1) drives, as far as it is stable
-        and nothing is known."""
-        nodes = range(i + sign, len(self._motions) if sign > 0 else -1, sign)
-        known = next((j for j in nodes if self._motions[j] is not None), nodes[-1] if nodes else None)
-        if known is None:
-            return
-        setting_path = drive_speed_path(orbit.cycle.setting)
-        setting_path = setting_path if sign > 0 else setting_path.reversed()
-        path = trace(self._map, orbit, setting_path, sign * float(self._places[i]), sign * float(self._places[known]))
-        kept = next((n for n, o in enumerate(path.orbits) if n and not o.stable), len(path.orbits))
-        reached = path.places[kept - 1]
-        if path.end is not None and kept == len(path.orbits):
-            reached = path.end.place
-            self._folds.append((sign, path.end, path.orbits[-1]))
-        for j in nodes:
-            here = sign * float(self._places[j])
-            if here > reached:
-                break
-            if self._motions[j] is None:
-                near = path.orbits[int(np.searchsorted(path.places[:kept], here, side="right")) - 1]
-                self._motions[j] = _Motion(near.y, near)
-
-    def ranges(self) -> tuple[SpeedRange, ...]:
-        """The ranges of drive speed with stick-slip."""
-        sticks = np.array([motion is not None for motion in self._motions])
-        starts = np.flatnonzero(sticks & ~np.append(False, sticks[:-1]))
-        stops = np.flatnonzero(sticks & ~np.append(sticks[1:], False))
-        out = []
-        for first, last in zip(starts.tolist(), stops.tolist(), strict=True):
-            low = self._limit(first, first - 1) if first > 0 else None
-            high = self._limit(last, last + 1) if last + 1 < sticks.size else None
-            motions = [m for m in self._motions[first : last + 1] if m is not None]
-            out.append(
-                SpeedRange(
-                    low,
-                    high,
-                    tuple(np.exp(self._places[first : last + 1]).tolist()),
-                    tuple(m.orbit for m in motions),
-                    tuple(m.state for m in motions),
-                )
-            )
-        return tuple(out)
-
-    def _limit(self, inside: int, outside: int) -> StickSlipLimit:
-        """Where stick-slip ends between a node that has it and its neighbour that has not: at the fold or the fading of
-        a branch, or where the motion itself, followed by halving the gap, sticks no more."""
-        sign, motion = outside - inside, self._motions[inside]
-        assert motion is not None
-        sticks, slides, state = float(self._places[inside]), float(self._places[outside]), motion.state
-        wait = max(self._patience[inside], self._patience[outside])
-        ending = self._ending(sign, sign * sticks, sign * slides, motion)
-        if ending is not None:
-            end, orbit = ending
-            place = sign * end.place
-            beyond = place + sign * BEYOND
-            settled = None if sign * (slides - beyond) <= 0.0 else self._settle(beyond, orbit.y, wait)
-            if settled is None or not settled.sticks:
-                speed = float(np.exp(place))
-                return StickSlipLimit(speed, speed * sign * end.slopes, sign > 0, orbit)
-            sticks, state = beyond, settled.state
-        for _ in range(HALVINGS):
-            middle = 0.5 * (sticks + slides)
-            settled = self._settle(middle, state, wait)
-            if settled.sticks:
-                sticks, state = middle, settled.state
-            else:
-                slides = middle
-        return StickSlipLimit(
-            float(np.exp(0.5 * (sticks + slides))), np.full(self._map.setting(1.0).size, np.nan), sign > 0
-        )
-
-    def _ending(self, sign: int, first: float, last: float, motion: _Motion) -> tuple[Crossing, Orbit] | None:
-        """The end of a branch between two coordinates, and its last orbit: a fold that was met, else that of the
-        orbit of a motion."""
-        met = [(end, orbit) for way, end, orbit in self._folds if way == sign and first <= end.place <= last]
-        if met:
-            return max(met, key=lambda each: each[0].place)
-        orbit = motion.orbit
-        if orbit is None or not orbit.stable:
-            return None
-        setting_path = drive_speed_path(orbit.cycle.setting)
-        setting_path = setting_path if sign > 0 else setting_path.reversed()
-        start = OrbitPath((orbit,), (sign * float(np.log(orbit.drive_speed)),), None)
-        path = advance(self._map, start, setting_path, last, patience)
-        return None if path.ending is None or not path.orbits[-1].stable else (path.ending, path.orbits[-1])
+def _limit(grid: Plane, found: OrbitsOnGrid, inside: int, outside: int) -> StickSlipLimit:
+    """Where stick-slip ends between a node that has it and its neighbour that has not."""
+    middle = 0.5 * float(grid.x_places[inside] + grid.x_places[outside])
+    unknown = Crossing(middle, np.full(grid.settings.shape[-1], np.nan))  # beside motions that cannot be integrated
+    edge = ("x", 0, min(inside, outside))
+    end = found.ends.get(edge, unknown)
+    speed = float(np.exp(end.place))
+    return StickSlipLimit(speed, speed * end.slopes, outside > inside, found.last.get(edge))
