@@ -17,7 +17,7 @@ from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
 from identify.prediction.map_grid import Edge, Plane
 from identify.prediction.orbit import Orbit, close, long_enough, patience, settle
-from identify.prediction.path import Crossing, OrbitPath, expected, piece
+from identify.prediction.path import Crossing, expected, follow
 from identify.simulation.sliding import clearances, growth_rates
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -236,12 +236,11 @@ class OrbitSearch:
         forwards = there > here
         if not forwards:
             setting_path, begin, finish = setting_path.reversed(), -finish, -begin
-        start = OrbitPath((self.known.orbits[here],), (begin,), None)
-        found = piece(self.known.maps[here], start, setting_path, finish, patience)
+        found = follow(self.known.maps[here], self.known.orbits[here], setting_path, begin, finish)
         last = found.orbits[-1]
-        if found.ending is not None and found.ending.place < finish:
+        if found.end is not None and found.end.place < finish:
             sign = 1.0 if forwards else -1.0
-            self.known.ends[edge] = Crossing(sign * found.ending.place, sign * found.ending.slopes)
+            self.known.ends[edge] = Crossing(sign * found.end.place, sign * found.end.slopes)
             self.known.last[edge] = last
             return None
         return self._near(map_, there, last, map_.at(last.cycle.setting).scale)

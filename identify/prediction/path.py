@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identify.model.model import ELONGATION, SPEED
 from identify.prediction.cycle import CycleMap, Flow, Tangent
-from identify.prediction.orbit import Orbit, close, orbit_of
+from identify.prediction.orbit import Orbit, close, orbit_of, patience
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A way through the settings of a cycle: what moves, and how, while a branch of orbits is followed.
@@ -79,14 +79,14 @@ class Crossing:
 
 
 @dataclass(frozen=True)
-class TracedPath:
-    """Orbits at rising coordinates, `places` (n,); `end` is None when there was none up to the last coordinate, or
-    when the branch was lost (`lost`) before an end was seen."""
+class OrbitPath:
+    """Orbits along a path at rising coordinates, `places` (n,); `end` is None when there was none up to the last
+    coordinate asked for, or when the branch was lost (`lost`) before an end was seen."""
 
     orbits: tuple[Orbit, ...]
     places: tuple[float, ...]
     end: Crossing | None
-    lost: bool
+    lost: bool = False
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def _orbit(map_: CycleMap, flow: Flow) -> Orbit | None:
     return orbit_of(map_, flow.cycle, flow.tangent) if first and map_.holds(flow.cycle) else None
 
 
-def trace(map_: CycleMap, start: Orbit, setting_path: SettingPath, place: float, last: float) -> TracedPath:
+def trace(map_: CycleMap, start: Orbit, setting_path: SettingPath, place: float, last: float) -> OrbitPath:
     """The branch from `start`, at coordinate `place` of the path, up to its end or to coordinate `last`."""
     orbits, places = [start], [place]
     walk = _Walk(map_, setting_path)
@@ -193,26 +193,26 @@ def trace(map_: CycleMap, start: Orbit, setting_path: SettingPath, place: float,
     length, bend = min(LENGTH, 2.0 * (last - place)), np.zeros(first.size)
     for _ in range(POINTS):
         if here is None or length < SHORTEST:
-            return TracedPath(tuple(orbits), tuple(places), None, lost=True)
+            return OrbitPath(tuple(orbits), tuple(places), None, lost=True)
         new = _solve(walk, here.z + length * here.direction + 0.5 * length**2 * bend, here.direction)
         if new is None or new.direction @ here.direction < STRAIGHT:
             length *= 0.4
             continue
         if new.direction[-1] <= 0.0:
             end = _fold(walk, here, new)
-            return TracedPath(tuple(orbits), tuple(places), end, lost=end is None)
+            return OrbitPath(tuple(orbits), tuple(places), end, lost=end is None)
         orbit = _orbit(map_, new.flow)
         if orbit is None:
             length *= 0.4
             continue
         if orbit.jump < LEAST * walk.scale(orbit.cycle.setting)[0][ELONGATION]:
-            return TracedPath(tuple(orbits), tuple(places), None, lost=True)
+            return OrbitPath(tuple(orbits), tuple(places), None, lost=True)
         orbits, places = [*orbits, orbit], [*places, float(new.z[-1])]
         if places[-1] >= last:
-            return TracedPath(tuple(orbits), tuple(places), None, lost=False)
+            return OrbitPath(tuple(orbits), tuple(places), None)
         bend = (new.direction - here.direction) / float(np.linalg.norm(new.z - here.z))
         here, length, walk = new, _next_length(length, new, bend), walk.at(places[-1])
-    return TracedPath(tuple(orbits), tuple(places), None, lost=True)
+    return OrbitPath(tuple(orbits), tuple(places), None, lost=True)
 
 
 def _next_length(length: float, here: _Point, bend: Array) -> float:
@@ -269,23 +269,11 @@ def _fold(walk: _Walk, before: _Point, behind: _Point) -> Crossing | None:
 # Following the stick-slip orbit along a path - over drive speed, or any other quantity - up to where it ends.
 # ----------------------------------------------------------------------------------------------------------------------
 
-Patience = Callable[[CycleMap, float], float]  # by map and drive speed [m/s], see `CycleMap.run`
-
 FINEST = 4e-4  # step of the coordinate at which an end that is no fold counts as found
 BRANCH_WIDEST = 2.0
 
 
-@dataclass(frozen=True)
-class OrbitPath:
-    """Orbits along a path, at rising coordinates `places`, and the end of the branch; None where there is none up to
-    the last coordinate asked for."""
-
-    orbits: tuple[Orbit, ...]
-    places: tuple[float, ...]
-    ending: Crossing | None
-
-
-def advance(map_: CycleMap, done: OrbitPath, setting_path: SettingPath, last: float, patience: Patience) -> OrbitPath:
+def advance(map_: CycleMap, done: OrbitPath, setting_path: SettingPath, last: float) -> OrbitPath:
     """Orbits up to the end of this piece of branch by shorter and shorter steps, and that end."""
     orbits, places = list(done.orbits), list(done.places)
     step, failed = 0.5, float("inf")
@@ -322,11 +310,11 @@ def expected(here: Orbit, scale: Array, there: CycleMap, w: Array) -> Array:
     return np.asarray((here.y / scale + move * min(1.0, 0.3 / max(float(np.max(np.abs(move))), 1e-300))) * there.scale)
 
 
-def moved_orbit(near: Orbit, map_: CycleMap, drive_speed: float, patience: float) -> Orbit | None:
+def moved_orbit(near: Orbit, map_: CycleMap, drive_speed: float, wait: float) -> Orbit | None:
     """The stable orbit at a drive speed [m/s] of another map, sought where the derivatives of one expect it."""
     w = near.cycle.setting
     scale = CycleMap(map_.model, float(w[-2]), w[:-2]).scale
-    orbit = close(map_, expected(near, scale, map_, map_.setting(drive_speed)), drive_speed, patience=patience)
+    orbit = close(map_, expected(near, scale, map_, map_.setting(drive_speed)), drive_speed, patience=wait)
     return orbit if orbit is not None and orbit.stable else None
 
 
@@ -348,8 +336,8 @@ def _slopes_at(map_: CycleMap, orbit: Orbit, setting_path: SettingPath, place: f
         return np.asarray(-slopes / (slopes @ setting_path.slope(place)))
 
 
-def piece(map_: CycleMap, done: OrbitPath, setting_path: SettingPath, last: float, patience: Patience) -> OrbitPath:
-    """What was followed, and the branch of its last orbit up to where that ends, or up to coordinate `last`."""
-    found = trace(map_.at(setting_path.setting(done.places[-1])), done.orbits[-1], setting_path, done.places[-1], last)
-    done = OrbitPath((*done.orbits, *found.orbits[1:]), (*done.places, *found.places[1:]), found.end)
-    return advance(map_, done, setting_path, last, patience) if found.lost else done
+def follow(map_: CycleMap, start: Orbit, setting_path: SettingPath, place: float, last: float) -> OrbitPath:
+    """The branch from `start`, at coordinate `place` of the path, up to its end or to coordinate `last`: by arc length
+    through a fold, and where that loses it by shorter and shorter steps."""
+    found = trace(map_, start, setting_path, place, last)
+    return advance(map_, found, setting_path, last) if found.lost else found
