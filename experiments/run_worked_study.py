@@ -28,7 +28,7 @@ from identify.scene import Scene
 from identify.studies.compare import compare
 from identify.studies.comparison_page import write_batch_report
 from identify.studies.fits import read_fits
-from identify.studies.labels import Question
+from identify.studies.labels import ComparisonQuestion
 
 
 def fit_visit(visit: Visit, logs: Path, out: Path) -> list[object]:
@@ -80,7 +80,7 @@ def fitted(folder: Path, drawn: list[Visit]) -> None:
 
 def told(folder: Path, volunteers: int) -> None:
     """Pooled means beside the truth of an average person (geometric mean over the sites)."""
-    comparison = compare(read_fits([folder]), Question("material"))
+    comparison = compare(read_fits([folder]), ComparisonQuestion("material"))
     site = float(np.exp(np.mean(np.log(list(SITES.values())))))
     print(f"\n{'':12s}{'material':10s}{'truth':>10s}{'pooled':>10s}   95 % interval           of chance")
     for k, name in enumerate(NAMES):

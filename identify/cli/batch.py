@@ -20,7 +20,7 @@ from identify.cli.interrupt import ends_by_itself
 from identify.cli.outlets import shortened
 
 if TYPE_CHECKING:
-    from identify.studies.planning import Plan
+    from identify.studies.planning import BatchPlan
     from identify.studies.running import Summary
     from identify.studies.workers import Workers
 
@@ -139,7 +139,7 @@ def _write_page(out: Path, terminal: Terminal) -> None:
     terminal.say(f"report: {write_batch_report(out)}")
 
 
-def _document(planned: Plan, summary: Summary, out: Path) -> dict[str, object]:
+def _document(planned: BatchPlan, summary: Summary, out: Path) -> dict[str, object]:
     """What --json prints: counts, and per group its end."""
     waiting = [job.group for job in planned.jobs if job.group not in summary.ended]
     ends = {group: {"status": end.status, "message": end.message} for group, end in summary.ended.items()}

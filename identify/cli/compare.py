@@ -45,14 +45,14 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.studies.comparison_page import answered
     from identify.studies.comparison_views import together
     from identify.studies.fits import read_fits
-    from identify.studies.labels import Question, visible
+    from identify.studies.labels import ComparisonQuestion, visible
 
     speeds, load = _point(arguments)
     out = Path(arguments.out or f"stickslip-by-{_file_name(arguments.by)}")
     _check_folders(arguments.folders)
     check_replaceable(out, COMPARISON)
     adjust = None if arguments.adjust is None else tuple(n.strip() for n in arguments.adjust.split(",") if n.strip())
-    question = Question(arguments.by, arguments.subject, adjust, tuple(arguments.without))
+    question = ComparisonQuestion(arguments.by, arguments.subject, adjust, tuple(arguments.without))
     terminal.note("reading the fits")
     comparison = compare(read_fits(arguments.folders), question)
     terminal.note("stability and amplitude at common operating points")

@@ -13,7 +13,7 @@ import numpy as np
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, picture, quantity
 from identify.prediction.chart import chart
-from identify.prediction.chart_bands import Known
+from identify.prediction.chart_bands import KnownCovariance
 from identify.prediction.continuation import (
     AnswerChange,
     Continuation,
@@ -23,7 +23,7 @@ from identify.prediction.continuation import (
     write_chart,
     write_continuation,
 )
-from identify.prediction.intervals import Interval, Spread
+from identify.prediction.intervals import AnswerInterval, Spread
 from identify.prediction.map_axes import Site, axis, known_axes
 from identify.prediction.map_grid import around
 from identify.prediction.wording import said
@@ -57,7 +57,7 @@ def map_answer(
     if len(names) > 2:
         raise CommandLineError(f"--map names {len(names)} quantities; expected one or two: leave some out")
     ranges = _ranges(arguments.range, names, points)
-    known = None if point.covariance is None else Known.of(point.names, point.covariance)
+    known = None if point.covariance is None else KnownCovariance.of(point.names, point.covariance)
     if len(names) == 1:
         n = LINE if arguments.points is None else arguments.points
         return _line(terminal, part, site, names[0], ranges[0], n, known, plot, data)
@@ -158,7 +158,7 @@ def _line(
     name: str,
     span: Range,
     points: int,
-    known: Known | None,
+    known: KnownCovariance | None,
     plot: Path | None,
     data: Path | None,
 ) -> Answer:
@@ -186,7 +186,7 @@ def _line(
     return Answer(document={"status": "done", "map": {**along, "figures": figures, **changes, "text": text}})
 
 
-def _change(change: AnswerChange, site: Site, answer: Continuation, known: Known | None) -> dict[str, Any]:
+def _change(change: AnswerChange, site: Site, answer: Continuation, known: KnownCovariance | None) -> dict[str, Any]:
     """A place where an answer changes, with its interval."""
     entry: dict[str, Any] = {"value": change.value, "unit": answer.quantity.unit, "interval": None}
     entry["holds"] = "below" if change.below else "above"
@@ -199,7 +199,7 @@ def _change(change: AnswerChange, site: Site, answer: Continuation, known: Known
     order = (*site.model.parameter_names, "normal_force", "drive_speed")
     slopes = change.slopes[[order.index(n) for n in names]]
     q = answer.quantity
-    interval: Interval = (
+    interval: AnswerInterval = (
         spread.positive(change.value, slopes) if q.logarithmic else spread.signed(change.value, slopes, abs(q.value))
     )
     entry["interval"] = [interval.low, interval.high]

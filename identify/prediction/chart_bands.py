@@ -93,20 +93,20 @@ SMOOTH = 2  # points either way over which the direction of a boundary is taken
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownCovariance:
     """Covariance (f, f) of named values [SI]: parameters of the model, "drive_speed", "normal_force"."""
 
     names: tuple[str, ...]
     covariance: Array
 
     @staticmethod
-    def of(names: Sequence[str], covariance: Array) -> Known | None:
+    def of(names: Sequence[str], covariance: Array) -> KnownCovariance | None:
         """What is known, without the names whose variance is not finite; None if nothing is left."""
         kept = [i for i in range(len(names)) if np.isfinite(covariance[i, i]) and covariance[i, i] >= 0.0]
         matrix = covariance[np.ix_(kept, kept)]
         if not kept or not np.all(np.isfinite(matrix)):
             return None
-        return Known(tuple(names[i] for i in kept), matrix)
+        return KnownCovariance(tuple(names[i] for i in kept), matrix)
 
 
 def _moved(site: Site, name: str, by: float) -> Site:
@@ -122,7 +122,7 @@ def _value(site: Site, name: str) -> float:
     return float(own[name] if name in own else site.values[name])
 
 
-def _slopes(plane: Plane, known: Known) -> Array:
+def _slopes(plane: Plane, known: KnownCovariance) -> Array:
     """How the coordinates of the operating point move with what is known: shape (2, f)."""
     out = np.zeros((2, len(known.names)))
     for column, name in enumerate(known.names):
@@ -137,7 +137,7 @@ def _place(q: Axis, value: float) -> float:
     return q.place(max(value, 1e-300)) if q.logarithmic else q.place(value)
 
 
-def region(plane: Plane, known: Known) -> Array | None:
+def region(plane: Plane, known: KnownCovariance) -> Array | None:
     """The 95 % confidence region of the operating point: a closed line (n, 2) in coordinates; None where neither
     quantity is uncertain."""
     slopes = _slopes(plane, known)
@@ -150,14 +150,14 @@ def region(plane: Plane, known: Known) -> Array | None:
     return np.asarray(centre + np.column_stack([radii[0] * np.cos(turn), radii[1] * np.sin(turn)]) @ directions.T)
 
 
-def _given_axes(plane: Plane, known: Known) -> Array:
+def _given_axes(plane: Plane, known: KnownCovariance) -> Array:
     """Covariance of what is known while the two quantities of the map are given."""
     slopes, c = _slopes(plane, known), known.covariance
     both = c @ slopes.T
     return np.asarray(c - both @ np.linalg.pinv(slopes @ both, rcond=1e-12) @ both.T)
 
 
-def bands(plane: Plane, boundary: Boundary, known: Known) -> list[tuple[Array, Array]]:
+def bands(plane: Plane, boundary: Boundary, known: KnownCovariance) -> list[tuple[Array, Array]]:
     """Both sides of the 95 % band of every piece of a boundary, (n, 2) each in coordinates: how far the boundary moves
     along the edge it crosses, seen at a right angle to the boundary in the picture."""
     covariance, names = _given_axes(plane, known), (*plane.site.model.parameter_names, "normal_force", "drive_speed")

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
 from identify.prediction.groups import Groups, floated, formed, settings, slopes
-from identify.prediction.intervals import Interval
+from identify.prediction.intervals import AnswerInterval
 from identify.prediction.stability import QUANTITIES, FrictionLike, RigLike
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -271,7 +271,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
 
 
-def number(value: Any, unit: str, validity: str, interval: Interval | None = None) -> dict[str, Any]:
+def number(value: Any, unit: str, validity: str, interval: AnswerInterval | None = None) -> dict[str, Any]:
     """One number of an answer as the interface writes it; what is not finite becomes null.
 
     Ends of an interval that is open are null too, and "reason" says why; "interval_from" is "draws" where the interval

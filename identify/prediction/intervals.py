@@ -171,7 +171,7 @@ TOO_WIDE = "the data leave it open by more than a factor of ten"
 
 
 @dataclass(frozen=True)
-class Interval:
+class AnswerInterval:
     """Ends of a 95 % interval, both None where it is open, and then the reason; drawn: whether they are quantiles of
     draws, else of a straight line."""
 
@@ -214,22 +214,22 @@ class Spread:
         width, reason = self._width(slopes, abs(value))
         return None if reason or not np.isfinite(width) else width / NORMAL
 
-    def positive(self, value: float, slopes: Array) -> Interval:
+    def positive(self, value: float, slopes: Array) -> AnswerInterval:
         """Interval of a positive quantity with derivatives `slopes` (f,), by its logarithm."""
         width, reason = self._width(slopes, value)
         if not reason and not width < SPREAD_WIDEST:
             reason = TOO_WIDE
         return (
-            Interval(None, None, reason)
+            AnswerInterval(None, None, reason)
             if reason
-            else Interval(float(value * np.exp(-width)), float(value * np.exp(width)))
+            else AnswerInterval(float(value * np.exp(-width)), float(value * np.exp(width)))
         )
 
-    def signed(self, value: float, slopes: Array, size: float) -> Interval:
+    def signed(self, value: float, slopes: Array, size: float) -> AnswerInterval:
         """Interval of a quantity of either sign, of typical `size`, with derivatives `slopes` (f,)."""
         width, reason = self._width(slopes, max(abs(value), size))
         half = width * max(abs(value), size)
-        return Interval(None, None, reason) if reason else Interval(value - half, value + half)
+        return AnswerInterval(None, None, reason) if reason else AnswerInterval(value - half, value + half)
 
     def _width(self, slopes: Array, size: float) -> tuple[float, str]:
         """Half width over `size`, and why there is none."""
@@ -319,10 +319,10 @@ def maps(model: Model, drawn: Drawn) -> list[tuple[CycleMap, float]]:
     return [(CycleMap(model, float(load), p), float(speed)) for p, speed, load in points]
 
 
-def sampled(values: Array) -> Interval:
+def sampled(values: Array) -> AnswerInterval:
     """The interval between the outer quantiles of draws (n,); open where too few of them have an answer (not NaN)."""
     told = values[np.isfinite(values)]
     if told.size < LEAST_DRAWS:
-        return Interval(None, None, f"only {told.size} of {values.size} draws of what is known have an answer")
+        return AnswerInterval(None, None, f"only {told.size} of {values.size} draws of what is known have an answer")
     low, high = np.quantile(told, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Interval(float(low), float(high), drawn=True)
+    return AnswerInterval(float(low), float(high), drawn=True)

@@ -90,7 +90,7 @@ class OrbitPath:
 
 
 @dataclass(frozen=True)
-class _Point:
+class _BranchPoint:
     z: Array
     flow: Flow
     slope: Array  # d equations/dz (n_y + 1, n_y + 2)
@@ -160,7 +160,7 @@ def _along(slope: Array, before: Array) -> Array:
     return np.asarray(direction if direction @ before >= 0 else -direction)
 
 
-def _solve(walk: _Walk, z: Array, before: Array) -> _Point | None:
+def _solve(walk: _Walk, z: Array, before: Array) -> _BranchPoint | None:
     """The point of the branch nearest to z; None when the corrections do not shrink."""
     last = np.inf
     for i in range(CORRECTIONS):
@@ -169,7 +169,7 @@ def _solve(walk: _Walk, z: Array, before: Array) -> _Point | None:
         if not size < SHRINKING * last or not np.all(np.isfinite(slope)):
             return None
         if size < TOLERANCE:
-            return _Point(z, flow, slope, _along(slope, before), i)
+            return _BranchPoint(z, flow, slope, _along(slope, before), i)
         step = np.linalg.lstsq(slope, -residual, rcond=None)[0]
         if np.max(np.abs(step)) > 1.0:
             return None
@@ -215,20 +215,20 @@ def trace(map_: CycleMap, start: Orbit, setting_path: SettingPath, place: float,
     return OrbitPath(tuple(orbits), tuple(places), None, lost=True)
 
 
-def _next_length(length: float, here: _Point, bend: Array) -> float:
+def _next_length(length: float, here: _BranchPoint, bend: Array) -> float:
     """Arc length of the next step: longer where few corrections were needed, and not far beyond the coming fold."""
     length = min(WIDEST, length * (2.0 if here.corrections <= 2 else 1.0))
     turn = float(np.linalg.norm(bend))
     return min(length, TURN / turn) if turn > 0.0 else length
 
 
-def _doubt(before: _Point, behind: _Point) -> float:
+def _doubt(before: _BranchPoint, behind: _BranchPoint) -> float:
     """What the branch may still rise, of its coordinate, above the better of two points around its fold."""
     flattest = min(abs(float(before.direction[-1])), abs(float(behind.direction[-1])))
     return flattest * float(np.linalg.norm(behind.z - before.z))
 
 
-def _crest(before: _Point, behind: _Point) -> Array:
+def _crest(before: _BranchPoint, behind: _BranchPoint) -> Array:
     """Where the cubic through two points around the fold, along their directions, has its highest coordinate."""
     span = behind.z - before.z
     length = float(np.linalg.norm(span))
@@ -240,7 +240,7 @@ def _crest(before: _Point, behind: _Point) -> Array:
     return np.asarray(before.z + start * share + square * share**2 + cube * share**3)
 
 
-def _fold(walk: _Walk, before: _Point, behind: _Point) -> Crossing | None:
+def _fold(walk: _Walk, before: _BranchPoint, behind: _BranchPoint) -> Crossing | None:
     """The end between two points of a branch, before and behind the fold; None where it cannot be closed in on.
 
     At the fold the coordinate is stationary along the branch, so how it moves with the setting while the place

@@ -23,7 +23,7 @@ from identify.prediction.closed_forms import (
 )
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.groups import MEANING
-from identify.prediction.intervals import POINT, Drawn, Interval, OperatingPoint, Spread, Uncertain, maps, sampled
+from identify.prediction.intervals import POINT, AnswerInterval, Drawn, OperatingPoint, Spread, Uncertain, maps, sampled
 from identify.prediction.orbit import patience
 from identify.prediction.path import moved_orbit
 from identify.prediction.probability import answers_of_draws
@@ -190,7 +190,7 @@ class _Intervals:
     def _form_slopes(self) -> Mapping[str, Array]:
         return form_slopes(self.values, self._names)
 
-    def form(self, name: str, value: float) -> Interval | None:
+    def form(self, name: str, value: float) -> AnswerInterval | None:
         """Of a number of the closed forms or of a dimensionless group."""
         if self._spread is None or not np.isfinite(value):
             return None
@@ -201,7 +201,7 @@ class _Intervals:
             return self._spread.positive(value, slopes)
         return self._spread.signed(value, slopes, abs(value))
 
-    def validity(self, a: float, peak: float) -> Interval | None:
+    def validity(self, a: float, peak: float) -> AnswerInterval | None:
         """Of a V_max, from the orbit."""
         orbit = self._answer.orbit
         if self._spread is None or orbit is None or not a * peak > 0.0:
@@ -212,7 +212,7 @@ class _Intervals:
         slopes = a * self._slopes[PEAK] + np.array([peak if name == "a" else 0.0 for name in self._names])
         return self._spread.positive(a * peak, slopes)
 
-    def share(self, values: Array) -> Interval | None:
+    def share(self, values: Array) -> AnswerInterval | None:
         """Of the share of a period that is slip; values as of `sensitivity.quantities`."""
         orbit = self._answer.orbit
         if self._spread is None or orbit is None:
@@ -223,12 +223,12 @@ class _Intervals:
         slopes = (self._slopes[SLIP] - share * self._slopes[PERIOD]) / values[PERIOD]
         return self._spread.positive(float(share), slopes)
 
-    def force(self) -> Interval | None:
+    def force(self) -> AnswerInterval | None:
         """Of the force in steady sliding."""
         force = self._answer.steady.force
         return None if self._spread is None else self._spread.signed(force, self._force, abs(force))
 
-    def orbit(self, values: Array) -> list[Interval | None]:
+    def orbit(self, values: Array) -> list[AnswerInterval | None]:
         """Of QUANTITIES of the orbit: from draws where one of them is skew."""
         orbit = self._answer.orbit
         if self._spread is None or orbit is None:
@@ -240,11 +240,11 @@ class _Intervals:
             for i, (v, s) in enumerate(zip(values, self._slopes, strict=True))
         ]
 
-    def end(self) -> Interval | None:
+    def end(self) -> AnswerInterval | None:
         """Of the drive speed above which there is no stick-slip."""
         return self.limit(self._answer.windows.end)
 
-    def limit(self, limit: StickSlipLimit | None) -> Interval | None:
+    def limit(self, limit: StickSlipLimit | None) -> AnswerInterval | None:
         """Of a drive speed at which stick-slip ends: from draws where it is skew."""
         if self._spread is None or self._uncertain is None or limit is None:
             return None
@@ -258,7 +258,7 @@ class _Intervals:
         drawn = self._shared[key]
         return line if drawn is None else sampled(limit.speed * drawn)
 
-    def growth(self) -> Interval | None:
+    def growth(self) -> AnswerInterval | None:
         if self._spread is None:
             return None
         return self._spread.signed(self._answer.steady.growth, self._growth, QUIET / self._map.time)
@@ -329,10 +329,10 @@ def _amplitude(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[
     return out
 
 
-def _inverse(interval: Interval | None) -> Interval | None:
+def _inverse(interval: AnswerInterval | None) -> AnswerInterval | None:
     if interval is None or interval.low is None or interval.high is None:
         return interval
-    return Interval(1 / interval.high, 1 / interval.low)
+    return AnswerInterval(1 / interval.high, 1 / interval.low)
 
 
 def _closed_forms(

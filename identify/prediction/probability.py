@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.quantiles import LEVEL, beta, normal_below
 from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import POINT, Drawn, Interval, OperatingPoint, Spread, draw, unknown
+from identify.prediction.intervals import POINT, AnswerInterval, Drawn, OperatingPoint, Spread, draw, unknown
 from identify.prediction.orbit import Orbit, long_enough, settle
 from identify.prediction.path import moved_orbit
 from identify.prediction.quantities import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
@@ -167,7 +167,7 @@ def _probability_of(linear: float | None, hits: NDArray[np.bool_]) -> Probabilit
     return Probability(linear, k / n if n else float("nan"), (low, high))
 
 
-def alike(linear: Interval, sampled: tuple[float, float], draws: int) -> bool | None:
+def alike(linear: AnswerInterval, sampled: tuple[float, float], draws: int) -> bool | None:
     """Whether a linear interval and one from draws say the same; None where the linear one is open."""
     if linear.low is None or linear.high is None:
         return None
@@ -176,7 +176,7 @@ def alike(linear: Interval, sampled: tuple[float, float], draws: int) -> bool | 
 
 
 def document(
-    found: StickSlipProbability, linear: Mapping[str, Interval | None], values: Mapping[str, float]
+    found: StickSlipProbability, linear: Mapping[str, AnswerInterval | None], values: Mapping[str, float]
 ) -> dict[str, Any]:
     """The certainty as an answer: probabilities, and every quantity with its linear and its sampled interval."""
 
@@ -247,7 +247,7 @@ def probability_document(
     map_ = CycleMap(model, normal_force, np.array([float(point.values[name]) for name in model.parameter_names]))
     answer = solution_set(map_, drive_speed)
     found = stick_slip_probability(map_, answer, names, covariance, draws, seed)
-    lines: dict[str, Interval | None] = {}
+    lines: dict[str, AnswerInterval | None] = {}
     now: dict[str, float] = {}
     if answer.orbit is not None:
         at = dict(zip(POINT, (answer.orbit.drive_speed, normal_force), strict=True))

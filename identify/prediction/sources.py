@@ -180,7 +180,7 @@ def _covariance(document: Mapping[str, Any], keys: Mapping[str, str]) -> tuple[t
 
 
 @dataclass(frozen=True)
-class Pooled:
+class PooledRecords:
     """Mean (f,) of r records; covariances (f, f) of the mean, between records, and of one more record about the mean
     (where own errors are as large as the scatter, its 95 % hold 93 % with six records)."""
 
@@ -190,7 +190,7 @@ class Pooled:
     of_next: Array
 
 
-def pooled(values: Array, covariances: Array) -> Pooled:
+def pooled(values: Array, covariances: Array) -> PooledRecords:
     """Records as one: estimates (r, f), r at least 2, each with its covariance (r, f, f)."""
     records = values.shape[0]
     excess = np.atleast_2d(np.cov(values, rowvar=False)) - np.mean(covariances, axis=0)
@@ -200,7 +200,7 @@ def pooled(values: Array, covariances: Array) -> Pooled:
     of_mean = np.linalg.inv(np.sum(weights, axis=0))
     mean = of_mean @ np.einsum("rij,rj->i", weights, values)
     wider = (float(student(0.5 + LEVEL / 2, records - 1)) / NORMAL) ** 2
-    return Pooled(mean, wider * of_mean, between, wider * (between + of_mean))
+    return PooledRecords(mean, wider * of_mean, between, wider * (between + of_mean))
 
 
 def pooled_result(documents: Sequence[Mapping[str, Any]], model: Model) -> dict[str, Any]:

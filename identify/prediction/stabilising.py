@@ -13,7 +13,7 @@ from identify.base.errors import SimulationError
 from identify.model.model import Model
 from identify.prediction.closed_forms import number
 from identify.prediction.cycle import CycleMap, check_calculable
-from identify.prediction.intervals import POINT, Interval, OperatingPoint, Spread
+from identify.prediction.intervals import POINT, AnswerInterval, OperatingPoint, Spread
 from identify.prediction.map_axes import Site, axis, moved
 from identify.prediction.map_grid import row_at
 from identify.prediction.orbit import long_enough, settle
@@ -117,7 +117,7 @@ class StabilisingChange:
     quantity: str
     now: float
     turn: Turn | None
-    interval: Interval | None
+    interval: AnswerInterval | None
     advised: float | None
     extrapolated: bool
     reason: str = ""
@@ -238,7 +238,7 @@ def _row(change: StabilisingChange, stiffness: float) -> dict[str, Any]:
     scaled = None
     if interval is not None and advised is not None and limit and advised != change.now:
         ends = [None if end is None else end * advised / limit for end in (interval.low, interval.high)]
-        scaled = Interval(ends[0], ends[1], interval.reason)
+        scaled = AnswerInterval(ends[0], ends[1], interval.reason)
     return {
         "quantity": change.quantity,
         "label": words,

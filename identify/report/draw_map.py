@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
 from identify.prediction.chart import Boundary, Chart
-from identify.prediction.chart_bands import Known, bands, closed_plane, region
+from identify.prediction.chart_bands import KnownCovariance, bands, closed_plane, region
 from identify.prediction.sources import Tested
 from identify.report.map_parts import FONT, View, amplitudes, falls, regions, ticks_in_powers
 from identify.report.style import drawing_style
@@ -38,7 +38,7 @@ class Marks:
     rig; the tested range; whose the operating point is ("log 2 (slow.csv)")."""
 
     points: Sequence[tuple[float, float]] = ()
-    known: Known | None = None
+    known: KnownCovariance | None = None
     tested: Tested | None = None
     whose: str = ""
 
@@ -84,7 +84,7 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
 
 
 def _boundary(
-    axes: Axes, chart: Chart, boundary: Boundary, view: View, colour: str, words: str, known: Known | None
+    axes: Axes, chart: Chart, boundary: Boundary, view: View, colour: str, words: str, known: KnownCovariance | None
 ) -> list[Any]:
     lines = boundary.lines()
     for points, _ in lines:

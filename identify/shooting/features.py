@@ -142,9 +142,10 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
         mean, count = _binned(local - shift[cycle], force, weight, edges)
         if np.count_nonzero(count) < 4:
             return None
-        level = _cycle_levels(local - shift[cycle], force, weight, cycle, edges, mean, count, settled.size)
-        force = force - level[cycle]
-        shift = shift + _cycle_shifts(local - shift[cycle], force, weight, cycle, edges, mean, count, settled.size)
+        value, slope = _against_mean(local - shift[cycle], edges, mean, count)
+        force = force - _cycle_levels(value - force, weight, cycle, settled.size)[cycle]
+        limit = 5 * (edges[1] - edges[0])
+        shift = shift + _cycle_shifts(value - force, slope, weight, cycle, settled.size, limit)
     mean, count = _binned(local - shift[cycle], force, weight, edges)
     used = count > 0
     drop = float(np.max(mean[used]) - np.min(mean[used]))
@@ -206,23 +207,16 @@ def _against_mean(local: Array, edges: Array, mean: Array, count: Array) -> tupl
     return np.interp(local, centres, filled), np.interp(local, centres, slope)
 
 
-def _cycle_levels(
-    local: Array, force: Array, weight: Array, cycle: NDArray[np.int64], edges: Array, mean: Array, count: Array, n: int
-) -> Array:
-    """How far each cycle lies above the mean waveform (n,) [N], their average taken out."""
-    value, _ = _against_mean(local, edges, mean, count)
+def _cycle_levels(below: Array, weight: Array, cycle: NDArray[np.int64], n: int) -> Array:
+    """How far each cycle lies above the mean waveform (n,) [N], their average taken out; samples lie `below` it."""
     total = np.bincount(cycle, weights=weight, minlength=n)
-    level = np.bincount(cycle, weights=weight * (force - value), minlength=n) / np.maximum(total, 1e-300)
+    level = np.bincount(cycle, weights=-weight * below, minlength=n) / np.maximum(total, 1e-300)
     return np.asarray(level - np.mean(level))
 
 
-def _cycle_shifts(
-    local: Array, force: Array, weight: Array, cycle: NDArray[np.int64], edges: Array, mean: Array, count: Array, n: int
-) -> Array:
+def _cycle_shifts(below: Array, slope: Array, weight: Array, cycle: NDArray[np.int64], n: int, limit: float) -> Array:
     """One Gauss-Newton step of each cycle's time shift onto the mean waveform (n,) [s], their average taken out."""
-    value, slope = _against_mean(local, edges, mean, count)
-    pull = np.bincount(cycle, weights=weight * slope * (value - force), minlength=n)
+    pull = np.bincount(cycle, weights=weight * slope * below, minlength=n)
     bend = np.bincount(cycle, weights=weight * slope**2, minlength=n)
-    limit = 5 * (edges[1] - edges[0])
     shift = np.clip(pull / np.maximum(bend, 1e-300), -limit, limit)
     return np.asarray(shift - np.mean(shift))

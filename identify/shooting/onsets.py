@@ -83,7 +83,7 @@ def with_first_onsets(log: LogData, guess: Guess, unknowns: Unknowns, grid: Grid
     late = np.flatnonzero(slips.rested & (begins + time < guess.onset - EARLIER * period))
     if late.size == 0:
         return None
-    moved = guess_of(model, log, p, guess.start, slips, late, (begins + time)[late], grid)
+    moved = guess_of(log, guess.start, slips, late, (begins + time)[late], grid)
     new = {name: getattr(guess, name).copy() for name in ("onset", "saturation", "arrest", "slip", "saturated")}
     for name, array in new.items():
         array[late] = getattr(moved, name)

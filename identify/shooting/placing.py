@@ -76,7 +76,7 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
         if not falling.size or not np.all(slips.rested[mine]):
             guesses.append(None)
             continue
-        guesses.append(guess_of(model, log, p[number], starts[number], slips, mine, onset[mine], grid))
+        guesses.append(guess_of(log, starts[number], slips, mine, onset[mine], grid))
     return Placement(tuple(guesses))
 
 
@@ -225,16 +225,7 @@ def _shift(waves: Waves, samples: _Samples, onset: Array) -> Array:
     return np.asarray(np.clip(np.where(np.isfinite(move), move, 0.0), -limit, limit))
 
 
-def guess_of(
-    model: Model,
-    log: LogData,
-    p: Array,
-    start: Array,
-    slips: Slips,
-    mine: NDArray[np.int64],
-    onset: Array,
-    grid: Grid,
-) -> Guess:
+def guess_of(log: LogData, start: Array, slips: Slips, mine: NDArray[np.int64], onset: Array, grid: Grid) -> Guess:
     """The guess of a log from its slips.
 
     Args:

@@ -164,22 +164,21 @@ class Footing:
         nodes: Array,
         span: tuple[float, float],
         end: int,
-        known_inside: tuple[int, ...],
-        known_at_end: tuple[int, ...],
+        known: tuple[tuple[int, ...], tuple[int, ...]],
         local: Array | None = None,
     ) -> Indices:
         """The shooting intervals of one part of a slide: indices of the nodes at their ends (n, n_x).
 
         Args:
-            end: index of the event that ends it, KNOWN at a given time; local: constants of each interval in place of
-                those of the whole span.
+            known: states that are at their bounds inside, and at the end; end: index of the event that ends it, KNOWN
+                at a given time; local: constants of each interval in place of those of the whole span.
         """
         intervals, steps, n_x = nodes.shape[0] - 1, self.grid.steps, self.n_x
         values, index = nodes[1:].copy(), np.full((intervals, n_x), KNOWN)
-        for row, known in ((slice(None, -1), known_inside), (slice(-1, None), known_at_end)):
-            for component in known:
+        for row, bound in zip((slice(None, -1), slice(-1, None)), known, strict=True):
+            for component in bound:
                 values[row, component] = self.c.model.states[component].lower or 0.0
-        unknown = _unknown(intervals, n_x, known_inside, known_at_end)
+        unknown = _unknown(intervals, n_x, *known)
         index[unknown] = self.c.add(values[unknown], np.broadcast_to(self.size, unknown.shape)[unknown])
         d_end, fractions = np.array([end]), shares(intervals)
         slots = np.empty((intervals, 2 * n_x + 2 + self.load.size), dtype=np.int64)
@@ -340,7 +339,7 @@ class _LogWalk(Footing):
         if self.log.tremor_sd > 0.0:
             kind = "slip_trembling"
             self._swing(cycle, float(self.guess.arrest[cycle]))
-        self._part(kind, cycle, self.slip, self.guess.slip[cycle], span, end, (), known_at_end)
+        self._part(kind, cycle, self.slip, self.guess.slip[cycle], span, end, ((), known_at_end))
         self.load, self.load_value = self.load[-1:], self.load_value[-1:]
 
     def _swing(self, part: int, at: float) -> None:
@@ -373,16 +372,8 @@ class _LogWalk(Footing):
             self._falling(cycle, (on, middle), index, self.held)
             index = self.c.event(self.tick, arrest - middle, room)
             both = (*self.held, SPEED)
-            self._part(
-                "saturated",
-                cycle,
-                self.saturated,
-                self.guess.saturated[cycle],
-                (middle, arrest),
-                index,
-                self.held,
-                both,
-            )
+            nodes, known = self.guess.saturated[cycle], (self.held, both)
+            self._part("saturated", cycle, self.saturated, nodes, (middle, arrest), index, known)
             self.reaged = True
         else:
             index = self.c.event(self.tick, arrest - on, room)
@@ -399,12 +390,11 @@ class _LogWalk(Footing):
         nodes: Array,
         span: tuple[float, float],
         end: int,
-        known_inside: tuple[int, ...],
-        known_at_end: tuple[int, ...],
+        known: tuple[tuple[int, ...], tuple[int, ...]],
     ) -> None:
         """The shooting intervals of one part of the slip of a cycle."""
         local = self._line_by_line(self.size, span, nodes.shape[0] - 1)
-        places[cycle, 1:] = self._intervals(kind, cycle, nodes, span, end, known_inside, known_at_end, local)
+        places[cycle, 1:] = self._intervals(kind, cycle, nodes, span, end, known, local)
 
     def _tail(self) -> None:
         """What follows the last cycle: rests and slides as they come."""
@@ -450,7 +440,7 @@ class _LogWalk(Footing):
             self._swing(unit, stretch.until)
         local = self._line_by_line(rows, (self.since, stretch.until), stretch.nodes.shape[0] - 1)
         self.reaged = saturated
-        places = self._intervals(kind, unit, stretch.nodes, (self.since, stretch.until), index, inside, at_end, local)
+        places = self._intervals(kind, unit, stretch.nodes, (self.since, stretch.until), index, (inside, at_end), local)
         self.load, self.load_value = self.load[-1:], self.load_value[-1:]
         return places
 

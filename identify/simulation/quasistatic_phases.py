@@ -111,7 +111,7 @@ class _Node:
     here: Local
 
 
-class Slide:
+class BalancedSlide:
     """Sliding in one mode until one of its guards falls to zero, or no stable speed balances the forces any more.
 
     Args:
@@ -421,7 +421,7 @@ def _phase(
     if speed is None:
         still = BalancedPhase(mode, start, situated, np.zeros(1), x[None, :], "speed", np.zeros(1))
         return still, "stick"
-    phase = Slide(machine, mode, situated, locate=locate).run(x, speed, start, limit)
+    phase = BalancedSlide(machine, mode, situated, locate=locate).run(x, speed, start, limit)
     if phase.ended_by is None or phase.ended_by == "fold":
         return phase, mode
     return phase, dict(sliding_modes(model.clamped is not None)[mode].exits)[phase.ended_by]

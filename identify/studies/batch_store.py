@@ -23,7 +23,7 @@ from typing import IO, Any
 
 from data_io.atomic import atomic_write
 from identify.studies.job import TRY_AGAIN, WAITING, BatchError, End, Job
-from identify.studies.planning import Plan
+from identify.studies.planning import BatchPlan
 
 JOB, RESULT, BATCH, INDEX = "job.json", "result.json", "batch.json", "index.csv"
 PART = ".part"
@@ -273,7 +273,7 @@ class Ended:
         return Ended(document["status"], document["message"], document.get("result_sha256") is not None, seconds)
 
 
-def batch_document(plan: Plan, ended: Mapping[str, Ended], run: Mapping[str, Any]) -> dict[str, Any]:
+def batch_document(plan: BatchPlan, ended: Mapping[str, Ended], run: Mapping[str, Any]) -> dict[str, Any]:
     """The document of batch.json.
 
     Args:
@@ -305,7 +305,7 @@ def _group(job: Job, status: str) -> dict[str, Any]:
     }
 
 
-def index_csv(plan: Plan, ended: Mapping[str, Ended]) -> str:
+def index_csv(plan: BatchPlan, ended: Mapping[str, Ended]) -> str:
     """The text of index.csv; one row per group in the order of the source."""
     names = label_columns(plan.jobs, plan.labels)
     out = io.StringIO()

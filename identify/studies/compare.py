@@ -11,7 +11,7 @@ import numpy as np
 from identify.scene.values import EACH_LOG
 from identify.studies.fits import FitEntry, Quantity, Values, shared_labels, values
 from identify.studies.joint import outliers
-from identify.studies.labels import CompareError, Question, Taken, take
+from identify.studies.labels import CompareError, ComparisonQuestion, Taken, take
 from identify.studies.mixed import PoolingError
 from identify.studies.pooled import Pooled, pool
 
@@ -123,7 +123,7 @@ class Comparison:
     """A finished comparison. entries: all fits that were found; parts: what counts for itself of them; taken: what is
     compared of that; groups: in natural order."""
 
-    question: Question
+    question: ComparisonQuestion
     entries: tuple[FitEntry, ...]
     parts: tuple[FitEntry, ...]
     taken: Taken
@@ -144,7 +144,7 @@ class Comparison:
         return frozenset(part.whole for part in self.parts if part.name in odd)
 
 
-def compare(entries: Sequence[FitEntry], question: Question) -> Comparison:
+def compare(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Comparison:
     """Compare groups of fits.
 
     Raises:

@@ -17,7 +17,7 @@ from identify.report.report_wording import plain_symbol
 from identify.studies.compare import Comparison, PooledQuantity
 from identify.studies.fits import FitEntry
 from identify.studies.labels import brief, visible
-from identify.studies.operating_points import Curve, GroupAnswer
+from identify.studies.operating_points import GroupAnswer, SpeedCurve
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A few cycles of every fit, read from its result.h5: enough to see at a glance which fits look odd.
@@ -110,7 +110,7 @@ STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 @dataclass(frozen=True)
-class Scale:
+class AxisScale:
     """From `low`..`high` to `first`..`last` (points of the drawing); logarithmic where `log`."""
 
     low: float
@@ -141,15 +141,15 @@ class Scale:
         return [round(k * step, 12) for k in range(first, math.floor(self.high / step + 1e-9) + 1)]
 
 
-def around(values: Sequence[float], first: float, last: float, log: bool = False, share: float = 0.06) -> Scale:
+def around(values: Sequence[float], first: float, last: float, log: bool = False, share: float = 0.06) -> AxisScale:
     """A scale around all finite values, with a little room."""
     kept = [v for v in values if math.isfinite(v) and (v > 0.0 or not log)]
     low, high = (min(kept), max(kept)) if kept else (1.0, 2.0)
     if log:
         room = max(share * math.log(high / low), 0.02)
-        return Scale(low * math.exp(-room), high * math.exp(room), first, last, True)
+        return AxisScale(low * math.exp(-room), high * math.exp(room), first, last, True)
     room = share * (high - low) or 0.05 * abs(high) or 0.05
-    return Scale(low - room, high + room, first, last)
+    return AxisScale(low - room, high + room, first, last)
 
 
 def tick_text(value: float) -> str:
@@ -226,7 +226,7 @@ def band(upper: Sequence[tuple[float, float]], lower: Sequence[tuple[float, floa
     return "".join(out)
 
 
-def x_axis(scale: Scale, y: float, top: float, title: str, most: int = 6) -> str:
+def x_axis(scale: AxisScale, y: float, top: float, title: str, most: int = 6) -> str:
     """Grid lines, ticks and title of a horizontal axis."""
     out = []
     for tick in scale.ticks(most):
@@ -235,7 +235,7 @@ def x_axis(scale: Scale, y: float, top: float, title: str, most: int = 6) -> str
     return "".join(out) + text((scale.first + scale.last) / 2, y + 28, title, "middle", "title", 60)
 
 
-def y_axis(scale: Scale, x: float, right: float, title: str, most: int = 5) -> str:
+def y_axis(scale: AxisScale, x: float, right: float, title: str, most: int = 5) -> str:
     """Grid lines, ticks and title (above, at the left) of a vertical axis."""
     out = []
     for tick in scale.ticks(most):
@@ -286,7 +286,7 @@ def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
     return svg(WIDTH, height, parts, label)
 
 
-def _tick_mark(axis: Scale, value: float, y: float, stroke: str) -> str:
+def _tick_mark(axis: AxisScale, value: float, y: float, stroke: str) -> str:
     """One fit as a small upright stroke; beyond the edge as an arrow head at it."""
     if axis.low <= value <= axis.high:
         x = axis.at(value)
@@ -294,13 +294,13 @@ def _tick_mark(axis: Scale, value: float, y: float, stroke: str) -> str:
     return _arrow(axis, value, y + 10.0, stroke, 0.6)
 
 
-def _arrow(axis: Scale, value: float, y: float, stroke: str, opacity: float = 1.0) -> str:
+def _arrow(axis: AxisScale, value: float, y: float, stroke: str, opacity: float = 1.0) -> str:
     """An arrow head at the edge beyond which a value lies."""
     x, sign = (axis.last, -1) if value > axis.high else (axis.first, 1)
     return f'<path d="M{x:.1f} {y:.1f}l{6 * sign} -3v6z" fill="{stroke}" fill-opacity="{opacity:g}"/>'
 
 
-def _clipped(axis: Scale, value: float) -> float:
+def _clipped(axis: AxisScale, value: float) -> float:
     return min(max(value, axis.low), axis.high)
 
 
@@ -325,7 +325,7 @@ def curves(answers: Sequence[GroupAnswer], which: str, marks: Sequence[float]) -
         return Markup("")
     top, bottom = 30.0 + 15.0 * math.ceil(len(drawn) / 3), CURVE_HEIGHT - 36.0
     speeds = np.concatenate([c.speed for _, _, c in drawn]) * 1e3
-    x = Scale(float(speeds.min()), float(speeds.max()), 48.0, WIDTH - RIGHT, True)
+    x = AxisScale(float(speeds.min()), float(speeds.max()), 48.0, WIDTH - RIGHT, True)
     levels = np.concatenate([np.concatenate([c.value, c.low, c.high]) for _, _, c in drawn])
     people = np.concatenate([c.people_high for _, _, c in drawn])
     most = TALLEST * float(np.nanmax(np.abs(np.concatenate([c.value for _, _, c in drawn]))))
@@ -342,15 +342,15 @@ def curves(answers: Sequence[GroupAnswer], which: str, marks: Sequence[float]) -
     return svg(WIDTH, CURVE_HEIGHT, parts, f"{title} against drive speed for every group, with 95 % bands")
 
 
-def _from_zero(levels: np.ndarray, people: np.ndarray, bottom: float, top: float) -> Scale:
+def _from_zero(levels: np.ndarray, people: np.ndarray, bottom: float, top: float) -> AxisScale:
     """From zero to the highest band; the scatter of people may take half as much again."""
     high = 1.06 * float(levels.max())
     if people.size:
         high = max(high, min(1.03 * float(people.max()), 1.5 * high))
-    return Scale(min(0.0, float(levels.min())), high, bottom, top + 14.0)
+    return AxisScale(min(0.0, float(levels.min())), high, bottom, top + 14.0)
 
 
-def _curve(curve: Curve, x: Scale, y: Scale, place: int) -> str:
+def _curve(curve: SpeedCurve, x: AxisScale, y: AxisScale, place: int) -> str:
     def points(values: np.ndarray) -> list[tuple[float, float]]:
         kept = np.where((values >= y.low) & (values <= y.high), values, np.nan)
         return [
@@ -371,7 +371,7 @@ def thumbnail(excerpt: Excerpt) -> Markup:
     width, height = 190.0, 78.0
     if len(excerpt.time) < 2:
         return Markup("")
-    x = Scale(excerpt.time[0], max(excerpt.time[-1], excerpt.time[0] + 1e-12), 1.0, width - 1.0)
+    x = AxisScale(excerpt.time[0], max(excerpt.time[-1], excerpt.time[0] + 1e-12), 1.0, width - 1.0)
     levels = [v for v in (*excerpt.measured, *excerpt.fitted) if math.isfinite(v)]
     y = around(levels, height - 2.0, 2.0)
     measured = [

@@ -18,7 +18,7 @@ from identify.studies import fit_views
 from identify.studies.compare import Comparison, compare
 from identify.studies.comparison_figures import curves, forest
 from identify.studies.fits import PAGE, FitEntry, count, read_fits
-from identify.studies.labels import CompareError, Question, usual, visible
+from identify.studies.labels import CompareError, ComparisonQuestion, usual, visible
 from identify.studies.operating_points import Common, GroupAnswer, common, group_answers
 from identify.studies.reporting import items
 
@@ -52,7 +52,7 @@ def write_batch_report(directory: str | Path) -> Path:
     by, reason, comparison = usual(entries), "", None
     if by is not None:
         try:
-            comparison = compare(entries, Question(by))
+            comparison = compare(entries, ComparisonQuestion(by))
         except CompareError as error:
             reason = str(error)
     answers = None if comparison is None else answered(comparison)

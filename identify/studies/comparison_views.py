@@ -30,7 +30,7 @@ VERDICT_KIND = {DIFFERENT: "good", "not told apart": "plain", NOT_TESTED: "fair"
 
 
 @dataclass(frozen=True)
-class Cell:
+class PageCell:
     """One cell: text, a smaller note, a chip of a kind instead of plain text, a link, what it sorts by, and how many
     characters of the text are shown."""
 
@@ -43,30 +43,30 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table that sorts itself: id, heads (numeric ones are set right), rows of cells, the first being the head."""
 
     id: str
     heads: tuple[str, ...]
     numeric: tuple[bool, ...]
-    rows: tuple[tuple[Cell, ...], ...]
+    rows: tuple[tuple[PageCell, ...], ...]
 
 
-def table(id_: str, heads: Sequence[str], rows: Sequence[Sequence[Cell]]) -> Table:
+def table(id_: str, heads: Sequence[str], rows: Sequence[Sequence[PageCell]]) -> PageTable:
     """A table; a column is numeric where all its cells with something to sort by are numbers."""
     numeric = []
     for k in range(len(heads)):
         keys = [row[k].sort for row in rows if row[k].sort is not None]
         numeric.append(bool(keys) and not any(isinstance(key, str) for key in keys))
-    return Table(id_, tuple(heads), tuple(numeric), tuple(tuple(row) for row in rows))
+    return PageTable(id_, tuple(heads), tuple(numeric), tuple(tuple(row) for row in rows))
 
 
-def named(quantity_: Quantity) -> Cell:
+def named(quantity_: Quantity) -> PageCell:
     """The parameter as the first cell of a row."""
-    return Cell(plain_symbol(quantity_.name), sort=quantity_.name)
+    return PageCell(plain_symbol(quantity_.name), sort=quantity_.name)
 
 
-def parameters(comparison: Comparison) -> Table:
+def parameters(comparison: Comparison) -> PageTable:
     """The pooled means of every parameter and group."""
     who = comparison.taken.subject
     heads = ["parameter", comparison.question.by, "mean", "95 % interval", "unit", "fits"]
@@ -85,13 +85,13 @@ def parameters(comparison: Comparison) -> Table:
             interval = ends_text(ends[0], ends[1], places) if ends else "open"
             row = [
                 named(q),
-                Cell(mean.group, sort=mean.group),
-                Cell(decimals(value, places), sort=q.shown(mean.value)),
-                Cell(interval, mean.reason, sort=ends[0] if ends else None),
-                Cell(unit.unit or "1"),
-                Cell(str(mean.fits), sort=mean.fits),
+                PageCell(mean.group, sort=mean.group),
+                PageCell(decimals(value, places), sort=q.shown(mean.value)),
+                PageCell(interval, mean.reason, sort=ends[0] if ends else None),
+                PageCell(unit.unit or "1"),
+                PageCell(str(mean.fits), sort=mean.fits),
             ]
-            rows.append(row + ([Cell(str(mean.subjects), sort=mean.subjects)] if who else []))
+            rows.append(row + ([PageCell(str(mean.subjects), sort=mean.subjects)] if who else []))
     return table("parameters", heads, rows)
 
 
@@ -101,7 +101,7 @@ def _unit(entry: PooledQuantity) -> Scale:
     return scale_for(values[len(values) // 2] if values else None, entry.quantity.unit)
 
 
-def differences(comparison: Comparison) -> Table:
+def differences(comparison: Comparison) -> PageTable:
     """All differences between groups, with simultaneous intervals and verdicts."""
     who = comparison.taken.subject
     heads = ["parameter", "first", "second", "difference", "simultaneous interval", "verdict"]
@@ -112,13 +112,13 @@ def differences(comparison: Comparison) -> Table:
             text, interval = difference_text(entry, d)
             row = [
                 named(entry.quantity),
-                Cell(d.first, sort=d.first),
-                Cell(d.second, sort=d.second),
-                Cell(text, sort=d.value),
-                Cell(interval, d.reason),
-                Cell(d.verdict, _chance(d.p), chip=VERDICT_KIND[d.verdict], sort=d.verdict),
+                PageCell(d.first, sort=d.first),
+                PageCell(d.second, sort=d.second),
+                PageCell(text, sort=d.value),
+                PageCell(interval, d.reason),
+                PageCell(d.verdict, _chance(d.p), chip=VERDICT_KIND[d.verdict], sort=d.verdict),
             ]
-            rows.append(row + ([Cell(str(d.shared), sort=d.shared)] if who else []))
+            rows.append(row + ([PageCell(str(d.shared), sort=d.shared)] if who else []))
     return table("differences", heads, rows)
 
 
@@ -143,7 +143,7 @@ def _chance(p: float | None) -> str:
     return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
-def scatter(comparison: Comparison) -> Table:
+def scatter(comparison: Comparison) -> PageTable:
     """Where the scatter comes from, and how well a run repeats itself."""
     who, by = comparison.taken.subject or "person", comparison.question.by
     heads = [
@@ -162,11 +162,11 @@ def scatter(comparison: Comparison) -> Table:
             continue
         s, unit = entry.pooled.scatter, _unit(entry)
         parts = (s.between_groups, s.subject, s.subject_by_group, s.run, s.fit)
-        cells = [Cell(_sd(entry.quantity, unit, v), sort=v) for v in parts]
+        cells = [PageCell(_sd(entry.quantity, unit, v), sort=v) for v in parts]
         ends = s.repeatability_interval
         note = f"{_sd(entry.quantity, unit, ends[0])} to {_sd(entry.quantity, unit, ends[1])}" if ends else ""
-        repeat = Cell(_sd(entry.quantity, unit, s.repeatability), note, sort=s.repeatability)
-        icc = Cell(DASH if s.intraclass is None else decimals(s.intraclass, 2), sort=s.intraclass)
+        repeat = PageCell(_sd(entry.quantity, unit, s.repeatability), note, sort=s.repeatability)
+        icc = PageCell(DASH if s.intraclass is None else decimals(s.intraclass, 2), sort=s.intraclass)
         rows.append([named(entry.quantity), *cells, repeat, icc])
     return table("scatter", heads, rows)
 
@@ -179,7 +179,7 @@ def _sd(q: Quantity, unit: Scale, value: float | None) -> str:
     return f"{number(value / unit.factor, 2)} {unit.unit}".rstrip()
 
 
-def operating(by: str, answers: Sequence[GroupAnswer], normal_force: float | None) -> Table:
+def operating(by: str, answers: Sequence[GroupAnswer], normal_force: float | None) -> PageTable:
     """What each group does at the common operating points."""
     heads = [
         by,
@@ -195,22 +195,22 @@ def operating(by: str, answers: Sequence[GroupAnswer], normal_force: float | Non
         if not answer.at:
             rows.append(
                 [
-                    Cell(answer.group, sort=answer.group),
-                    *[Cell(DASH)] * 2,
-                    Cell(answer.reason, most=REASON),
-                    *[Cell(DASH)] * 3,
+                    PageCell(answer.group, sort=answer.group),
+                    *[PageCell(DASH)] * 2,
+                    PageCell(answer.reason, most=REASON),
+                    *[PageCell(DASH)] * 3,
                 ]
             )
         for at in answer.at:
             rows.append(
                 [
-                    Cell(answer.group, sort=answer.group),
-                    Cell(quantity(at.speed, "m/s", 3), sort=at.speed),
-                    Cell(OUTCOMES.get(at.outcome, at.outcome), sort=at.outcome),
-                    Cell(_probability(at.probability), sort=at.probability),
+                    PageCell(answer.group, sort=answer.group),
+                    PageCell(quantity(at.speed, "m/s", 3), sort=at.speed),
+                    PageCell(OUTCOMES.get(at.outcome, at.outcome), sort=at.outcome),
+                    PageCell(_probability(at.probability), sort=at.probability),
                     _figure(at.fall, "N"),
                     _figure(answer.critical_speed, "m/s"),
-                    Cell(
+                    PageCell(
                         DASH if at.margin.value is None else f"× {number(at.margin.value, 3)}",
                         _ends(at.margin.interval, ""),
                         sort=at.margin.value,
@@ -228,11 +228,11 @@ def _probability(p: float | None) -> str:
     return "< 0.1 %" if p < 0.001 else f"{number(100 * p, 3)} %"
 
 
-def _figure(figure: Figure, unit: str) -> Cell:
+def _figure(figure: Figure, unit: str) -> PageCell:
     note = _ends(figure.interval, unit)
     if figure.value is None:
-        return Cell("none", figure.reason)
-    return Cell(quantity(figure.value, unit, 3), note or (figure.reason and "interval open"), sort=figure.value)
+        return PageCell("none", figure.reason)
+    return PageCell(quantity(figure.value, unit, 3), note or (figure.reason and "interval open"), sort=figure.value)
 
 
 def _ends(ends: tuple[float, float] | None, unit: str) -> str:
@@ -243,13 +243,13 @@ def _ends(ends: tuple[float, float] | None, unit: str) -> str:
     return f"{low} to {high} {scale.unit}".rstrip()
 
 
-def reporting(items: Sequence[Item]) -> Table:
+def reporting(items: Sequence[Item]) -> PageTable:
     """The data sheet of ASTM G115."""
     rows = [
         [
-            Cell(i.name, sort=i.name),
-            Cell(i.text, sort=i.text, most=REASON) if i.text else Cell("missing", chip="fair", sort=""),
-            Cell(i.source if i.text else f"give it as {i.source}"),
+            PageCell(i.name, sort=i.name),
+            PageCell(i.text, sort=i.text, most=REASON) if i.text else PageCell("missing", chip="fair", sort=""),
+            PageCell(i.source if i.text else f"give it as {i.source}"),
         ]
         for i in items
     ]

@@ -24,7 +24,7 @@ from identify.report.quantity_text import (
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
 from identify.studies.compare import Comparison
 from identify.studies.comparison_figures import excerpt, thumbnail
-from identify.studies.comparison_views import REASON, Cell, Table, table
+from identify.studies.comparison_views import REASON, PageCell, PageTable, table
 from identify.studies.fits import PAGE, FitEntry, natural
 
 MOST_LABELS = 6
@@ -34,7 +34,7 @@ PLAIN = "identified"  # a verdict that is not marked
 
 
 @dataclass(frozen=True)
-class Picture:
+class Thumbnail:
     """One fit in small: name, link to its page, status with its kind, drawing (empty without curves), words."""
 
     name: str
@@ -53,7 +53,7 @@ def link(entry: FitEntry, home: Path) -> str:
     return quote(Path(os.path.relpath(os.path.realpath(page), os.path.realpath(home))).as_posix())
 
 
-def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> Table:
+def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> PageTable:
     """Every fit with its status, labels and parameters; flagged where it does not belong."""
     labels = _labels(entries, comparison)
     names = list(dict.fromkeys(str(n) for e in entries for n in e.document.get("parameters", {})))[:MOST_PARAMETERS]
@@ -64,10 +64,10 @@ def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None)
     rows = []
     for entry in entries:
         flag = "does not belong?" if entry.name in odd else ""
-        row = [Cell(entry.name, flag, link=link(entry, home), sort=entry.name), _status(entry)]
-        row += [Cell(entry.labels.get(label, DASH), sort=entry.labels.get(label)) for label in labels]
+        row = [PageCell(entry.name, flag, link=link(entry, home), sort=entry.name), _status(entry)]
+        row += [PageCell(entry.labels.get(label, DASH), sort=entry.labels.get(label)) for label in labels]
         chi2 = finite((entry.document.get("gate") or {}).get("chi2_per_sample"))
-        row.append(Cell(number(chi2, 3), sort=chi2))
+        row.append(PageCell(number(chi2, 3), sort=chi2))
         row += [_parameter(entry, name, units[name].factor) for name in names]
         rows.append(row)
     return table("fits", heads, rows)
@@ -87,22 +87,24 @@ def _unit(entries: Sequence[FitEntry], name: str) -> Scale:
     return scale_for(values[len(values) // 2] if values else None, next((p["unit"] for p in told if p.get("unit")), ""))
 
 
-def _status(entry: FitEntry) -> Cell:
+def _status(entry: FitEntry) -> PageCell:
     words = entry.status.replace("_", " ")
-    return Cell(words, chip="good" if entry.converged else "bad", sort=words)
+    return PageCell(words, chip="good" if entry.converged else "bad", sort=words)
 
 
-def _parameter(entry: FitEntry, name: str, factor: float) -> Cell:
+def _parameter(entry: FitEntry, name: str, factor: float) -> PageCell:
     told = entry.document.get("parameters", {}).get(name)
     value = finite(told.get("value")) if isinstance(told, dict) else None
     if not isinstance(told, dict) or value is None:
-        return Cell(DASH)
+        return PageCell(DASH)
     error, scattered = shown_error(told), scatter(told)
     places = places_for(scattered / factor, value / factor) if scattered else places_for(None, value / factor) - 1
     verdict = str(told.get("verdict"))
     mark = VERDICT_MARK.get(verdict, "")
     note = f"± {decimals(error / factor, places)}" if error else str(told.get("verdict") or "")
-    return Cell(decimals(value / factor, places) + (f" {mark}" if mark and verdict != PLAIN else ""), note, sort=value)
+    return PageCell(
+        decimals(value / factor, places) + (f" {mark}" if mark and verdict != PLAIN else ""), note, sort=value
+    )
 
 
 def marks() -> str:
@@ -110,28 +112,32 @@ def marks() -> str:
     return ", ".join(f"{mark} {verdict}" for verdict, mark in VERDICT_MARK.items() if verdict != PLAIN)
 
 
-def without_result(entries: Sequence[FitEntry], home: Path) -> Table:
+def without_result(entries: Sequence[FitEntry], home: Path) -> PageTable:
     """Fits that gave no result, with the reason."""
     rows = [
-        [Cell(e.name, link=link(e, home), sort=e.name), _status(e), Cell(e.message, sort=e.message, most=REASON)]
+        [
+            PageCell(e.name, link=link(e, home), sort=e.name),
+            _status(e),
+            PageCell(e.message, sort=e.message, most=REASON),
+        ]
         for e in entries
         if not e.converged
     ]
     return table("without-result", ["fit", "status", "reason"], rows)
 
 
-def left_out(comparison: Comparison, home: Path) -> Table:
+def left_out(comparison: Comparison, home: Path) -> PageTable:
     """Fits with a result that took no part all the same, with the reason."""
     by_name = {entry.name: entry for entry in comparison.parts if entry.converged}
     rows = [
-        [Cell(name, link=link(by_name[name], home), sort=name), Cell(reason, sort=reason, most=REASON)]
+        [PageCell(name, link=link(by_name[name], home), sort=name), PageCell(reason, sort=reason, most=REASON)]
         for name, reason in sorted(comparison.taken.left_out, key=lambda item: natural(item[0]))
         if name in by_name
     ]
     return table("left-out", ["fit", "reason"], rows)
 
 
-def rejected_logs(entries: Sequence[FitEntry]) -> Table:
+def rejected_logs(entries: Sequence[FitEntry]) -> PageTable:
     """Logs that took no part in their fit, with the reason."""
     rows = []
     for entry in entries:
@@ -140,30 +146,30 @@ def rejected_logs(entries: Sequence[FitEntry]) -> Table:
                 path = str(log.get("path", "")).replace("\\", "/").rsplit("/", 1)[-1]
                 rows.append(
                     [
-                        Cell(path, sort=path),
-                        Cell(entry.name, sort=entry.name),
-                        Cell(str(log["reason_left_out"]), most=REASON),
+                        PageCell(path, sort=path),
+                        PageCell(entry.name, sort=entry.name),
+                        PageCell(str(log["reason_left_out"]), most=REASON),
                     ]
                 )
     return table("rejected-logs", ["log", "fit", "reason"], rows)
 
 
-def odd_fits(comparison: Comparison, home: Path) -> Table:
+def odd_fits(comparison: Comparison, home: Path) -> PageTable:
     """Fits that do not belong, by name."""
     by_name = {entry.name: entry for entry in comparison.parts}
     rows = [
         [
-            Cell(o.name, link=link(by_name[o.name], home), sort=o.name),
-            Cell(plain_symbol(o.quantity), sort=o.quantity),
-            Cell(f"{number(o.z, 3)} sd", sort=o.z),
-            Cell(f"{o.p:.2g}", sort=o.p),
+            PageCell(o.name, link=link(by_name[o.name], home), sort=o.name),
+            PageCell(plain_symbol(o.quantity), sort=o.quantity),
+            PageCell(f"{number(o.z, 3)} sd", sort=o.z),
+            PageCell(f"{o.p:.2g}", sort=o.p),
         ]
         for o in comparison.odd
     ]
     return table("odd", ["fit", "parameter", "off by", "chance among all fits"], rows)
 
 
-def pictures(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> list[Picture]:
+def pictures(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> list[Thumbnail]:
     """A small picture of every fit, in the order of the table; at most MOST_PICTURES."""
     odd = comparison.odd_fits if comparison else frozenset()
     out = []
@@ -171,5 +177,5 @@ def pictures(entries: Sequence[FitEntry], home: Path, comparison: Comparison | N
         part = excerpt(entry)
         words = "does not belong?" if entry.name in odd else "" if entry.converged else entry.status.replace("_", " ")
         kind = "good" if entry.converged and not words else "fair" if entry.converged else "bad"
-        out.append(Picture(entry.name, link(entry, home), words, kind, thumbnail(part), part.words))
+        out.append(Thumbnail(entry.name, link(entry, home), words, kind, thumbnail(part), part.words))
     return out

@@ -105,7 +105,7 @@ class CompareError(IdentifyError):
 
 
 @dataclass(frozen=True)
-class Question:
+class ComparisonQuestion:
     """What is asked: compare groups of label `by`; `subject`: label of the person, None without one; `adjust`:
     labels adjusted for (None: COVARIATES and FACTORS where the fits have them); `without`: fits left out by name."""
 
@@ -170,7 +170,7 @@ def number(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def take(entries: Sequence[FitEntry], question: Question) -> Taken:
+def take(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Taken:
     """The fits that answer a question.
 
     Raises:
@@ -212,7 +212,7 @@ def take(entries: Sequence[FitEntry], question: Question) -> Taken:
     )
 
 
-def _check(entries: Sequence[FitEntry], question: Question) -> None:
+def _check(entries: Sequence[FitEntry], question: ComparisonQuestion) -> None:
     if not entries:
         raise CompareError("no fit was found in these folders; expected a result.json or an index.csv: give others")
     known = levels(entries)
@@ -233,7 +233,7 @@ def _check(entries: Sequence[FitEntry], question: Question) -> None:
             raise CompareError(f"no fit is called {_short(name)!r}; expected a name of the table of fits")
 
 
-def _reason(entry: FitEntry, question: Question) -> str:
+def _reason(entry: FitEntry, question: ComparisonQuestion) -> str:
     """Why a fit is not compared, or nothing."""
     if entry.name in question.without or entry.whole in question.without:
         return "left out as asked"
@@ -248,7 +248,7 @@ def _reason(entry: FitEntry, question: Question) -> str:
 
 
 def _adjusted(
-    kept: list[FitEntry], question: Question
+    kept: list[FitEntry], question: ComparisonQuestion
 ) -> tuple[
     list[FitEntry],
     list[tuple[str, str]],

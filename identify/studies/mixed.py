@@ -8,8 +8,9 @@ as zero keeps its part in the degrees of freedom, so that a lucky draw does not 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class Component:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Contrast:
     """One contrast: value, standard error, degrees of freedom."""
 
     value: float
@@ -71,13 +72,13 @@ class Mixed:
     weights: Array
     likelihood: float
 
-    def contrast(self, c: Array) -> Estimate:
+    def contrast(self, c: Array) -> Contrast:
         """The combination c (p,) of the fixed effects."""
         variance = float(c @ self.plain @ c)
         slope = np.einsum("i,kij,j->k", c, self.moves, c)
         wobble = float(slope @ self.theta_covariance @ slope)
         df = 2.0 * variance**2 / wobble if wobble > 0.0 else np.inf
-        return Estimate(float(c @ self.beta), float(np.sqrt(c @ self.covariance @ c)), df)
+        return Contrast(float(c @ self.beta), float(np.sqrt(c @ self.covariance @ c)), df)
 
     def variance_of(self, name: str) -> float:
         """The variance of a component by name; 0 where the model has none of that name."""
@@ -132,7 +133,8 @@ def _scored(z: Array, X: Array, s: Array, Zs: list[Array]) -> Array:
     floor = np.zeros(len(Zs))
     floor[0] = LEAST_RUN
     theta = np.full(len(Zs), 0.5 / len(Zs))
-    here = _point(z, X, s, Zs, theta)
+    at = partial(_point, z, X, s, Zs)
+    here = at(theta)
     for _ in range(STEPS):
         free = (theta > floor) | (here.score > 0.0)
         climbed = None
@@ -140,7 +142,7 @@ def _scored(z: Array, X: Array, s: Array, Zs: list[Array]) -> Array:
             move = _move(here.score, information, free)
             if here.score @ move < SETTLED:  # all that a full step could gain
                 return theta
-            climbed = climbed or _climbed(z, X, s, Zs, theta, move, floor, here.value)
+            climbed = climbed or _climbed(at, theta, move, floor, here.value)
         if climbed is None:
             return theta
         theta, there = climbed
@@ -165,7 +167,7 @@ def _sizes(information: Array) -> Array:
 
 
 def _climbed(
-    z: Array, X: Array, s: Array, Zs: list[Array], theta: Array, move: Array, floor: Array, value: float
+    at: Callable[[Array], _Point], theta: Array, move: Array, floor: Array, value: float
 ) -> tuple[Array, _Point] | None:
     """Of ever shorter steps that do not lower the likelihood the first that the next one does not better: a step may
     be far too long in one component and climb all the same by what it does to another."""
@@ -173,7 +175,7 @@ def _climbed(
     best: tuple[Array, _Point] | None = None
     for halving in range(HALVINGS):
         moved = np.clip(theta + move / 2.0**halving, floor, ceiling)
-        there = _point(z, X, s, Zs, moved)
+        there = at(moved)
         if best is not None and there.value <= best[1].value:
             return best
         if there.value >= value:

@@ -154,7 +154,7 @@ class AtSpeed:
 
 
 @dataclass(frozen=True)
-class Curve:
+class SpeedCurve:
     """A curve over drive speed [m/s] with the band of its mean and the band of people and runs, NaN where none."""
 
     speed: Array
@@ -172,8 +172,8 @@ class GroupAnswer:
     group: str
     critical_speed: Figure
     at: tuple[AtSpeed, ...]
-    friction: Curve | None
-    amplitude: Curve | None
+    friction: SpeedCurve | None
+    amplitude: SpeedCurve | None
     reason: str = ""
 
 
@@ -343,7 +343,7 @@ def _amplitude_speeds(ground: Common) -> tuple[float, ...]:
 
 def _amplitude(
     speeds: Sequence[float], mean: Sequence[Mapping[str, Any]], people: Sequence[Mapping[str, Any]]
-) -> Curve:
+) -> SpeedCurve:
     rows = []
     for m, p in zip(mean, people, strict=True):
         if "amplitude" not in m or "amplitude" not in p:
@@ -351,10 +351,10 @@ def _amplitude(
             continue
         figure = _figure(m["amplitude"]["peak_to_valley"], p["amplitude"]["peak_to_valley"])
         rows.append([figure.value or np.nan, *(figure.interval or [np.nan] * 2), *(figure.people or [np.nan] * 2)])
-    return Curve(np.array(speeds), *np.array(rows, dtype=float).T)
+    return SpeedCurve(np.array(speeds), *np.array(rows, dtype=float).T)
 
 
-def _friction(ground: Common, spreads: _Spreads) -> Curve:
+def _friction(ground: Common, spreads: _Spreads) -> SpeedCurve:
     """Friction coefficient of steady sliding over drive speed."""
     low, high = min(ground.speeds) / 30.0, max(ground.speeds) * 30.0
     speeds = np.geomspace(low, high, CURVE_POINTS)
@@ -373,4 +373,4 @@ def _friction(ground: Common, spreads: _Spreads) -> Curve:
     slopes = (mu[1::2] - mu[2::2]) / (2.0 * steps[:, None])
     half = NORMAL
     bands = [half * np.sqrt(np.einsum("kv,kl,lv->v", slopes, C, slopes)) for C in (spreads.mean, spreads.people)]
-    return Curve(speeds, mu[0], mu[0] - bands[0], mu[0] + bands[0], mu[0] - bands[1], mu[0] + bands[1])
+    return SpeedCurve(speeds, mu[0], mu[0] - bands[0], mu[0] + bands[0], mu[0] - bands[1], mu[0] + bands[1])

@@ -34,7 +34,7 @@ _DOTTED = re.compile(r"\w+(\.\w+)+")
 
 
 @dataclass(frozen=True)
-class Row:
+class ManifestRow:
     """One log of a batch: where it stands in the source, its file, its group, and what it says otherwise.
 
     overrides: text by dotted scene path ("rig.mass", "logs.step"); labels: free words by name.
@@ -51,7 +51,7 @@ class Row:
 class Listing:
     """The rows of a source, the names of its label columns, and notes for the user."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[ManifestRow, ...]
     labels: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -79,7 +79,7 @@ def _folder(source: Path) -> Listing:
         raise BatchError([f"{source}: the file name {path.name!r} is not UTF-8; rename it" for path in foreign])
     stems = [_stem(path) for path in files]
     names = [stem if stems.count(stem) == 1 else path.name for path, stem in zip(files, stems, strict=True)]
-    return Listing(tuple(Row(path.name, path, name) for path, name in zip(files, names, strict=True)))
+    return Listing(tuple(ManifestRow(path.name, path, name) for path, name in zip(files, names, strict=True)))
 
 
 def _is_text(name: str) -> bool:
@@ -111,11 +111,11 @@ def _manifest(source: Path) -> Listing:
     complaints, notes = _heading_complaints(source, heading)
     if complaints:
         raise BatchError(complaints)
-    rows: list[Row] = []
+    rows: list[ManifestRow] = []
     for line, cells in table[1:]:
         read = _row(source, line, heading, cells)
         complaints += [read] if isinstance(read, str) else []
-        rows += [read] if isinstance(read, Row) else []
+        rows += [read] if isinstance(read, ManifestRow) else []
     complaints += _twice(rows)
     if not rows and not complaints:
         complaints.append(f"{source}: the manifest lists no log; expected one row per log under its heading")
@@ -186,7 +186,7 @@ def _plain(name: str) -> str:
     return "".join(c for c in name.casefold() if c.isalnum())
 
 
-def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) -> Row | str:
+def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) -> ManifestRow | str:
     """One row, or what is wrong with it."""
     where = f"{source.name} line {line}"
     said = {name: cell.strip() for name, cell in zip(heading, cells, strict=False) if name and cell.strip()}
@@ -206,12 +206,12 @@ def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) 
     if speed is not None:
         overrides["logs.drive_speed"] = speed
     labels = {name: text for name, text in said.items() if _is_label(name)}
-    return Row(where, path, said.get("group", _stem(path)), overrides, labels)
+    return ManifestRow(where, path, said.get("group", _stem(path)), overrides, labels)
 
 
-def _twice(rows: Sequence[Row]) -> Iterator[str]:
+def _twice(rows: Sequence[ManifestRow]) -> Iterator[str]:
     """The same part of the same log, twice in one group, would count its samples twice."""
-    seen: dict[tuple[str, str, tuple[tuple[str, str], ...]], Row] = {}
+    seen: dict[tuple[str, str, tuple[tuple[str, str], ...]], ManifestRow] = {}
     for row in rows:
         parts = ("logs.step", "logs.run", "logs.window", "logs.columns")
         what = tuple((name, row.overrides[name]) for name in parts if name in row.overrides)
@@ -227,7 +227,7 @@ Document = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Plan:
+class BatchPlan:
     """A checked batch: where it comes from, its jobs in the order of the source, label columns, notes."""
 
     source: Path
@@ -239,7 +239,7 @@ class Plan:
     notes: tuple[str, ...]
 
 
-def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progress = to_nobody) -> Plan:
+def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progress = to_nobody) -> BatchPlan:
     """Check everything that can be checked without fitting, and make the jobs.
 
     Args:
@@ -255,7 +255,7 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progres
     except SceneError as error:
         raise BatchError([f"{scene}: {error}"]) from None
     listing = read_source(source)
-    groups: dict[str, list[Row]] = {}
+    groups: dict[str, list[ManifestRow]] = {}
     for row in listing.rows:
         groups.setdefault(row.group, []).append(row)
     checked = _Check(scene, defaults)
@@ -272,7 +272,7 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progres
     documents = {group: made.as_document() for group, made in scenes.items() if made is not None}
     digests = _hashed(listing, told)
     jobs = tuple(_job(group, folders[group], document, digests) for group, document in documents.items())
-    return Plan(
+    return BatchPlan(
         source.absolute(),
         scene.absolute(),
         tuple(overrides),
@@ -283,7 +283,7 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), told: Progres
     )
 
 
-def _is_there(row: Row) -> bool:
+def _is_there(row: ManifestRow) -> bool:
     try:
         return row.path.is_file()
     except OSError:  # a name that no file can have
@@ -304,7 +304,7 @@ class _Check:
         """One sentence per thing to mend."""
         return [f"{_named(places)}: {sentence}" for sentence, places in self._said.items()]
 
-    def scene_of(self, group: str, name: str, rows: Sequence[Row]) -> Scene | None:
+    def scene_of(self, group: str, name: str, rows: Sequence[ManifestRow]) -> Scene | None:
         """The scene of a group; None, and complaints, where it cannot be built."""
         rows = sorted(rows, key=lambda row: (str(row.path), sorted(row.overrides.items())))
         try:
@@ -318,7 +318,7 @@ class _Check:
             self._say(sentence, places)
         return None
 
-    def _wrong(self, name: str, row: Row) -> bool:
+    def _wrong(self, name: str, row: ManifestRow) -> bool:
         try:
             self._build(name, [row])
         except SceneError as error:
@@ -329,7 +329,7 @@ class _Check:
     def _say(self, sentence: str, place: str) -> None:
         self._said.setdefault(sentence, []).append(place)
 
-    def _build(self, name: str, rows: Sequence[Row]) -> Scene:
+    def _build(self, name: str, rows: Sequence[ManifestRow]) -> Scene:
         document: Document = copy.deepcopy({key: value for key, value in self._defaults.items() if key != "logs"})
         own = _own_of_logs(rows)
         for key, text in _shared(rows, own).items():
@@ -339,7 +339,7 @@ class _Check:
         _refuse_no_drive(scene)
         return scene
 
-    def _entries(self, row: Row, own: Sequence[str]) -> list[Document]:
+    def _entries(self, row: ManifestRow, own: Sequence[str]) -> list[Document]:
         """The [[logs]] of a row: what the scene says of all logs (a table without a path), what it lists for that file,
         if it does, and what the row says otherwise."""
         path = row.path.absolute()
@@ -378,13 +378,13 @@ def _place(log: Mapping[str, Any], scene: Path) -> Path | None:
     return located(scene.parent, path).resolve() if isinstance(path, str) and "\0" not in path else None
 
 
-def _own_of_logs(rows: Sequence[Row]) -> tuple[str, ...]:
+def _own_of_logs(rows: Sequence[ManifestRow]) -> tuple[str, ...]:
     """The keys of [rig] that become the logs' own, because not all rows of the group say the same."""
     keys = [f"rig.{name}" for name in PER_LOG]
     return tuple(key for key in keys if len({row.overrides.get(key) for row in rows}) > 1)
 
 
-def _shared(rows: Sequence[Row], own: Sequence[str]) -> dict[str, str]:
+def _shared(rows: Sequence[ManifestRow], own: Sequence[str]) -> dict[str, str]:
     """What all rows of a group say of its one scene.
 
     Raises:

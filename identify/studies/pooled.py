@@ -129,7 +129,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Scatter:
+class VarianceParts:
     """Standard deviations, in the units of y; None where these fits do not tell.
 
     between_groups: of the group means, their own errors taken out; subject, subject_by_group, run: the random
@@ -157,7 +157,7 @@ class Pooled:
     mixed: Mixed
     means: tuple[Mean, ...]
     differences: tuple[Difference, ...]
-    scatter: Scatter
+    scatter: VarianceParts
     level: float
 
 
@@ -262,7 +262,7 @@ def _untested(a: str, b: str, setting: Setting) -> str:
     return next((reason for group in (a, b) if (reason := _few(group, *_count(setting, group)))), "")
 
 
-def _scatter(plan: Design, mixed: Mixed, repeated: bool) -> Scatter:
+def _scatter(plan: Design, mixed: Mixed, repeated: bool) -> VarianceParts:
     names = [c.name for c in plan.components]
     noise = float(np.mean(mixed.noise))
     run = mixed.variance_of(RUN)
@@ -271,7 +271,7 @@ def _scatter(plan: Design, mixed: Mixed, repeated: bool) -> Scatter:
     ends = _repeatability_interval(mixed, run + noise) if repeated else None
     between = (subject or 0.0) + (crossed or 0.0)
     tells = repeated and SUBJECT in names and between + run + noise > 0.0
-    return Scatter(
+    return VarianceParts(
         between_groups=_between(plan, mixed),
         subject=None if subject is None else float(np.sqrt(subject)),
         subject_by_group=None if crossed is None else float(np.sqrt(crossed)),

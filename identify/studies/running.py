@@ -25,7 +25,7 @@ from identify.studies.batch_store import (
     write_document,
 )
 from identify.studies.job import CONVERGED, UNWRITTEN, BatchError, Job
-from identify.studies.planning import Plan
+from identify.studies.planning import BatchPlan
 from identify.studies.workers import Answer, Workers, WorkersLostError, answers
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -91,7 +91,7 @@ class _StopError(Exception):
 
 
 def run_batch(
-    plan: Plan,
+    plan: BatchPlan,
     out: Path,
     workers: Workers,
     *,
@@ -155,7 +155,7 @@ def _full(words: str) -> _StopError:
 class _Run:
     """One run of a batch, while its folder is locked."""
 
-    def __init__(self, plan: Plan, store: Store, workers: Workers, teller: Teller, about: dict[str, Any]) -> None:
+    def __init__(self, plan: BatchPlan, store: Store, workers: Workers, teller: Teller, about: dict[str, Any]) -> None:
         self._plan, self._store, self._workers, self._teller = plan, store, workers, teller
         self._about = about | {"started": utc()}
         self._began = time.monotonic()

@@ -10,7 +10,7 @@ from identify.report.quantity_text import finite
 from identify.studies.compare import Comparison, PooledQuantity
 from identify.studies.fits import FitEntry
 from identify.studies.labels import cell
-from identify.studies.operating_points import Common, Curve, Figure, GroupAnswer
+from identify.studies.operating_points import Common, Figure, GroupAnswer, SpeedCurve
 from identify.studies.pooled import Mean
 from identify.studies.reporting import Item
 
@@ -238,7 +238,7 @@ def _curves(by: str, answers: Sequence[GroupAnswer]) -> Iterator[Sheet]:
         yield Sheet(name, title, heads, rows)
 
 
-def _rows(curve: Curve) -> Iterator[tuple[Cell, ...]]:
+def _rows(curve: SpeedCurve) -> Iterator[tuple[Cell, ...]]:
     columns = (curve.speed, curve.value, curve.low, curve.high, curve.people_low, curve.people_high)
     for row in zip(*(column.tolist() for column in columns), strict=True):
         yield tuple(None if value != value else value for value in row)

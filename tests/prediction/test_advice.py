@@ -12,7 +12,7 @@ from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction import sources as tested
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import Interval, OperatingPoint, draw, unknown
+from identify.prediction.intervals import AnswerInterval, OperatingPoint, draw, unknown
 from identify.prediction.map_axes import Site, axis
 from identify.prediction.predict import predict
 from identify.prediction.probability import alike, document, stick_slip_probability
@@ -134,9 +134,9 @@ def test_probability_and_sampled_intervals():
     assert abs(edge.possible.sampled - 0.5) < 3 * np.sqrt(0.25 / 150)
     assert edge.possible.interval[0] < edge.possible.sampled < edge.possible.interval[1]
     assert edge.certain is not None and edge.certain.sampled == 0.0
-    told = document(sure, {"drop": Interval(*sure.sampled["drop"])}, {"drop": 0.3})
+    told = document(sure, {"drop": AnswerInterval(*sure.sampled["drop"])}, {"drop": 0.3})
     assert told["quantities"]["drop"]["alike"] and told["possible"]["interval"][1] == 1.0
-    assert alike(Interval(0.2, 0.4), (0.2, 0.5), 400) is False
+    assert alike(AnswerInterval(0.2, 0.4), (0.2, 0.5), 400) is False
 
 
 def test_what_is_open_is_not_drawn():

@@ -11,7 +11,7 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.chart import chart, growth_at, losses_of_stability
-from identify.prediction.chart_bands import Known, bands, closed_plane, region
+from identify.prediction.chart_bands import KnownCovariance, bands, closed_plane, region
 from identify.prediction.continuation import continuation
 from identify.prediction.cycle import CycleMap
 from identify.prediction.map_axes import Site, admissible, axis, check_axes, known_axes, moved, setting_path, slopes
@@ -231,7 +231,7 @@ def test_multipliers_are_how_a_disturbance_shrinks_in_simulation():
 
 def test_a_band_reaches_as_far_as_the_boundary_moves(speed_and_stiffness):
     sd = 0.004
-    known = Known.of(("mu_s",), np.array([[sd**2]]))
+    known = KnownCovariance.of(("mu_s",), np.array([[sd**2]]))
     ((left, right),) = bands(speed_and_stiffness.plane, speed_and_stiffness.sticking, known)
     other = Site(SITE.model, {**DEMO, "mu_s": DEMO["mu_s"] + 1.959964 * sd}, 5e-3, 1.0)
     again = chart(other, ("drive_speed", "stiffness"), SPANS, (9, 7))
@@ -257,11 +257,11 @@ def _by_height(points):
 def test_the_region_of_the_point_is_what_is_known_of_the_two_quantities():
     grid = plane(SITE, ("t_cr", "D"), points=(3, 3))
     cov = np.diag([0.02, 1e-6]) ** 2
-    ring = region(grid, Known.of(("t_cr", "D"), cov))
+    ring = region(grid, KnownCovariance.of(("t_cr", "D"), cov))
     half = np.ptp(ring, axis=0) / 2
     np.testing.assert_allclose(half, np.sqrt(5.991464547) * np.array([0.02 / 0.5, 1e-6 / 37.4e-6]), rtol=1e-3)
-    assert region(grid, Known.of(("mu_s",), np.array([[1e-4]]))) is None
-    assert Known.of(("mu_s",), np.array([[np.inf]])) is None
+    assert region(grid, KnownCovariance.of(("mu_s",), np.array([[1e-4]]))) is None
+    assert KnownCovariance.of(("mu_s",), np.array([[np.inf]])) is None
 
 
 def test_closed_forms_lie_on_the_map_where_they_are_exact():

@@ -14,7 +14,7 @@ from identify.base.errors import SimulationError
 from identify.cli.main import main
 from identify.prediction import sources as tested
 from identify.prediction.chart import chart
-from identify.prediction.chart_bands import Known
+from identify.prediction.chart_bands import KnownCovariance
 from identify.prediction.continuation import continuation, values_of, write_chart, write_continuation
 from identify.report.draw_map import Marks, draw_map
 from tests.support.maps_case import SITE, SPANS
@@ -53,7 +53,7 @@ def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
 def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, part):
     import matplotlib.image
 
-    known = Known.of(("mu_s", "stiffness"), np.diag([1e-5, 900.0]))
+    known = KnownCovariance.of(("mu_s", "stiffness"), np.diag([1e-5, 900.0]))
     marks = Marks(
         [(1e-3, 1470.0), (5e-3, 1470.0)], known, tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
     )

@@ -9,7 +9,7 @@ import pytest
 from identify.scene import Scene
 from identify.studies.batch_store import Ended, harmless, index_csv
 from identify.studies.job import LONGEST, BatchError, Job, content_key, folder_names, numerics
-from identify.studies.planning import Plan, plan
+from identify.studies.planning import BatchPlan, plan
 from identify.studies.running import Pace, in_words
 from tests.support.batch_case import SCENE, write_case
 
@@ -184,7 +184,7 @@ def test_hostile_texts_are_harmless_in_the_index():
     jobs = tuple(
         Job(group, f"f{i}", "k", "n", {}, (), {"note": group, "group": "=1+1"}, 0) for i, group in enumerate(HOSTILE)
     )
-    made = Plan(Path("m.csv"), Path("s.toml"), (), "n", jobs, ("note",), ())
+    made = BatchPlan(Path("m.csv"), Path("s.toml"), (), "n", jobs, ("note",), ())
     text = index_csv(made, {HOSTILE[0]: Ended("failed", "=1+1\nmore", False, None)})
     rows = list(csv.reader(io.StringIO(text)))
     assert rows[0] == ["group", "status", "message", "result", "folder", "logs", "note", "label: group", "seconds"]

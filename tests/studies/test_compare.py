@@ -22,7 +22,7 @@ from identify.studies.compare import compare
 from identify.studies.comparison_files import write_comparison
 from identify.studies.comparison_page import Answers, write_batch_report
 from identify.studies.fits import read_fits
-from identify.studies.labels import CompareError, Question, cell, latex, usual, visible
+from identify.studies.labels import CompareError, ComparisonQuestion, cell, latex, usual, visible
 from identify.studies.operating_points import NOTHING, GroupAnswer, common, group_answers, probability
 from identify.studies.reporting import items
 from tests.support.comparing_case import document, write_fit, write_study
@@ -56,7 +56,7 @@ def study(tmp_path_factory):
 
 def test_materials_are_told_apart_and_the_truth_is_covered(study):
     folder, truth = study
-    found = compare(read_fits([folder]), Question("material"))
+    found = compare(read_fits([folder]), ComparisonQuestion("material"))
     assert found.groups == ("M1", "M2", "M3") and found.taken.subject == "volunteer"
     for k, name in enumerate(("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")):
         pooled = found.answered[name]
@@ -69,7 +69,7 @@ def test_materials_are_told_apart_and_the_truth_is_covered(study):
 
 
 def test_logarithms_are_pooled_as_logarithms(study):
-    found = compare(read_fits([study[0]]), Question("material"))
+    found = compare(read_fits([study[0]]), ComparisonQuestion("material"))
     assert {q.name: q.logarithmic for q in found.values.quantities} == {
         "mu_s": False,
         "mu_k0": False,
@@ -103,7 +103,7 @@ def test_rejected_and_untold_fits_are_named(tmp_path):
     two = document(one.y[0], one.noise[0], {"material": "M1", "volunteer": "V1"})
     two["logs"][1]["labels"]["material"] = "M2"
     write_fit(tmp_path / "two", two)
-    found = compare(read_fits([tmp_path]), Question("material", without=("M1_V1_0",)))
+    found = compare(read_fits([tmp_path]), ComparisonQuestion("material", without=("M1_V1_0",)))
     reasons = dict(found.taken.left_out)
     assert reasons["misfit"] == "model misfit: cycle 3 of log 1 is off"
     assert reasons["nameless"] == "it has no label material"
@@ -148,9 +148,11 @@ def test_labels_that_differ_between_the_logs_of_a_fit_are_no_labels(tmp_path):
 
 def test_fits_of_the_same_logs_are_named(tmp_path):
     write_study(tmp_path, SMALL)
-    assert not any("same logs" in note for note in compare(read_fits([tmp_path]), Question("material")).taken.notes)
+    assert not any(
+        "same logs" in note for note in compare(read_fits([tmp_path]), ComparisonQuestion("material")).taken.notes
+    )
     shutil.copytree(tmp_path / "M1_V1_0", tmp_path / "copy")
-    notes = compare(read_fits([tmp_path]), Question("material")).taken.notes
+    notes = compare(read_fits([tmp_path]), ComparisonQuestion("material")).taken.notes
     assert "copy and M1_V1_0 are fits of the same logs: leave out one." in notes
 
 
@@ -161,14 +163,14 @@ def test_covariates_are_used_where_all_have_them(tmp_path):
         labels |= {"site": "palm" if i % 2 else "arm"}
         write_fit(tmp_path / f"f{i}", document(one.y[i], one.noise[i], labels))
     entries = read_fits([tmp_path])
-    assert set(compare(entries, Question("material")).taken.adjusted) == {"hydration", "site"}
-    assert compare(entries, Question("material", adjust=("none",))).taken.adjusted == ()
-    asked = compare(entries, Question("material", adjust=("site", "hydration"))).taken
+    assert set(compare(entries, ComparisonQuestion("material")).taken.adjusted) == {"hydration", "site"}
+    assert compare(entries, ComparisonQuestion("material", adjust=("none",))).taken.adjusted == ()
+    asked = compare(entries, ComparisonQuestion("material", adjust=("site", "hydration"))).taken
     assert asked.adjusted == ("site", "hydration") and set(asked.setting.factors) == {"site"}
 
 
 def test_the_nonlinear_model_answers_at_common_points(study):
-    found = compare(read_fits([study[0]]), Question("material"))
+    found = compare(read_fits([study[0]]), ComparisonQuestion("material"))
     ground = common(found, speeds=(1e-3, 1e-2), normal_force=1.0)
     answers = group_answers(found, ground)
     assert [a.group for a in answers] == ["M1", "M2", "M3"] and not any(a.reason for a in answers)
@@ -201,7 +203,7 @@ def test_draws_answer_at_the_common_speeds_and_straight_lines_along_the_curve(st
         return [{"text": "no answer"} for _ in points]
 
     monkeypatch.setattr(operating_points, "predictions", told)
-    found = compare(read_fits([study[0]]), Question("material"))
+    found = compare(read_fits([study[0]]), ComparisonQuestion("material"))
     answers = group_answers(found, common(found, speeds=(1e-3, 1e-2), normal_force=1.0))
     assert [answer.reason for answer in answers] == ["no answer"] * 3
     assert asked == 6 * [(2, True), (operating_points.AMPLITUDE_POINTS, False)]
@@ -243,7 +245,7 @@ def hostile(tmp_path_factory):
         write_fit(folder / f"f{i}", told)
     write_fit(folder / "failed", told | {"status": "<i>failed", "message": HOSTILE[0]})
     out = tmp_path_factory.mktemp("out")
-    found = compare(read_fits([folder]), Question("material"))
+    found = compare(read_fits([folder]), ComparisonQuestion("material"))
     answers = tuple(GroupAnswer(group, NOTHING, (), None, None, group) for group in found.groups)
     write_comparison(found, Answers(None, answers, HOSTILE[0]), out)
     return out
@@ -375,14 +377,14 @@ def test_the_page_of_a_batch_that_cannot_be_compared(tmp_path):
 
 def test_a_question_without_an_answer_is_refused():
     with pytest.raises(CompareError, match="no fit was found"):
-        compare((), Question("material"))
+        compare((), ComparisonQuestion("material"))
 
 
 def test_what_too_few_fits_tell_is_not_called_untold(tmp_path):
     one = draw(SMALL, np.random.default_rng(0))
     for i, material in enumerate(("M1", "M2")):
         write_fit(tmp_path / material, document(one.y[i], one.noise[i], {"material": material}))
-    found = compare(read_fits([tmp_path]), Question("material"))
+    found = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
     for answer in group_answers(found, common(found)):
         assert answer.reason == (
             "D, a, delta_mu_k, mu_k0, mu_s, t_cr are not pooled: 2 fits for 2 means and covariates leave nothing "
@@ -397,7 +399,7 @@ def test_what_no_fit_of_a_group_tells_is_called_untold(tmp_path):
         if i < 3:
             told["parameters"]["D"] |= {"verdict": "not identifiable", "standard_error": None, "interval": [None, None]}
         write_fit(tmp_path / str(i), told)
-    found = compare(read_fits([tmp_path]), Question("material"))
+    found = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
     reasons = {answer.group: answer.reason for answer in group_answers(found, common(found))}
     assert reasons == {"M1": "its fits do not tell D", "M2": ""}
 

@@ -13,7 +13,7 @@ from identify.studies.compare import compare, parts
 from identify.studies.comparison_files import all_sheets
 from identify.studies.comparison_page import answered, render
 from identify.studies.fits import count, read_fits
-from identify.studies.labels import CompareError, Question
+from identify.studies.labels import CompareError, ComparisonQuestion
 from identify.studies.operating_points import NOTHING, common, group_answers
 from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
 from tests.support.comparing_case import NAMES, document, write_fit
@@ -67,7 +67,7 @@ def study(folder, raised=0.0, per="volunteer"):
 @pytest.mark.parametrize(("raised", "verdict"), [(0.0, NOT_TOLD_APART), (0.1, DIFFERENT)])
 def test_values_of_each_person_are_pooled_over_people(tmp_path, per, raised, verdict):
     """Two materials on the same people: the same where nothing was raised; control: different where it was."""
-    found = compare(study(tmp_path, raised, per), Question("material"))
+    found = compare(study(tmp_path, raised, per), ComparisonQuestion("material"))
     assert [q.quantity.name for q in found.quantities if q.quantity.name not in NAMES] == []
     assert {q.quantity.name: q.quantity.logarithmic for q in found.quantities}["D"]
     for name in OWN:
@@ -80,7 +80,7 @@ def test_values_of_each_person_are_pooled_over_people(tmp_path, per, raised, ver
 
 
 def test_what_all_logs_share_counts_once(tmp_path):
-    found = compare(study(tmp_path), Question("material"))
+    found = compare(study(tmp_path), ComparisonQuestion("material"))
     assert [m.fits for m in found.answered["t_cr"].means] == [2, 2]
     assert all(q.untold == () for q in found.quantities)  # what another part tells is not missing
     assert count(found.taken.entries) == 4 and len(found.taken.entries) == 16
@@ -91,7 +91,7 @@ def test_what_all_logs_share_counts_once(tmp_path):
 
 
 def test_people_of_joint_fits_are_compared(tmp_path):
-    found = compare(study(tmp_path), Question("volunteer"))
+    found = compare(study(tmp_path), ComparisonQuestion("volunteer"))
     assert found.groups == ("V07", "V08", "V09")
     means = {m.group: m.value for m in found.answered["mu_s"].means}
     assert means["V08"] - means["V07"] == pytest.approx(0.08, abs=5e-3)
@@ -127,12 +127,12 @@ def test_a_fit_of_one_person_stays_whole(tmp_path):
 
 def test_a_fit_is_left_out_whole_or_by_group(tmp_path):
     entries = study(tmp_path)
-    whole = compare(entries, Question("material", without=("PP2",)))
+    whole = compare(entries, ComparisonQuestion("material", without=("PP2",)))
     assert count(whole.taken.entries) == 3 and len(whole.taken.left_out) == 4
-    part = compare(entries, Question("material", without=("PP2, volunteer V08",)))
+    part = compare(entries, ComparisonQuestion("material", without=("PP2, volunteer V08",)))
     assert count(part.taken.entries) == 4 and [n for n, _ in part.taken.left_out] == ["PP2, volunteer V08"]
     with pytest.raises(CompareError, match="no fit is called"):
-        compare(entries, Question("material", without=("PP2, volunteer V99",)))
+        compare(entries, ComparisonQuestion("material", without=("PP2, volunteer V99",)))
 
 
 def test_an_odd_group_flags_its_fit_on_the_page(tmp_path):
@@ -142,7 +142,7 @@ def test_an_odd_group_flags_its_fit_on_the_page(tmp_path):
         if k == 3:
             told["parameters"]["mu_s (V08)"]["value"] += 0.4
         write_fit(tmp_path / f"fit {k}", told)
-    found = compare(read_fits([tmp_path]), Question("material"))
+    found = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
     assert {o.name for o in found.odd if o.quantity == "mu_s"} == {"fit 3, volunteer V08"}
     assert found.odd_fits == {"fit 3"}
     text = render("page", found.entries, found, answered(found), tmp_path)
@@ -172,7 +172,7 @@ def test_a_fit_that_tells_nothing_is_not_counted(tmp_path, kept, counted):
         labels = {"material": f"M{k % 2}", "volunteer": f"V{k}"}
         told = document(CENTRE + SD * random.standard_normal(6), np.diag(SD**2), labels)
         write_fit(tmp_path / f"fit{k}", untold(told, kept) if k == 6 else told)
-    found = compare(read_fits([tmp_path]), Question("material"))
+    found = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
     assert count(found.taken.entries) == found.taken.people == counted
     reasons = dict(found.taken.left_out)
     expected = {} if kept else {"fit6": "it tells nothing: mu_s, mu_k0, delta_mu_k, a, D, t_cr not identifiable"}
@@ -184,7 +184,7 @@ def test_a_fit_that_tells_nothing_is_not_counted(tmp_path, kept, counted):
 
 def test_standard_errors_are_in_the_unit_of_the_mean(tmp_path):
     """Those of logarithms times the mean; control: others as they are."""
-    found = compare(study(tmp_path), Question("material"))
+    found = compare(study(tmp_path), ComparisonQuestion("material"))
     sheet = next(s for s in all_sheets(found, answered(found)) if s.name == "parameters")
     rows = {(row[0], row[2]): dict(zip(sheet.heads, row, strict=True)) for row in sheet.rows}
     for name, factor in (("D", None), ("mu_s", 1.0)):
