@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments import accuracy_page, grid_refinement  # noqa: E402
 from experiments.machine import describe  # noqa: E402
-from experiments.reference_methods import LOW, MIDDLE, OUTSIDE  # noqa: E402
+from experiments.reference_methods import LINEAR, LOW, MIDDLE, OUTSIDE  # noqa: E402
 from experiments.rivals import GivenUpError, Law, onsets_by_events, passages_by_smoothing  # noqa: E402
 from experiments.study_problem import DEMO, RIG  # noqa: E402
 from experiments.workprec import (  # noqa: E402
@@ -47,7 +47,6 @@ from identify.effects import MAIN  # noqa: E402
 from identify.effects.quantities import Effect  # noqa: E402
 from identify.simulation.steppers import (  # noqa: E402
     HIGH,
-    LINEAR,
     STIFF,
     Method,
 )

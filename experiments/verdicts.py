@@ -88,7 +88,7 @@ def _motion(draw: Draw, drive: tuple[tuple[float, float], ...], accuracy: float,
     x = np.array([draw.start.get(s.name, s.start) for s in model.states], float)
     load = NormalForce.of(draw.normal_force)
     scale = scales(model, p, float(load.at(0.0)))
-    steps = plan(model, p, scale, accuracy / TIGHTER if change else accuracy, steady=len(load.times) == 1)
+    steps = plan(model, p, scale, accuracy / TIGHTER if change else accuracy)
     kept, machine = [], Machine(model, p, scale, steps)
     with closing(machine):
         for phase in islice(phases(machine, Drive.of(drive), load, draw.duration, x), most):

@@ -17,7 +17,7 @@ from identify.model.model import Model, assemble
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.machine import Machine
 from identify.simulation.phases import Phase
-from identify.simulation.plan import only, scales
+from identify.simulation.plan import Plan, scales
 from identify.simulation.simulate import phases, run
 from identify.simulation.steppers import Method
 from identify.simulation.trajectory import Trajectory
@@ -116,7 +116,7 @@ def fixed_steps(scene: Scene, method: Method, h: float, *, locate: bool = True) 
     model = scene.model
     p = np.array([scene.values[name] for name in model.parameter_names])
     scale = replace(scales(model, p, 1.0), longest=h)
-    machine = Machine(model, p, scale, only(model, method, 1e6), locate=locate)
+    machine = Machine(model, p, scale, Plan(1e6, (method,)), locate=locate)
     machine.first = dict.fromkeys(machine.first, h)
     x = np.array([state.start for state in model.states], float)
     return tuple(phases(machine, Drive.of(scene.drive_speed), NormalForce.of(1.0), scene.duration, x))

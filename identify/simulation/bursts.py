@@ -40,12 +40,6 @@ def rate(model: Model, mode: ModeName, steady: bool = False) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
-def takes(model: Model, method: Method, mode: ModeName, steady: bool) -> bool:
-    """Whether a method can integrate a mode of the model; `steady`: under a constant normal force."""
-    return method.takes(rate(model, mode, steady))
-
-
-@lru_cache(maxsize=64)
 def ends(model: Model, mode: ModeName, steady: bool = False) -> ca.Function:
     """(x, constants, t) -> guards and their slopes in time (2 N_GUARDS,); 1 where one does not end the mode."""
     moving, free = rate(model, mode, steady), rate(model, "slip", steady)
@@ -214,7 +208,7 @@ def burst(model: Model, method: Method, steady: bool) -> ca.Function:
     """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
 
     z as in `BurstState`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way
-    of a step [m], whether the trials go on in the mode after a switch. The step length follows the error; where a guard
+    of a step [m]. The step length follows the error; where a guard
     has fallen the trials go on from the same node, with lengths by Newton's method, until the guard is zero. A trial
     that is refused repeats the node with another length. steady: for a normal force that has no slope.
     """
@@ -233,7 +227,7 @@ def burst(model: Model, method: Method, steady: bool) -> ca.Function:
 def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     kind, at = method.kind, BurstState(len(model.states))
-    z, bounds = kind.sym("z", at.size), kind.sym("bounds", 6)
+    z, bounds = kind.sym("z", at.size), kind.sym("bounds", 5)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
     exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
@@ -243,7 +237,7 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady:
     mode_after: Expression = MODES.index(mode)
     if locating:
         (moved, *control_after, stop), through, more = _locating(
-            control, h, there_ends, exits, tolerances[0], bounds[5], method.smooth
+            control, h, there_ends, exits, tolerances[0], method.smooth
         )
         there, h = there + more * rate(model, mode, steady)(there, c, t + h), h + more
         if model.clamped is not None:
@@ -362,7 +356,6 @@ def _locating(
     ends: Expression,
     exits: list[int],
     rtol: Expression,
-    through: Expression,
     smooth: bool,
 ) -> tuple[tuple[Expression, ...], Expression, Expression]:
     """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket;
@@ -389,7 +382,7 @@ def _locating(
     if smooth:
         straight = ca.logic_and(ca.logic_and(inside, move <= STRAIGHT * length), ca.logic_not(hit))
         more, done = ca.if_else(straight, newton - h, 0.0), ca.logic_or(done, straight)
-    passes = ca.logic_and(ca.logic_and(done, through > 0.5), to_other < to_rest)
+    passes = ca.logic_and(done, to_other < to_rest)
     # Beyond a switch the steps go on as long as they were; what the error did before says nothing there.
     next_h = ca.if_else(passes, ca.fmax(control[2], h), following)
     kept = ca.if_else(passes, 0, 1)

@@ -1,4 +1,4 @@
-"""All that moves one scene: which method is at work in which mode of sliding, its tolerances and its first steps."""
+"""All that moves one scene: which method is at work, its tolerances and its first steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from identify.simulation import resting
 from identify.simulation.bursts import SHORTEST
 from identify.simulation.plan import Plan, Scales, growth
 from identify.simulation.stepper import Situated, Stepper, borrowed, give_back
-from identify.simulation.steppers import Method
 
 Array = NDArray[np.float64]
 
@@ -25,10 +24,10 @@ CREEP = 1e-13  # of the typical speed: a mass that creeps to rest under a drive 
 
 
 class Machine:
-    """All that moves one scene: its rests and, per sliding mode, steppers in the order in which they take over.
+    """All that moves one scene: its rests, and the stepper of the method that is at work.
 
-    Holds buffers, so one per thread. It remembers between phases which method is at work and how long a first step
-    may be: one slip is like the next.
+    Holds buffers, so one per thread. It remembers between phases which method that is and how long a first step may
+    be: one slip is like the next.
 
     Args:
         p: parameters (n_p,).
@@ -41,30 +40,22 @@ class Machine:
         # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
         floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
         self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
-        self._left = {mode: list(methods) for mode, methods in plan.methods.items()}
-        self._steppers: dict[Method, Stepper] = {}
-        self._at_work: dict[ModeName, Stepper] = {}
+        self._left, self._borrowed = list(plan.methods), list[Stepper]()
+        self.stepper = self._next()
         self.rests = resting.borrowed(model)
-        self.through = self._one_method()
         fastest = growth(model, p, scale)
         self.longest_first = BEGINNING / fastest if fastest > 0.0 else np.inf
-        self.first = dict.fromkeys(self._left, min(FIRST * self.scale.time, self.longest_first))
-        self.creep = CREEP * scale.state[SPEED]
         self.modes = sliding_modes(model.clamped is not None)
+        self.first = dict.fromkeys(self.modes, min(FIRST * self.scale.time, self.longest_first))
+        self.creep = CREEP * scale.state[SPEED]
         self.following = {name: dict(mode.exits) for name, mode in self.modes.items()}
         self.exits = {name: tuple(GUARDS.index(guard) for guard, _ in mode.exits) for name, mode in self.modes.items()}
 
-    def stepper(self, mode: ModeName) -> Stepper:
-        """The one that is at work."""
-        if mode not in self._at_work:
-            method = self._left[mode][0]
-            if method not in self._steppers:
-                self._steppers[method] = self._tuned(method)
-            self._at_work[mode] = self._steppers[method]
-        return self._at_work[mode]
-
-    def _tuned(self, method: Method) -> Stepper:
-        stepper, scale = borrowed(self.model, method), self.scale
+    def _next(self) -> Stepper:
+        """The stepper of the first method that is left."""
+        method, scale = self._left[0], self.scale
+        stepper = borrowed(self.model, method)
+        self._borrowed.append(stepper)
         longest = min(method.reach * scale.time, scale.longest)
         stepper.tune(self.p, self.tolerances, (longest, SHORTEST * scale.time, scale.farthest, self.locate))
         return stepper
@@ -72,9 +63,8 @@ class Machine:
     def close(self) -> None:
         """Give back what others can use: the run is over."""
         resting.give_back(self.rests)
-        self._at_work.clear()
-        while self._steppers:
-            give_back(self._steppers.popitem()[1])
+        while self._borrowed:
+            give_back(self._borrowed.pop())
 
     def begins(self, situated: Situated, x: Array) -> ModeName:
         """The mode in which a mass that moves begins: a fresh contact that would age below nothing is clamped."""
@@ -92,23 +82,15 @@ class Machine:
         still[SPEED] = 0.0
         return float(self.model.slip(still, self.p, situated.at(0.0))[ELONGATION]) == 0.0
 
-    def held_back(self, mode: ModeName, tried: int, reached: float) -> bool:
+    def held_back(self, tried: int, reached: float) -> bool:
         """Whether so many trials that have reached so far [s] are too many, and there is a method to take over."""
         crawls = tried > CRAWLING[0] and reached < tried * CRAWLING[1] * self.scale.time
-        return len(self._left[mode]) > 1 and (crawls or tried > PATIENCE)
+        return len(self._left) > 1 and (crawls or tried > PATIENCE)
 
-    def give_over(self, mode: ModeName) -> bool:
-        """Let the next method take over for good, wherever this one is at work; False where there is none."""
-        if len(self._left[mode]) == 1:
+    def give_over(self) -> bool:
+        """Let the next method take over for good; False where there is none."""
+        if len(self._left) == 1:
             return False
-        held_back = self._left[mode][0]
-        for methods in self._left.values():
-            if methods[0] is held_back and len(methods) > 1:
-                del methods[0]
-        self._at_work.clear()
-        self.through = self._one_method()
+        del self._left[0]
+        self.stepper = self._next()
         return True
-
-    def _one_method(self) -> bool:
-        """Whether one method does all sliding, so that it can go on through the switches between its modes."""
-        return len({methods[0] for methods in self._left.values()}) == 1

@@ -147,8 +147,8 @@ def slide(
         SimulationError: the integration needs more than `most` steps or meets a state that is not finite; friction
             pushes; the motion runs away.
     """
-    stepper, first, through = machine.stepper(mode), machine.first[mode], machine.through
-    stepper.start(mode, x, situated, limit, first, through=through)
+    stepper = machine.stepper
+    stepper.start(mode, x, situated, limit, machine.first[mode])
     if x[SPEED] == 0.0 and stepper.speeding < 0.0:
         x = _freed(machine, stepper, mode, x, situated, limit)
     track = _Track(machine, stepper, mode, start, situated, x.tolist())
@@ -160,13 +160,13 @@ def slide(
         if creeps and track.crept():
             return track.finish("speed")
         stop = rows[-1][stepper.places.stop]
-        if stop == Stop.NOT_YET and not machine.held_back(mode, tried, rows[-1][stepper.places.t]):
+        if stop == Stop.NOT_YET and not machine.held_back(tried, rows[-1][stepper.places.t]):
             continue
         if stop in (Stop.NOT_YET, Stop.STUCK):
             break
         ended_by = None if stop == Stop.TIME_IS_UP else _end(machine, stepper, track, rows[-1])
         return track.finish(ended_by)
-    if machine.give_over(mode):
+    if machine.give_over():
         return slide(machine, mode, x, situated, start, limit, most)
     raise SimulationError(_unfinished(machine, mode, start, track.times[-1], abs(track.states[-1][SPEED]), most))
 
@@ -267,14 +267,14 @@ class _Track:
 
 def _freed(machine: Machine, stepper: Stepper, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array:
     """The state from which a slip starts that the last digits of the forces would hold back; x where it is more."""
-    first, through = machine.first[mode], machine.through
+    first = machine.first[mode]
     for moves in range(FREEING):
         near = x.copy()
         near[ELONGATION] += situated.direction * 2.0**moves * np.spacing(abs(x[ELONGATION]))
-        stepper.start(mode, near, situated, limit, first, through=through)
+        stepper.start(mode, near, situated, limit, first)
         if stepper.speeding >= 0.0:
             return near
-    stepper.start(mode, x, situated, limit, first, through=through)
+    stepper.start(mode, x, situated, limit, first)
     return x
 
 

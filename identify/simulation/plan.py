@@ -15,10 +15,8 @@ from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import BASE_STATES, ELONGATION, SPEED, Model
-from identify.model.modes import ModeName, sliding_modes
-from identify.simulation.bursts import takes
 from identify.simulation.resting import swing
-from identify.simulation.steppers import HIGH, LINEAR, STIFF, Method
+from identify.simulation.steppers import HIGH, STIFF, Method
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What a simulation is asked must make sense: checked once, before anything moves.
@@ -149,10 +147,10 @@ SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: 
 
 @dataclass(frozen=True)
 class Plan:
-    """rtol: relative tolerance of one step; methods per sliding mode, in the order in which they take over."""
+    """rtol: relative tolerance of one step; methods in the order in which they take over."""
 
     rtol: float
-    methods: Mapping[ModeName, tuple[Method, ...]]
+    methods: tuple[Method, ...]
 
     def other(self) -> tuple[Plan, float]:
         """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
@@ -175,38 +173,18 @@ def accuracy_for(noise: float | None, force: float) -> float:
     return float(np.clip(BELOW_NOISE * noise / force, ACCURACY, LOOSEST))
 
 
-def plan(model: Model, p: Array, scale: Scales, accuracy: float, *, steady: bool) -> Plan:
+def plan(model: Model, p: Array, scale: Scales, accuracy: float) -> Plan:
     """Methods and tolerance that keep switch times and forces of a record within `accuracy` (relative).
 
-    Linear laws are summed in closed form; motions with fast decays are left to an implicit method; the rest to an
-    explicit one of high order, behind which the implicit one waits.
+    Motions with fast decays are left to an implicit method, the rest to an explicit one of high order. Either waits
+    behind the other, and what holds an explicit method back may hold the implicit one back more: then the first one has
+    the last word.
 
     Args:
-        p: parameters (n_p,). steady: whether the normal force stands still.
+        p: parameters (n_p,).
     """
-    methods: dict[ModeName, tuple[Method, ...]] = {}
-    stiff = _stiff(model, p, scale)
-    for mode in sliding_modes(model.clamped is not None):
-        # What holds an explicit method back may hold the implicit one back more: then the first one has the last word.
-        general = (STIFF, HIGH) if stiff else (HIGH, STIFF, HIGH)
-        methods[mode] = (LINEAR, *general) if takes(model, LINEAR, mode, steady) and not stiff else general
+    methods = (STIFF, HIGH) if _stiff(model, p, scale) else (HIGH, STIFF, HIGH)
     return Plan(float(np.clip(accuracy / SAFETY, FINEST, COARSEST)), methods)
-
-
-def only(model: Model, method: Method, rtol: float) -> Plan:
-    """One method for every mode, with a tolerance of its steps: for comparisons.
-
-    Raises:
-        SimulationError: the method does not integrate this motion.
-    """
-    modes = sliding_modes(model.clamped is not None)
-    refused = [mode for mode in modes if not takes(model, method, mode, steady=False)]
-    if refused and not all(takes(model, method, mode, steady=True) for mode in refused):
-        raise SimulationError(
-            f"{method.name} is for {method.says}, and the mode {refused[0]} of this model is not of that kind: "
-            "leave the choice to the accuracy, or take another method"
-        )
-    return Plan(rtol, dict.fromkeys(modes, (method,)))
 
 
 @lru_cache(maxsize=32)

@@ -20,7 +20,7 @@ from identify.scene.tables import quantity
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.machine import Machine
 from identify.simulation.phases import MAX_STEPS, Phase, initial_states, rest, slide
-from identify.simulation.plan import ACCURACY, SAFETY, Plan, accuracy_for, admit, only, plan, scales
+from identify.simulation.plan import ACCURACY, SAFETY, Plan, accuracy_for, admit, plan, scales
 from identify.simulation.quasistatic_phases import balanced
 from identify.simulation.stepper import Situated
 from identify.simulation.steppers import Method
@@ -134,11 +134,11 @@ def run(
         step = rtol or accuracy / SAFETY
         return balanced(model, p, programme, load, duration, x, rtol=step, accuracy=accuracy, locate=locate)
     scale = scales(model, p, float(load.at(0.0)))
-    steps = plan(model, p, scale, accuracy, steady=len(load.times) == 1)
+    steps = plan(model, p, scale, accuracy)
     if rtol is not None:
         steps = replace(steps, rtol=rtol)
     if method is not None:
-        steps = only(model, method, steps.rtol)
+        steps = Plan(steps.rtol, (method,))
 
     def motion(steps: Plan) -> tuple[Phase, ...]:
         machine = Machine(model, p, scale, steps, locate=locate)

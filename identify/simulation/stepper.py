@@ -106,7 +106,7 @@ class Stepper:
         self.places = BurstState(len(model.states))
         n = self.places.n
         self._z, self._xth = np.zeros(self.places.size), np.zeros(n + 2)
-        self._bounds, self._constants = np.zeros(6), np.zeros(len(model.parameters) + 5)
+        self._bounds, self._constants = np.zeros(5), np.zeros(len(model.parameters) + 5)
         self._tolerances = np.zeros(n + 1)
         x, t = self._xth[:-2], self._xth[-2:-1]
         self._trials: dict[ModeName, Compiled] = {}
@@ -142,17 +142,11 @@ class Stepper:
         longest, shortest, farthest, locate = bounds
         self._bounds[1:5] = longest, shortest, float(locate), farthest
 
-    def start(
-        self, mode: ModeName, x: Array | list[float], situated: Situated, limit: float, h: float, *, through: bool
-    ) -> None:
-        """Begin to slide in a mode from x (n_x,) with a step of length h [s]; it may last `limit` [s].
-
-        Args:
-            through: whether to go on in the other mode of sliding.
-        """
+    def start(self, mode: ModeName, x: Array | list[float], situated: Situated, limit: float, h: float) -> None:
+        """Begin to slide in a mode from x (n_x,) with a step of length h [s]; it may last `limit` [s]."""
         self._constants[-5:] = situated.numbers
         self._at_work = self._bursts_for(steady=situated.force_slope == 0.0)
-        self._bounds[0], self._bounds[-1] = limit, through
+        self._bounds[0] = limit
         z, n = self._z, self.places.n
         z[:n] = x
         ends = self._ends[mode]().tolist()

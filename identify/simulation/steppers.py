@@ -49,10 +49,6 @@ class Method(ABC):
     reach: float = float("inf")
     trials: int = 24
 
-    def takes(self, rate: ca.Function) -> bool:
-        """Whether it can integrate this motion, (x, constants, t) -> dx/dt."""
-        return True
-
     @abstractmethod
     def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
         """One step of length h [s] from x (n_x,) at time t [s].
@@ -188,50 +184,6 @@ def _slope(rate: ca.Function) -> ca.Function:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Closed form where the law is linear: the exponential of the motion, summed to the last digit (eq. 13).
-# ----------------------------------------------------------------------------------------------------------------------
-
-TERMS = 30
-LAST_DIGIT = 1e-17
-
-
-@dataclass(frozen=True)
-class Exponential(Method):
-    """x(h) = x + h phi(h A) (A x + b) for dx/dt = A x + b: eq. (13) and its overdamped forms without their cases.
-
-    The series ends where its next term is below the last digit of the state: no truncation error is left, and
-    the tolerance asked for plays no part.
-    """
-
-    name: str = "closed_form"
-    order: int = TERMS
-    measured: int = TERMS
-    says: str = "linear laws, summed to the last digit"
-    source: str = "eq. (13)"
-    reach: float = 1.0
-
-    def takes(self, rate: ca.Function) -> bool:
-        """Only a motion that is linear in the state, with coefficients that stand still."""
-        x, constants, t = (ca.SX.sym(name, rate.numel_in(i)) for i, name in enumerate(("x", "c", "t")))
-        motion = rate(x, constants, t)
-        return bool(ca.is_linear(motion, x)) and not ca.depends_on(motion, t)
-
-    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
-        """The sum; the last term against the last digit measures whether h is short enough."""
-        state, fixed = ca.SX.sym("x", x.numel()), ca.SX.sym("c", problem.constants.numel())
-        # Linear: the state at which the slope is taken plays no part, even where it still appears in the expression.
-        rates = ca.jacobian(problem.rate(state, fixed, 0), state)
-        slope = ca.Function("slope", [state, fixed], [rates])(x, problem.constants)
-        term = h * problem(x, t)
-        after = x + term
-        for number in range(2, TERMS + 1):
-            term = h * (slope @ term) / number
-            after = after + term
-        size = ca.fmax(ca.fabs(x), ca.fabs(after)) + LAST_DIGIT * problem.scale(after)
-        return after, largest(term, LAST_DIGIT * size)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Explicit Runge-Kutta methods: any tableau with an embedded formula.
 # ----------------------------------------------------------------------------------------------------------------------
 
@@ -274,4 +226,3 @@ class Explicit(Method):
 
 HIGH = Explicit.of(tableaus.DOP853, "explicit, high order", "Hairer, Norsett and Wanner I, II.10")
 STIFF = Radau()
-LINEAR = Exponential()

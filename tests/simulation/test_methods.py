@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients
-from test_simulate import MODEL, PAIR, RELAXING, STEPS
+from test_simulate import MODEL, PAIR, STEPS
 
-from experiments.reference_methods import ALL, BOGACKI_SHAMPINE, LOW, MIDDLE, OUTSIDE
+from experiments.reference_methods import ALL, BOGACKI_SHAMPINE, LINEAR, LOW, MIDDLE, OUTSIDE
 from identify.base import tableaus
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, assemble
@@ -18,7 +18,7 @@ from identify.simulation.bursts import trial
 from identify.simulation.plan import ACCURACY, accuracy_for, plan, scales
 from identify.simulation.simulate import run
 from identify.simulation.stepper import Situated
-from identify.simulation.steppers import HIGH, LINEAR, STIFF, Method
+from identify.simulation.steppers import HIGH, STIFF, Method
 from identify.simulation.trajectory import distance
 from tests.support import oracle
 
@@ -139,23 +139,12 @@ def test_a_linear_slip_ends_where_eq_13_says(method: Method) -> None:
     assert duration == pytest.approx(_eq13_arrest(), rel=5e-14 if method is LINEAR else 30 * rtol)
 
 
-def test_closed_form_is_chosen_where_the_law_is_linear_and_refused_elsewhere() -> None:
-    model = assemble(LINEAR_NAMES)
-    assert run(model, PLAIN, 1e-3, 1.0, 0.6, accuracy=1e-3).methods == ("closed_form",)
-    assert run(MODEL, PAIR, 1e-3, 1.0, 0.6).methods == (HIGH.name,)
-    relaxing = tuple(np.transpose(RELAXING).tolist())
-    assert LINEAR.name not in run(model, PLAIN, 1e-3, relaxing, 0.6).methods
-    with pytest.raises(SimulationError, match="closed_form is for linear laws"):
-        run(MODEL, PAIR, 1e-3, 1.0, 0.6, method=LINEAR)
-
-
 def test_stiff_motion_is_left_to_the_implicit_method() -> None:
     """A load cell that follows within two microseconds: a decay four orders faster than the slip."""
     names = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "sensor_lag")
     model, values = assemble(names), PAIR | {"lag_time": 2e-6}
     p = np.array([values[name] for name in model.parameter_names])
-    chosen = plan(model, p, scales(model, p, 1.0), 1e-6, steady=True)
-    assert {methods[0] for methods in chosen.methods.values()} == {STIFF}
+    assert plan(model, p, scales(model, p, 1.0), 1e-6).methods[0] == STIFF
     found = run(model, values, 1e-3, 1.0, 1.0, accuracy=1e-6)
     assert found.methods == (STIFF.name,)
     np.testing.assert_allclose(found.onsets, run(MODEL, PAIR, 1e-3, 1.0, 1.0).onsets, atol=1e-7)
