@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from data_io.assemble import assemble
 from data_io.contents import Contents, StepSummary, chosen_steps, is_series, joined_contents, logs_at, summaries
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
@@ -34,6 +36,7 @@ REFUSED: Final = (
 """Binary files that laboratories have and no reader reads: how they begin, what to do."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is no finite number in the end is refused by name
 def read_log(
     path: str | Path,
     step: int | None = None,

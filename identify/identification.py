@@ -16,7 +16,7 @@ from identify.base.compiled import Mapped
 from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
-from identify.base.progress import Notice, Progress, to_nobody
+from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.bench.next_log import advised, next_logs
 from identify.bench.next_log import document as next_log_document
 from identify.diagnosis.choice import Choice
@@ -78,7 +78,7 @@ def fit(
             its status says so.
     """
     clock, began, worked, in_functions = Clock(), time.perf_counter(), time.process_time(), Mapped.total
-    told = progress or to_nobody
+    told = noticed_once(progress or to_nobody)
     choice: Choice | None = None
     scene, drives = with_drives(scene, records)
     stated = scene
