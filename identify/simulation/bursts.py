@@ -29,20 +29,20 @@ ABOVE = 1e-3  # of its reach: by so much a bounded state may err beyond its uppe
 LARGEST = 1e150  # of a state: beyond, squares overflow
 
 
-def rate(model: Model, mode: ModeName, steady: bool = False) -> ca.Function:
-    """(x, constants (n_p + 5,), t in phase) -> dx/dt; `steady`: the normal force has no slope."""
+def rate(model: Model, mode: ModeName) -> ca.Function:
+    """(x, constants (n_p + 5,), t in phase) -> dx/dt."""
     x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
     field = model.saturated if mode == "saturated" else model.slip
     p, drive = c[:-5], c[-5:]
-    force = drive[2] if steady else drive[2] + drive[3] * t
+    force = drive[2] + drive[3] * t
     u = ca.vertcat(drive[0], force, drive[1], drive[4] + t)
     return ca.Function("rate", [x, c, t], [ca.densify(field(x, p, u))])
 
 
 @lru_cache(maxsize=64)
-def ends(model: Model, mode: ModeName, steady: bool = False) -> ca.Function:
+def ends(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants, t) -> guards and their slopes in time (2 N_GUARDS,); 1 where one does not end the mode."""
-    moving, free = rate(model, mode, steady), rate(model, "slip", steady)
+    moving, free = rate(model, mode), rate(model, "slip")
     x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
     exits = dict(sliding_modes(model.clamped is not None)[mode].exits)
     guards = [c[-4] * x[SPEED], ca.SX(1), ca.SX(1)]
@@ -55,27 +55,26 @@ def ends(model: Model, mode: ModeName, steady: bool = False) -> ca.Function:
     return ca.Function("ends", [x, c, t], [ca.densify(ca.vertcat(guard, slopes))])
 
 
-def _pull(model: Model, steady: bool) -> ca.Function:
+def _pull(model: Model) -> ca.Function:
     """(x, constants, t) -> size of the force of the rig over the mass [m/s^2]."""
     x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
     p, drive = c[:-5], c[-5:]
-    force = drive[2] if steady else drive[2] + drive[3] * t
+    force = drive[2] + drive[3] * t
     load = model.load(x, p, ca.vertcat(drive[0], force, drive[1], drive[4] + t))
     return ca.Function("pull", [x, c, t], [ca.densify(ca.fabs(load) / p[model.parameter_names.index("mass")])])
 
 
 @lru_cache(maxsize=64)
-def trial(model: Model, method: Method, mode: ModeName, steady: bool = False) -> ca.Function:
+def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     """(x and t and h, constants, tolerances) -> x after, error norm (<= 1 acceptable), guards and their slopes.
 
-    One vector; constants: p, then the inputs of `Situated`; tolerances: rtol, atol (n_x,). steady: for a normal force
-    that has no slope.
+    One vector; constants: p, then the inputs of `Situated`; tolerances: rtol, atol (n_x,).
     """
     kind, n = method.kind, len(model.states)
     z = kind.sym("z", n + 2)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
     x, t, h = z[:n], z[n], z[n + 1]
-    after, norm = method.step(_problem(model, mode, z, c, tolerances, steady), x, t, h)
+    after, norm = method.step(_problem(model, mode, z, c, tolerances), x, t, h)
     # A largest value hides what is not a number: such a step is refused.
     norm = ca.if_else(ca.sum1(ca.fabs(after)) < LARGEST, norm, ca.inf)
     # So is one to where no motion leads: the equations of an implicit step have other solutions, too.
@@ -84,7 +83,7 @@ def trial(model: Model, method: Method, mode: ModeName, steady: bool = False) ->
             reach = state.upper - state.lower
             inside = ca.logic_and(after[i] < state.upper + ABOVE * reach, after[i] > state.lower - reach)
             norm = ca.if_else(inside, norm, ca.inf)
-    row = ca.vertcat(after, norm, ends(model, mode, steady)(after, c, t + h))
+    row = ca.vertcat(after, norm, ends(model, mode)(after, c, t + h))
     return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
 
 
@@ -101,18 +100,16 @@ def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
     return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
 
 
-def _problem(
-    model: Model, mode: ModeName, xth: Expression, c: Expression, tolerances: Expression, steady: bool = False
-) -> StepProblem:
+def _problem(model: Model, mode: ModeName, xth: Expression, c: Expression, tolerances: Expression) -> StepProblem:
     """A step of a mode from state, time and length xth, with what it is tolerated to be wrong by."""
-    n, moving = len(model.states), rate(model, mode, steady)
+    n, moving = len(model.states), rate(model, mode)
     x, t, h = xth[:n], xth[n], xth[n + 1]
     # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
     size = ca.fabs(x) + h * ca.fabs(moving(x, c, t))
 
     # Forces have so many digits: what their rounding makes of the speed is no error of the step.
     blur = type(x).zeros(n)
-    blur[SPEED] = h * ROUNDING * _pull(model, steady)(x, c, t)
+    blur[SPEED] = h * ROUNDING * _pull(model)(x, c, t)
 
     return StepProblem(moving, c, lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after)))
 
@@ -204,16 +201,16 @@ class BurstState:
 
 
 @lru_cache(maxsize=64)
-def burst(model: Model, method: Method, steady: bool) -> ca.Function:
+def burst(model: Model, method: Method) -> ca.Function:
     """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
 
     z as in `BurstState`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way
     of a step [m]. The step length follows the error; where a guard
     has fallen the trials go on from the same node, with lengths by Newton's method, until the guard is zero. A trial
-    that is refused repeats the node with another length. steady: for a normal force that has no slope.
+    that is refused repeats the node with another length.
     """
     at, modes = BurstState(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
-    paced = [_paced(model, method, mode, locating, steady) for mode in modes for locating in (False, True)]
+    paced = [_paced(model, method, mode, locating) for mode in modes for locating in (False, True)]
     given = [ca.MX.sym(name, paced[0].numel_in(i)) for i, name in enumerate("zbct")]
     z = ca.MX.sym("z", at.size)
     by_mode = ca.Function.conditional("by_mode", paced, ca.Function("idle", [z, *given[1:]], [z]))
@@ -224,7 +221,7 @@ def burst(model: Model, method: Method, steady: bool) -> ca.Function:
     return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
 
 
-def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady: bool) -> ca.Function:
+def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     kind, at = method.kind, BurstState(len(model.states))
     z, bounds = kind.sym("z", at.size), kind.sym("bounds", 5)
@@ -232,14 +229,14 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool, steady:
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
     exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
     h = z[at.h] if locating else _length(model, at, z, exits, bounds)
-    row = trial(model, method, mode, steady)(ca.vertcat(x, t, h), c, tolerances)
+    row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
     there, there_ends = row[: at.n], row[at.n + 1 :]
     mode_after: Expression = MODES.index(mode)
     if locating:
         (moved, *control_after, stop), through, more = _locating(
             control, h, there_ends, exits, tolerances[0], method.smooth
         )
-        there, h = there + more * rate(model, mode, steady)(there, c, t + h), h + more
+        there, h = there + more * rate(model, mode)(there, c, t + h), h + more
         if model.clamped is not None:
             there, there_ends = _through(model, there, there_ends, through)
             mode_after = ca.if_else(through, 1 - mode_after, mode_after)

@@ -66,9 +66,9 @@ MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler 
 class _Bursts:
     """The bursts of one model and method, bound to the buffers of a stepper."""
 
-    def __init__(self, model: Model, method: Method, steady: bool, buffers: Sequence[Array]) -> None:
-        self._kind, self._buffers = (model, method, steady), buffers
-        self._function = burst(model, method, steady)
+    def __init__(self, model: Model, method: Method, buffers: Sequence[Array]) -> None:
+        self._kind, self._buffers = (model, method), buffers
+        self._function = burst(model, method)
         self._call = self._bound(self._function)
         self._count, self._ask = 0, SOME
         self.hastened = False
@@ -119,19 +119,7 @@ class Stepper:
             self._ends[mode].bind([self._z[:n], self._constants, np.zeros(1)])
             self._coefficients[mode] = compiled(coefficient(model, mode))
             self._coefficients[mode].bind([x, self._constants, t])
-        self._bursts: dict[bool, _Bursts] = {}  # under a normal force that stands still, and under one that changes
-        self._at_work: _Bursts  # those of the slide that was begun last
-
-    def _bursts_for(self, *, steady: bool) -> _Bursts:
-        if steady not in self._bursts:
-            bound = [self._z, self._bounds, self._constants, self._tolerances]
-            self._bursts[steady] = _Bursts(self.model, self.method, steady, bound)
-        return self._bursts[steady]
-
-    def hasten(self) -> None:
-        """See `_Bursts.hasten`."""
-        for bursts in self._bursts.values():
-            bursts.hasten()
+        self.bursts = _Bursts(model, method, [self._z, self._bounds, self._constants, self._tolerances])
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -145,7 +133,6 @@ class Stepper:
     def start(self, mode: ModeName, x: Array | list[float], situated: Situated, limit: float, h: float) -> None:
         """Begin to slide in a mode from x (n_x,) with a step of length h [s]; it may last `limit` [s]."""
         self._constants[-5:] = situated.numbers
-        self._at_work = self._bursts_for(steady=situated.force_slope == 0.0)
         self._bounds[0] = limit
         z, n = self._z, self.places.n
         z[:n] = x
@@ -160,7 +147,7 @@ class Stepper:
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows of state, time, mode, stop and h as in `BurstState`,
         the last one where it stopped."""
-        rows = self._at_work().reshape(self.method.trials, -1)
+        rows = self.bursts().reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
         stopped = int(np.count_nonzero(rows[:, self.places.stop]))
         return rows[: len(rows) - stopped + 1, : self.places.n + 4].tolist()
@@ -193,13 +180,13 @@ def borrowed(model: Model, method: Method) -> Stepper:
 
 def give_back(stepper: Stepper) -> None:
     """Let others use it."""
-    stepper.hasten()
+    stepper.bursts.hasten()
     _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)
 
 
 @lru_cache(maxsize=64)
-def _key(model: Model, method: Method, steady: bool) -> str | None:
-    return native.key(burst(model, method, steady))
+def _key(model: Model, method: Method) -> str | None:
+    return native.key(burst(model, method))
 
 
 def forget() -> None:
@@ -208,13 +195,9 @@ def forget() -> None:
     _key.cache_clear()
 
 
-def hastened(model: Model, method: Method, *, steady: bool = True) -> bool:
-    """Wait until the bursts of a model and a method are machine code; False where there is no compiler.
-
-    Args:
-        steady: those under a normal force that stands still.
-    """
-    function, key = burst(model, method, steady), _key(model, method, steady)
+def hastened(model: Model, method: Method) -> bool:
+    """Wait until the bursts of a model and a method are machine code; False where there is no compiler."""
+    function, key = burst(model, method), _key(model, method)
     if key is None:
         return False
     native.start([(function, key)])
