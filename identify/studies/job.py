@@ -114,14 +114,7 @@ class End:
 # ----------------------------------------------------------------------------------------------------------------------
 
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py")  # whose numbers a fit uses
-OUTSIDE = (
-    "cli",
-    "report",
-    "comparing",
-    "pooling",
-    "batch",
-    "examples",
-)  # folders of identify that make no number of a fit
+OUTSIDE = ("app", "cli", "examples", "report", "studies")  # rooms that make no number of a fit
 
 
 @lru_cache(maxsize=1)
