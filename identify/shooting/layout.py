@@ -256,26 +256,23 @@ class Collector:
 
     def put(
         self,
-        kind: BlockKind,
-        steps: int,
-        log: int,
-        cycle: int,
+        of: tuple[BlockKind, int],
+        at: tuple[int, int],
         slots: list[Indices],
         fixed: list[Array],
         constants: Array,
         edges: Array,
         own: Indices,
     ) -> None:
-        """One block: its slots are the given ones and the parameters, of which this log has some for itself."""
+        """One block, of a kind and steps, at a log and cycle: its slots are the given ones and the parameters, of which
+        this log has some for itself."""
         joined, values = np.concatenate(slots)[None, :], np.concatenate(fixed)[None, :]
-        self.put_all(kind, steps, log, cycle, joined, values, constants[None, :], edges[None], own)
+        self.put_all(of, at, joined, values, constants[None, :], edges[None], own)
 
     def put_all(
         self,
-        kind: BlockKind,
-        steps: int,
-        log: int,
-        cycle: int,
+        of: tuple[BlockKind, int],
+        at: tuple[int, int],
         slots: Indices,
         fixed: Array,
         constants: Array,
@@ -284,13 +281,13 @@ class Collector:
     ) -> None:
         """Blocks of one kind and cycle: slots and fixed (B, n) but for the parameters, constants (B, n_c), edges
         (B, cells, 2)."""
-        made = self.made.get((kind, steps))
+        made = self.made.get(of)
         if made is None:
-            made = self.made[kind, steps] = block(self.model, kind, steps)
+            made = self.made[of] = block(self.model, *of)
         theta = np.where(own >= 0, own, self.theta)[self.source]
-        entry = _Blocks(slots, fixed, constants, edges, self.rows, log, cycle, theta)
+        entry = _Blocks(slots, fixed, constants, edges, self.rows, *at, theta)
         self.rows += slots.shape[0] * made.n_rows
-        self.parts.setdefault((kind, steps), []).append(entry)
+        self.parts.setdefault(of, []).append(entry)
 
     def families(self) -> tuple[Family, ...]:
         """All blocks so far, one family per kind."""

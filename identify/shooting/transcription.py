@@ -90,10 +90,8 @@ class Footing:
         for part in before:
             self._rest_part(cycle, np.array([index]), self.load, self.load_value, constants, part)
         self.c.put(
-            _kind("hold" if index == KNOWN else "stick", self.reaged),
-            1,
-            self.number,
-            cycle,
+            (_kind("hold" if index == KNOWN else "stick", self.reaged), 1),
+            (self.number, cycle),
             [self.node, node, self.offset, np.array([index]), self.load],
             [self.value, value, ZERO, ZERO, self.load_value],
             *self._cut(constants, last),
@@ -111,10 +109,8 @@ class Footing:
         value = after_reageing(self.c.model, self.value, theta, moment, self.rest_rows)
         node = self.c.state(value, self.size, (SPEED,))
         self.c.put(
-            "reageing",
-            1,
-            self.number,
-            cycle,
+            ("reageing", 1),
+            (self.number, cycle),
             [self.node, node, self.offset, self.offset, load],
             [self.value, value, ZERO, ZERO, load_value],
             moment,
@@ -128,10 +124,8 @@ class Footing:
     ) -> None:
         """A part of a rest without the guard that ends it."""
         self.c.put(
-            _kind("rest", self.reaged),
-            1,
-            self.number,
-            cycle,
+            (_kind("rest", self.reaged), 1),
+            (self.number, cycle),
             [self.node, self.offset, end, load],
             [self.value, ZERO, ZERO, load_value],
             *self._cut(constants, part),
@@ -199,7 +193,13 @@ class Footing:
         for name, part in (("saturated" if kind == "released" else kind, slice(0, last)), (kind, slice(last, None))):
             if slots[part].size:
                 self.c.put_all(
-                    name, steps, self.number, cycle, slots[part], fixed[part], constants[part], edges[part], self.own
+                    (name, steps),
+                    (self.number, cycle),
+                    slots[part],
+                    fixed[part],
+                    constants[part],
+                    edges[part],
+                    self.own,
                 )
         self.node, self.value = index[-1], values[-1]
         self.offset = d_end
@@ -458,10 +458,8 @@ class _LogWalk(Footing):
             for j in range(2):
                 places[i, j] = self.c.state(ends[j], self.size, known)
             self.c.put(
-                kind,
-                1,
-                self.number,
-                unit,
+                (kind, 1),
+                (self.number, unit),
                 [places[i, 0], places[i, 1], NO_OFFSET, NO_OFFSET, self.load],
                 [ends[0], ends[1], ZERO, ZERO, self.load_value],
                 self._constants(rows, *span, span[1]),
