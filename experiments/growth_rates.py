@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from identify.effects import MAIN
 from identify.model.model import assemble
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
@@ -83,7 +84,7 @@ class Pair:
         }
         slowest = self._frequency(k, c)
         duration = 2.0 * np.pi / slowest * PERIODS
-        motion = run(assemble(self.effects), p, self.speed, self.load, duration, start=start, rtol=RTOL)
+        motion = run(assemble(self.effects), p, self.speed, self.load, duration, start=start, accuracy=Stepping(RTOL))
         times = np.linspace(0.0, duration, PERIODS * PER_PERIOD + 1)
         return _oscillation(motion.sample(times)["sliding_speed"] / self.speed - 1.0, times[1])
 

@@ -32,6 +32,7 @@ from identify.effects import ALL, NAMES
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.scene.variant import scene_with
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 
 RECORDS, SEED = 100, 20261121
@@ -151,7 +152,7 @@ def _simulated(effects: Sequence[str], truth: dict[str, float], seed: int) -> li
             nodes = np.linspace(0.0, duration, 25)
             relaxed = load * (1.0 - truth["load_fall"] * -np.expm1(-3.0 * nodes / duration))
             given, course = (nodes, relaxed), np.interp(times, nodes, relaxed)
-        motion = run(model, values, speed, given, duration, rtol=1e-9)
+        motion = run(model, values, speed, given, duration, accuracy=Stepping(1e-9))
         arrests = motion.arrests
         if arrests.size < 4 or arrests[-1] < duration - 2.0 * float(np.median(np.diff(arrests))):
             return None

@@ -39,6 +39,7 @@ from identify.base import native  # noqa: E402
 from identify.effects import MAIN  # noqa: E402
 from identify.model.model import Model, assemble  # noqa: E402
 from identify.simulation import stepper  # noqa: E402
+from identify.simulation.plan import Stepping  # noqa: E402
 from identify.simulation.simulate import run  # noqa: E402
 from identify.simulation.steppers import HIGH  # noqa: E402
 
@@ -151,7 +152,7 @@ def main(fast: bool = False) -> Figures:
     model, law = assemble(MAIN), Law(TRUTH, SPEED, 1.0)
 
     def ours(rtol: float, duration: float = DURATION) -> Array:
-        return run(model, TRUTH, SPEED, 1.0, duration, rtol=rtol, method=HIGH).onsets
+        return run(model, TRUTH, SPEED, 1.0, duration, accuracy=Stepping(rtol, HIGH)).onsets
 
     def theirs(rtol: float) -> Array:
         return onsets_by_events(law, DURATION, rtol)

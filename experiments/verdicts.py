@@ -20,7 +20,7 @@ from identify.base.errors import SceneError, SimulationError
 from identify.effects import MAIN
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.machine import Machine
-from identify.simulation.plan import admit, plan, scales
+from identify.simulation.plan import SAFETY, Stepping, admit, plan, scales
 from identify.simulation.simulate import phases
 from identify.simulation.steppers import STIFF
 from identify.simulation.trajectory import Trajectory, inside
@@ -88,7 +88,8 @@ def _motion(draw: Draw, drive: tuple[tuple[float, float], ...], accuracy: float,
     x = np.array([draw.start.get(s.name, s.start) for s in model.states], float)
     load = NormalForce.of(draw.normal_force)
     scale = scales(model, p, float(load.at(0.0)))
-    steps = plan(model, p, scale, accuracy / TIGHTER if change else accuracy)
+    asked = accuracy / TIGHTER if change else accuracy
+    steps = plan(model, p, scale, Stepping(asked / SAFETY))
     kept, machine = [], Machine(model, p, scale, steps)
     with closing(machine):
         for phase in islice(phases(machine, Drive.of(drive), load, draw.duration, x), most):

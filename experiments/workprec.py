@@ -17,7 +17,7 @@ from identify.model.model import Model, assemble
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.machine import Machine
 from identify.simulation.phases import Phase
-from identify.simulation.plan import Plan, scales
+from identify.simulation.plan import ACCURACY, Plan, Stepping, scales
 from identify.simulation.simulate import phases, run
 from identify.simulation.steppers import Method
 from identify.simulation.trajectory import Trajectory
@@ -41,9 +41,10 @@ class Scene:
         """The composed model."""
         return assemble(self.effects)
 
-    def run(self, **how: Any) -> Trajectory:
-        """Simulate it; arguments as `identify.simulation.simulate.run`."""
-        return run(self.model, self.values, self.drive_speed, 1.0, self.duration, **how)
+    def run(self, *, accuracy: float = ACCURACY, rtol: float | None = None, method: Method | None = None) -> Trajectory:
+        """Simulate it to an accuracy, or with a relative tolerance of steps of one method."""
+        how = accuracy if rtol is None else Stepping(rtol, method)
+        return run(self.model, self.values, self.drive_speed, 1.0, self.duration, accuracy=how)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from identify.logs.log_data import Guess
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting import batch as lanes
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
@@ -132,7 +133,9 @@ def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> 
     start = dict(zip(names, guess.slip[cycle, 0].tolist(), strict=True)) | {"sliding_speed": 0.0}
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
     try:
-        motion = run(model, values, log.data.drive_speed, load, (1 + TAIL) * duration, start=start, rtol=1e-8)
+        motion = run(
+            model, values, log.data.drive_speed, load, (1 + TAIL) * duration, start=start, accuracy=Stepping(1e-8)
+        )
     except SimulationError:  # where a failed fit ended, no slip need be possible
         return None
     times = np.linspace(0.0, (1 + TAIL) * duration, FINE)

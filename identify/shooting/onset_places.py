@@ -17,6 +17,7 @@ from identify.logs.slips import line_slope, slope_error
 from identify.model.model import Model
 from identify.simulation.drive import NormalForce
 from identify.simulation.phases import Stick, rest
+from identify.simulation.plan import Stepping
 from identify.simulation.resting import Resting
 from identify.simulation.simulate import run
 from identify.simulation.sliding import Sliding, lasting
@@ -262,7 +263,9 @@ class Along:
         times = np.array([t, *load.between(t, t + duration)[0], t + duration])
         course = NormalForce.of((times - t, load.at(times)))
         start = dict(zip(names, x.tolist(), strict=True))
-        return run(self.model, self.values, self.log.speed_at(t), course, duration, start=start, rtol=TOLERANCE)
+        return run(
+            self.model, self.values, self.log.speed_at(t), course, duration, start=start, accuracy=Stepping(TOLERANCE)
+        )
 
     def placed(self, since: float, onset: float, x: Array, spread: float = np.inf) -> float:
         """Where on the data a slide that starts at `onset` from x fits best; after `since` [s]. spread: of the

@@ -146,6 +146,16 @@ SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: 
 
 
 @dataclass(frozen=True)
+class Stepping:
+    """How to step where a comparison or a control says so: relative tolerance of one step, the one method for all
+    sliding (None: as the motion asks for), and whether switches are located (see `Machine`)."""
+
+    rtol: float
+    method: Method | None = None
+    locate: bool = True
+
+
+@dataclass(frozen=True)
 class Plan:
     """rtol: relative tolerance of one step; methods in the order in which they take over."""
 
@@ -173,8 +183,8 @@ def accuracy_for(noise: float | None, force: float) -> float:
     return float(np.clip(BELOW_NOISE * noise / force, ACCURACY, LOOSEST))
 
 
-def plan(model: Model, p: Array, scale: Scales, accuracy: float) -> Plan:
-    """Methods and tolerance that keep switch times and forces of a record within `accuracy` (relative).
+def plan(model: Model, p: Array, scale: Scales, stepping: Stepping) -> Plan:
+    """Methods and tolerance of a motion.
 
     Motions with fast decays are left to an implicit method, the rest to an explicit one of high order. Either waits
     behind the other, and what holds an explicit method back may hold the implicit one back more: then the first one has
@@ -183,8 +193,10 @@ def plan(model: Model, p: Array, scale: Scales, accuracy: float) -> Plan:
     Args:
         p: parameters (n_p,).
     """
+    if stepping.method is not None:
+        return Plan(stepping.rtol, (stepping.method,))
     methods = (STIFF, HIGH) if _stiff(model, p, scale) else (HIGH, STIFF, HIGH)
-    return Plan(float(np.clip(accuracy / SAFETY, FINEST, COARSEST)), methods)
+    return Plan(float(np.clip(stepping.rtol, FINEST, COARSEST)), methods)
 
 
 @lru_cache(maxsize=32)

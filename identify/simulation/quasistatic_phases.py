@@ -18,7 +18,7 @@ from identify.model.model import Model
 from identify.model.modes import GuardName, ModeName, sliding_modes
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.phases import Phase
-from identify.simulation.plan import other
+from identify.simulation.plan import Stepping, other
 from identify.simulation.quasistatic import (
     CLOSE,
     ESTIMATE_ORDER,
@@ -339,28 +339,27 @@ STALLED, MOMENT = 1000, 1e-10  # so many phases in a row, each no longer than th
 def balanced(
     model: Model,
     p: Array,
-    drive: Drive,
-    normal_force: NormalForce,
+    outside: tuple[Drive, NormalForce],
     duration: float,
     x: Array,
-    *,
-    rtol: float = 1e-11,
-    accuracy: float | None = None,
-    locate: bool = True,
+    stepping: Stepping,
+    accuracy: float,
 ) -> BalancedTrajectory:
-    """The motion of a model without inertia from rest at state x (n_x,), for `duration` [s]; arguments as `run`.
+    """The motion of a model without inertia from rest at state x (n_x,), for `duration` [s].
+
+    Args:
+        outside: drive and normal force; stepping: its method is not asked for; accuracy: what `run` was asked for.
 
     Raises:
         SimulationError: a jump to another place, or phases without time passing.
     """
-    motion = tuple(_phases(model, p, (drive, normal_force), duration, x, rtol, locate))
-    following, share = other(rtol)
+    motion = tuple(_phases(model, p, outside, duration, x, stepping.rtol, stepping.locate))
+    following, share = other(stepping.rtol)
 
     def again() -> BalancedTrajectory:
-        outside = (drive, normal_force)
-        return balanced(model, p, *outside, duration, x, rtol=following, accuracy=accuracy, locate=locate)
+        return balanced(model, p, outside, duration, x, replace(stepping, rtol=following), accuracy)
 
-    return BalancedTrajectory(model, motion, duration, accuracy, Second(again, share, following < rtol))
+    return BalancedTrajectory(model, motion, duration, accuracy, Second(again, share, following < stepping.rtol))
 
 
 def _phases(

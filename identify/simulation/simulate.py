@@ -7,7 +7,7 @@ overcomes the grip, and the sign function is never smoothed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,10 +20,9 @@ from identify.scene.tables import quantity
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.machine import Machine
 from identify.simulation.phases import MAX_STEPS, Phase, initial_states, rest, slide
-from identify.simulation.plan import ACCURACY, SAFETY, Plan, accuracy_for, admit, plan, scales
+from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
 from identify.simulation.quasistatic_phases import balanced
 from identify.simulation.stepper import Situated
-from identify.simulation.steppers import Method
 from identify.simulation.trajectory import Second, Trajectory
 
 if TYPE_CHECKING:
@@ -103,10 +102,7 @@ def run(
     duration: float,
     *,
     start: dict[str, float] | None = None,
-    accuracy: float = ACCURACY,
-    rtol: float | None = None,
-    method: Method | None = None,
-    locate: bool = True,
+    accuracy: float | Stepping = ACCURACY,
 ) -> Trajectory:
     """Simulate a model for `duration` [s].
 
@@ -115,15 +111,15 @@ def run(
         drive: drive speed [m/s], or a programme of (start [s], speed [m/s]).
         normal_force: [N], or (times [s], values [N]), piecewise linear.
         start: initial states by name; left out: at rest, spring unloaded, fresh contact.
-        accuracy: relative error of switch times and forces that is tolerated; method and steps follow from it.
-        rtol: relative tolerance of one step, instead of what follows from `accuracy`.
-        method: one method for all sliding, with `rtol`; for comparisons.
-        locate: see `Machine`.
+        accuracy: relative error of switch times and forces that is tolerated; method and steps follow from it. Or the
+            stepping itself, for comparisons.
 
     Raises:
         SimulationError: what the model refuses, by name.
     """
     admit(model, values, duration, start or {})
+    asked = accuracy if isinstance(accuracy, Stepping) else Stepping(accuracy / SAFETY)
+    accuracy = ACCURACY if isinstance(accuracy, Stepping) else accuracy
     if not 0.0 < accuracy < 1.0:
         raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
     p = np.array([values[name] for name in model.parameter_names])
@@ -131,17 +127,12 @@ def run(
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
     programme, load = Drive.of(drive), NormalForce.of(normal_force)
     if model.balance is not None:
-        step = rtol or accuracy / SAFETY
-        return balanced(model, p, programme, load, duration, x, rtol=step, accuracy=accuracy, locate=locate)
+        return balanced(model, p, (programme, load), duration, x, asked, accuracy)
     scale = scales(model, p, float(load.at(0.0)))
-    steps = plan(model, p, scale, accuracy)
-    if rtol is not None:
-        steps = replace(steps, rtol=rtol)
-    if method is not None:
-        steps = Plan(steps.rtol, (method,))
+    steps = plan(model, p, scale, asked)
 
     def motion(steps: Plan) -> tuple[Phase, ...]:
-        machine = Machine(model, p, scale, steps, locate=locate)
+        machine = Machine(model, p, scale, steps, locate=asked.locate)
         try:
             return tuple(phases(machine, programme, load, duration, x))
         finally:
@@ -204,4 +195,4 @@ def simulate(
         accuracy = accuracy_for(
             scene.rig.noise if noise is None else noise, max(values["mu_s"], values["mu_k0"]) * max(load.values)
         )
-    return run(model, values, programme, load, duration, start=start, accuracy=accuracy, rtol=rtol)
+    return run(model, values, programme, load, duration, start=start, accuracy=Stepping(rtol) if rtol else accuracy)

@@ -9,6 +9,7 @@ from identify.effects import ALL
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.simulation.phases import initial_states
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run, simulate
 from tests.support import effects_case as case
 
@@ -45,7 +46,7 @@ def _run(names: tuple[str, ...], p: dict[str, float]):
     values, load = {n: p[n] for n in model.parameter_names}, case.load_of(names)
     u = np.array([case.DRIVE, case.LOAD, 1.0, 0.0])
     start = initial_states(model, np.array(list(values.values())), u, {})
-    return run(model, values, case.DRIVE, load, case.DURATION, start=start, rtol=case.RTOL)
+    return run(model, values, case.DRIVE, load, case.DURATION, start=start, accuracy=Stepping(case.RTOL))
 
 
 def _compared(effect, strength: float) -> tuple[float, float]:
@@ -99,7 +100,8 @@ def test_a_varying_normal_force_that_does_not_vary_is_absent():
     p = case.numbers(case.MAIN)
     level = ((0.0, 0.3, 0.6), (case.LOAD, case.LOAD, case.LOAD))
     with_it, less = (
-        run(assemble(n), p, case.DRIVE, level, case.DURATION, rtol=case.RTOL) for n in (VARYING, case.MAIN)
+        run(assemble(n), p, case.DRIVE, level, case.DURATION, accuracy=Stepping(case.RTOL))
+        for n in (VARYING, case.MAIN)
     )
     np.testing.assert_allclose(with_it.onsets, less.onsets, rtol=0.0, atol=TIMES)
 

@@ -23,6 +23,7 @@ from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe
 from identify.simulation.drive import NormalForce
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 
 PAIR = {"mu_s": 0.45, "mu_k0": 0.28, "delta_mu_k": -0.087, "a": 212.0, "D": 38e-6, "t_cr": 0.16}
@@ -44,7 +45,7 @@ def _case():
     unknowns = from_scene(Scene.from_document(document, "."))
     model = unknowns.model
     values = {q.name: (PAIR | RIG | VIBRATION).get(q.name, q.default) for q in model.parameters}
-    motion = run(model, values, SPEED, 1.0, DURATION, rtol=1e-9)
+    motion = run(model, values, SPEED, 1.0, DURATION, accuracy=Stepping(1e-9))
     ends = motion.arrests[np.searchsorted(motion.arrests, motion.onsets[motion.onsets < motion.arrests[-1]])]
     begins = motion.onsets[: ends.size]
     drops = motion.sample(begins)["force"] - motion.sample(ends)["force"]

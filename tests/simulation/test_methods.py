@@ -15,7 +15,7 @@ from identify.base import tableaus
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, assemble
 from identify.simulation.bursts import trial
-from identify.simulation.plan import ACCURACY, accuracy_for, plan, scales
+from identify.simulation.plan import ACCURACY, Stepping, accuracy_for, plan, scales
 from identify.simulation.simulate import run
 from identify.simulation.stepper import Situated
 from identify.simulation.steppers import HIGH, STIFF, Method
@@ -90,7 +90,7 @@ def test_tableaus_are_consistent_and_the_high_one_is_scipys() -> None:
 def test_every_method_locates_switches_and_samples_densely(method: Method) -> None:
     rtol = 1e-7 if method is LOW else 1e-10
     truth = oracle.simulate(PAIR, 1e-3, 1.0, 1.0)
-    found = run(MODEL, PAIR, 1e-3, 1.0, 1.0, rtol=rtol, method=method)
+    found = run(MODEL, PAIR, 1e-3, 1.0, 1.0, accuracy=Stepping(rtol, method))
     for ours, theirs in zip(
         (found.onsets, found.arrests, found.saturations), (truth.onsets, truth.arrests, truth.saturations), strict=True
     ):
@@ -102,7 +102,7 @@ def test_every_method_locates_switches_and_samples_densely(method: Method) -> No
 
 def test_the_outside_reference_agrees() -> None:
     ours = run(MODEL, PAIR, 1e-3, 1.0, 0.5)
-    theirs = run(MODEL, PAIR, 1e-3, 1.0, 0.5, rtol=1e-9, method=OUTSIDE)
+    theirs = run(MODEL, PAIR, 1e-3, 1.0, 0.5, accuracy=Stepping(1e-9, OUTSIDE))
     apart = distance(ours, theirs)
     assert theirs.methods == ("cvodes",)
     assert 0.0 < apart.switches < 1e-8
@@ -134,7 +134,7 @@ def _eq13_arrest() -> float:
 def test_a_linear_slip_ends_where_eq_13_says(method: Method) -> None:
     model = assemble(LINEAR_NAMES)
     rtol = 1e-8 if method is LOW else 1e-12
-    found = run(model, PLAIN, 1e-3, 1.0, 0.6, rtol=rtol, method=method)
+    found = run(model, PLAIN, 1e-3, 1.0, 0.6, accuracy=Stepping(rtol, method))
     duration = found.arrests[0] - found.onsets[0]
     assert duration == pytest.approx(_eq13_arrest(), rel=5e-14 if method is LINEAR else 30 * rtol)
 
@@ -144,7 +144,7 @@ def test_stiff_motion_is_left_to_the_implicit_method() -> None:
     names = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "sensor_lag")
     model, values = assemble(names), PAIR | {"lag_time": 2e-6}
     p = np.array([values[name] for name in model.parameter_names])
-    assert plan(model, p, scales(model, p, 1.0), 1e-6).methods[0] == STIFF
+    assert plan(model, p, scales(model, p, 1.0), Stepping(1e-7)).methods[0] == STIFF
     found = run(model, values, 1e-3, 1.0, 1.0, accuracy=1e-6)
     assert found.methods == (STIFF.name,)
     np.testing.assert_allclose(found.onsets, run(MODEL, PAIR, 1e-3, 1.0, 1.0).onsets, atol=1e-7)
@@ -163,7 +163,7 @@ def test_the_next_method_takes_over_where_one_is_held_back() -> None:
 @pytest.mark.parametrize("scene", ["plain", "steps"])
 def test_the_accuracy_asked_for_is_met_and_the_error_is_estimated(scene: str, accuracy: float) -> None:
     drive, duration = (1e-3, 2.0) if scene == "plain" else (STEPS, 3.5)
-    truth = run(MODEL, PAIR, drive, 1.0, duration, rtol=1e-13, method=HIGH)
+    truth = run(MODEL, PAIR, drive, 1.0, duration, accuracy=Stepping(1e-13, HIGH))
     found = run(MODEL, PAIR, drive, 1.0, duration, accuracy=accuracy)
     error = distance(found, truth)
     assert found.achieved is not None
@@ -182,7 +182,7 @@ def test_a_motion_is_refined_until_its_estimated_errors_meet_the_accuracy(
     drive: float, duration: float, accuracy: float
 ) -> None:
     first = run(MODEL, PAIR, drive, 1.0, duration, accuracy=accuracy)
-    truth = run(MODEL, PAIR, drive, 1.0, duration, rtol=1e-13, method=HIGH)
+    truth = run(MODEL, PAIR, drive, 1.0, duration, accuracy=Stepping(1e-13, HIGH))
     assert first.achieved is not None
     before = max(distance(first, truth).switches, distance(first, truth).forces)
     missed = max(first.achieved.switches, first.achieved.forces) > accuracy

@@ -15,6 +15,7 @@ from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation import stepper
+from identify.simulation.plan import Stepping
 from identify.simulation.resting import bounds
 from identify.simulation.simulate import run
 
@@ -73,7 +74,7 @@ def test_bursts_as_machine_code_give_the_same_numbers(burst_code: None, monkeypa
     model = assemble(MAIN)
 
     def motion() -> np.ndarray:
-        return np.concatenate([p.x for p in run(model, PAIR, 1e-3, 1.0, 1.0, rtol=1e-6, method=LOW).phases])
+        return np.concatenate([p.x for p in run(model, PAIR, 1e-3, 1.0, 1.0, accuracy=Stepping(1e-6, LOW)).phases])
 
     before = motion()
     monkeypatch.setattr(stepper, "SOME", 0)

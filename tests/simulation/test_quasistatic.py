@@ -16,6 +16,7 @@ from identify.identification import fit
 from identify.model.model import assemble
 from identify.prediction.predict import predict
 from identify.scene import Scene
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run, simulate
 from identify.simulation.trajectory import Trajectory
 
@@ -41,6 +42,8 @@ STROKES = ((0.0, 1e-4), (8.0, 0.0), (12.0, -2e-4), (30.0, 1e-4))
 def _run(names: tuple[str, ...], drive: object, force: object, duration: float, **more: float) -> Trajectory:
     model = assemble(names)
     options = {key: more.pop(key) for key in ("rtol", "accuracy", "locate", "start") if key in more}
+    if {"rtol", "locate"} & set(options):
+        options["accuracy"] = Stepping(options.pop("rtol", 1e-11), locate=bool(options.pop("locate", True)))
     given = VALUES | more
     values = {n: given.get(n, model.parameter(n).default) for n in model.parameter_names}
     return run(model, values, drive, force, duration, **options)  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
 from tests.support import oracle
@@ -73,7 +74,7 @@ def test_events_and_forces_agree_with_an_independent_integrator(name: str) -> No
 def test_accuracy_is_lost_when_switches_are_not_located() -> None:
     drive, force, duration = SCENES["1 mm/s"]
     truth = oracle.simulate(PAIR, drive, force, duration)
-    events, forces = _errors(_ours(drive, force, duration, locate=False), truth, duration)
+    events, forces = _errors(_ours(drive, force, duration, accuracy=Stepping(1e-11, locate=False)), truth, duration)
     assert events > 1e-6
     assert forces > 1e-6
 
@@ -114,7 +115,7 @@ def test_a_plain_oscillator_slips_as_the_closed_form_says() -> None:
     """Without ageing, weakening and damping: onset at mu_s F_n/k, drop 2 (mu_s - mu_k0) F_n (alpha = 0)."""
     model = assemble(("inertia",))
     values = {n: PAIR[n] for n in model.parameter_names}
-    trajectory = run(model, values, 1e-3, 1.0, 2.0, rtol=1e-12)
+    trajectory = run(model, values, 1e-3, 1.0, 2.0, accuracy=Stepping(1e-12))
     force = trajectory.sample([trajectory.onsets[0], trajectory.arrests[0]])["force"]
     omega, k = np.sqrt(1470.0 / 0.2), 1470.0
     overshoot = 0.19 / (1e-3 / omega * k)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identify.effects import ALL, MAIN
 from identify.effects.quantities import Effect, Parameter
 from identify.model.model import Model, assemble
+from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 from tests.support import effect_oracle
 
@@ -170,7 +171,7 @@ def departure(
     """The simulation against the independent integrator, which may be told other numbers (`against`)."""
     load = load_of(names)
     force = load if isinstance(load, float) else tuple(np.array(load).T)
-    ours = run(assemble(names), p, drive, force, DURATION, rtol=RTOL)
+    ours = run(assemble(names), p, drive, force, DURATION, accuracy=Stepping(RTOL))
     theirs = _independent(names, tuple((against or p).items()), drive)
     times = np.linspace(0.0, DURATION, 241)
     apart = float(np.max(np.abs(ours.sample(times)["force"] - theirs.force(times))))
