@@ -23,6 +23,9 @@ _EXACT: Final = 1e-3  # of the rounding step by which stamps may miss its multip
 _NEAR: Final = 0.05  # of a tick by which differences of stamps may miss its multiples: its decimals are rounded too
 _LEVELS: Final = 12  # different intervals that a rounded even clock has at most; one that jitters has many
 _STAMPS: Final = 20  # different stamps from which the line through rows that share them tells where each belongs
+_ODD: Final = (
+    3  # intervals unlike the usual one from which they are those of a rounding: fewer are rows lost or repeated
+)
 _WITHIN: Final = 1.25  # rounding steps that the line through an even clock may miss its stamps by, from end to end
 
 
@@ -42,6 +45,8 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
         return time, []
     step, kind = _rounding(time, change)
     if not 2.0 * _MATTERS * interval < step <= max(2.0, time.size / _STAMPS) * interval:
+        return time, []
+    if np.count_nonzero(np.abs(change - np.median(change)) > _MATTERS * interval) < _ODD:
         return time, []
     places = np.arange(time.size)
     slope, begin = np.polyfit(places, time - time[0], 1)

@@ -7,6 +7,7 @@ import pytest
 
 from data_io import read_log as read
 from data_io.clock import evened
+from data_io.quality import assess
 
 EVEN = np.arange(4000) / 800.0
 
@@ -35,3 +36,16 @@ def test_a_file_with_few_digits_is_read_with_its_even_clock_and_says_so(tmp_path
     record = read(tmp_path / "a.csv")
     assert np.ptp(np.diff(record.time)) < 1e-9
     assert "clock_rounded" in [finding.code for finding in record.findings]
+
+
+@pytest.mark.parametrize(("fault", "code"), [("repeated", "repeated_time"), ("lost", "dropouts")])
+def test_one_row_lost_or_repeated_is_no_rounding(tmp_path, fault, code):
+    """One odd interval among eighty fits a clock of 0.6 % another rate as well; it is said, and the rate stays."""
+    rows = [f"{0.0127 + 0.02 * i:.4f},{0.5 + 0.01 * (i % 7):.4f},2.0" for i in range(83)]
+    rows[40:41] = [rows[40], rows[40]] if fault == "repeated" else []
+    path = tmp_path / "log.csv"
+    path.write_text("T [s],Fx [N],Fz [N]\n" + "\n".join(rows) + "\n")
+    record = read(path)
+    findings = {finding.code for finding in (*record.findings, *assess(record).findings)}
+    assert code in findings and "clock_rounded" not in findings
+    assert np.diff(record.time).min() == pytest.approx(0.02) and np.isclose(np.diff(record.time), 0.02).sum() >= 81
