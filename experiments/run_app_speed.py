@@ -1,6 +1,6 @@
 """How fast the page is: first picture, pan and zoom of ten million samples, and the try sliders, in headless Chromium.
 
-Prints a table. Needs the extra `app`, websockets and Chromium. python experiments/run_app_speed.py [samples]
+Prints a table. Needs the extra `app` and Chromium. python experiments/run_app_speed.py [samples]
 """
 
 import resource
@@ -17,7 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record, write_hdf5
 from identify.app.folder import Folder
 from identify.app.server import Serving
-from tests.app.browser import CHROMIUM, Browser
+from tests.app.browser import PageBrowser
+from tests.support.browser import CHROMIUM
 
 TURNS = 50
 RATE = 2000.0  # [Hz]
@@ -32,7 +33,7 @@ def long_log(path: Path, samples: int) -> None:
     write_hdf5(Record(time_, load, force), path)
 
 
-def waited(browser: Browser, counter: str, act: str) -> float:
+def waited(browser: PageBrowser, counter: str, act: str) -> float:
     """Milliseconds from an act in the page until what it shows was drawn, the next frame included."""
     return float(
         browser.ask(
@@ -43,7 +44,7 @@ def waited(browser: Browser, counter: str, act: str) -> float:
     )
 
 
-def curves_of(browser: Browser, serving: Serving, name: str, turns: int) -> None:
+def curves_of(browser: PageBrowser, serving: Serving, name: str, turns: int) -> None:
     """First picture, pan and zoom of one log."""
     opened = serving.page.logs.opened(name)
     began = time.perf_counter()
@@ -51,7 +52,7 @@ def curves_of(browser: Browser, serving: Serving, name: str, turns: int) -> None
         time.sleep(0.01)
     print(f"reading {len(opened.record or ()):,} samples  {time.perf_counter() - began:8.2f} s")
     began = time.perf_counter()
-    browser.open(f"{serving.address}#log?path={name}&alone=1")
+    browser.visit(f"{serving.address}#log?path={name}&alone=1")
     browser.wait("Number(document.querySelector('#plots').dataset.drawn) > 0")
     print(f"first picture after reading  {time.perf_counter() - began:8.2f} s (the page opened anew)")
     drawn, view = "document.querySelector('#plots').dataset.drawn", "document.querySelector('#view').timeView"
@@ -71,9 +72,9 @@ def curves_of(browser: Browser, serving: Serving, name: str, turns: int) -> None
     print(f"server at most {peak:.0f} MB, the writing of the log included")
 
 
-def sliders_of(browser: Browser, serving: Serving, turns: int) -> None:
+def sliders_of(browser: PageBrowser, serving: Serving, turns: int) -> None:
     """From a slider to the curve, for the demo's log at 1 mm/s."""
-    browser.open(f"{serving.address}#try?scene=pair.toml&number=2")
+    browser.visit(f"{serving.address}#try?scene=pair.toml&number=2")
     browser.wait("document.querySelector('#view').dataset.tried")
     slider = "document.querySelector('[data-parameter=mu_s]')"
     tries = [
@@ -107,14 +108,14 @@ def main(fast: bool = False, samples: int = 10_000_000) -> None:
         serving = Serving(Folder.at(root))
         serving.page.put_examples({})
         serving.start()
-        browser = Browser()
         turns = 5 if fast else TURNS
         try:
-            curves_of(browser, serving, "long.h5", turns)
-            sliders_of(browser, serving, turns)
+            with PageBrowser() as browser:
+                browser.size(1280, 900)
+                curves_of(browser, serving, "long.h5", turns)
+                sliders_of(browser, serving, turns)
             cancel_of(serving)
         finally:
-            browser.close()
             serving.stop()
 
 

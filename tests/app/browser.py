@@ -1,73 +1,12 @@
-"""A headless Chromium driven by its DevTools protocol: open a page, ask it, click and drag, look at it."""
+"""A served page driven in a headless Chromium as a person would: ask it, wait for it, click, type and drag."""
 
-import base64
 import json
-import shutil
-import subprocess
-import tempfile
 import time
-import urllib.request
-from pathlib import Path
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-QUIET = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --remote-debugging-port=0 --remote-allow-origins=*"
-).split()
-# every name but the server's own fails to resolve: a page that fetched anything from the network would show it
-NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"
-PATIENCE = 60.0  # seconds for something to appear
+from tests.support.browser import PATIENCE, Browser
 
 
-class Browser:
-    def __init__(self, width=1280, height=900):
-        from websockets.sync.client import connect
-
-        self.home = tempfile.mkdtemp(prefix="chromium-")
-        words = [CHROMIUM, *QUIET, NO_NETWORK, f"--user-data-dir={self.home}", f"--window-size={width},{height}"]
-        self.process = subprocess.Popen([*words, "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        port = self._until(lambda: self._port(), "Chromium did not start")
-        pages = json.load(urllib.request.urlopen(f"http://127.0.0.1:{port}/json"))
-        page = next(p for p in pages if p["type"] == "page")
-        self.socket = connect(page["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
-        self.number, self.complaints, self.asked = 0, [], []
-        for domain in ("Page", "Runtime", "Network", "Log"):
-            self.call(f"{domain}.enable")
-        self.size(width, height)
-
-    def _port(self):
-        path = Path(self.home) / "DevToolsActivePort"
-        return int(path.read_text().split()[0]) if path.exists() and path.read_text().strip() else None
-
-    @staticmethod
-    def _until(look, complaint, patience=PATIENCE):
-        deadline = time.monotonic() + patience
-        while time.monotonic() < deadline:
-            if found := look():
-                return found
-            time.sleep(0.03)
-        raise AssertionError(complaint)
-
-    def call(self, method, **params):
-        self.number += 1
-        self.socket.send(json.dumps({"id": self.number, "method": method, "params": params}))
-        while True:
-            told = json.loads(self.socket.recv(timeout=PATIENCE))
-            if told.get("id") == self.number:
-                assert "error" not in told, told
-                return told["result"]
-            self._hear(told)
-
-    def _hear(self, told):
-        what, params = told.get("method"), told.get("params", {})
-        if what == "Runtime.exceptionThrown":
-            details = params["exceptionDetails"]
-            self.complaints.append(details.get("exception", {}).get("description") or details["text"])
-        elif what == "Log.entryAdded" and params["entry"]["level"] == "error":
-            self.complaints.append(f"{params['entry']['text']} {params['entry'].get('url', '')}")
-        elif what == "Network.requestWillBeSent":
-            self.asked.append(params["request"]["url"])
-
+class PageBrowser(Browser):
     def size(self, width, height, dark=False):
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
@@ -75,7 +14,7 @@ class Browser:
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=scheme)
 
-    def open(self, address):
+    def visit(self, address):
         self.call("Page.navigate", url="about:blank")
         self.call("Page.navigate", url=address)
         self.wait("document.body && document.body.dataset.ready === 'yes'")
@@ -93,9 +32,9 @@ class Browser:
         try:
             self._until(look, expression, patience)
         except AssertionError:
-            raise AssertionError(f"never: {expression}\n{self.ask(text)}\n{self.complaints}") from None
+            raise AssertionError(f"never: {expression}\n{self.ask(text)}\n{self.errors}") from None
 
-    def click(self, words):
+    def press(self, words):
         """Press the button or link with these words, or the element of a selector."""
         target = json.dumps(words)
         find = f"[...document.querySelectorAll('button, a, summary')].find((b) => b.textContent.trim() === {target})"
@@ -124,16 +63,14 @@ class Browser:
     def _mouse(self, kind, x, y, buttons):
         self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)
 
-    def picture(self, path):
-        Path(path).write_bytes(
-            base64.b64decode(self.call("Page.captureScreenshot", captureBeyondViewport=False)["data"])
-        )
-
-    def close(self):
-        self.socket.close()
-        self.process.terminate()
-        self.process.wait(10)
-        shutil.rmtree(self.home, ignore_errors=True)
+    @staticmethod
+    def _until(look, complaint, patience=PATIENCE):
+        deadline = time.monotonic() + patience
+        while time.monotonic() < deadline:
+            if found := look():
+                return found
+            time.sleep(0.03)
+        raise AssertionError(complaint)
 
 
 def _selector(words):

@@ -12,7 +12,8 @@ pytest.importorskip("starlette", reason="the extra `app` is not installed")
 from identify import examples
 from identify.app.folder import Folder
 from identify.app.server import Serving
-from tests.app import browser
+from tests.app.browser import PageBrowser
+from tests.support.browser import CHROMIUM
 
 
 class Client:
@@ -71,22 +72,20 @@ def client(serving):
 
 @pytest.fixture(scope="session")
 def chromium():
-    if browser.CHROMIUM is None:
+    if CHROMIUM is None:
         pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    pytest.importorskip("websockets")
-    made = browser.Browser()
-    yield made
-    made.close()
+    with PageBrowser() as made:
+        yield made
 
 
 @pytest.fixture
 def page(chromium, serving):
     """The browser on the first view; afterwards nothing but this server may have been asked, and nothing complained."""
-    chromium.complaints.clear()
-    chromium.asked.clear()
+    chromium.errors.clear()
+    chromium.requests.clear()
     chromium.size(1280, 900)
-    chromium.open(serving.address)
+    chromium.visit(serving.address)
     yield chromium
     chromium.call("Page.navigate", url="about:blank")
-    elsewhere = [url for url in chromium.asked if url.startswith("http") and f"127.0.0.1:{serving.port}/" not in url]
-    assert elsewhere == [] and chromium.complaints == []
+    elsewhere = [url for url in chromium.requests if url.startswith("http") and f"127.0.0.1:{serving.port}/" not in url]
+    assert elsewhere == [] and chromium.errors == []

@@ -1,5 +1,6 @@
 """The server without a browser: who is refused, which paths, names of logs, jobs that are cancelled and killed."""
 
+import http.client
 import os
 import random
 import shlex
@@ -249,6 +250,19 @@ def test_without_the_extra_one_sentence_says_what_to_install(monkeypatch, capsys
     code = "import sys; import identify.cli.main as m; m.build_parser(); print('starlette' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=same_code())
     assert told.stdout.strip() == "False", "the other commands do not pay for it"
+
+
+def test_small_answers_are_sent_at_once(client):
+    """Where the kernel waits for more to send, every answer on an open connection takes 40 ms."""
+    connection = http.client.HTTPConnection("127.0.0.1", client.serving.port)
+    taken = []
+    for _ in range(20):
+        began = time.perf_counter()
+        connection.request("GET", f"/{client.serving.token}/api/jobs")
+        connection.getresponse().read()
+        taken.append(time.perf_counter() - began)
+    connection.close()
+    assert min(taken[1:]) < 0.03
 
 
 def test_the_command_serves_until_it_is_interrupted(root):

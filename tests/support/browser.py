@@ -17,11 +17,20 @@ from typing import Any
 CHROMIUM = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
 )
-PATIENCE = 30.0
+PATIENCE = 60.0
+QUIET = (
+    "--headless=new --no-sandbox --disable-gpu --disable-quic --disable-dev-shm-usage --no-first-run "
+    "--disable-background-networking --disable-component-update --disable-sync --remote-debugging-pipe"
+).split()
+# every name but the machine's own fails to resolve: a page that fetched anything from the network would show it
+NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"
 
 
 class Browser:
-    """One page in a headless browser; use as a context. `requests` and `errors` collect what the page did."""
+    """One page in a headless browser; use as a context. `requests` and `errors` collect what the page did.
+
+    The browser ends when its pipe does, so that a test that is killed leaves none behind.
+    """
 
     def __init__(self) -> None:
         assert CHROMIUM is not None
@@ -36,16 +45,7 @@ class Browser:
             os.dup2(ends[1], 4)
 
         self._process = subprocess.Popen(
-            [
-                CHROMIUM,
-                "--headless=new",
-                "--no-sandbox",
-                "--disable-gpu",
-                "--disable-dev-shm-usage",
-                "--remote-debugging-pipe",
-                f"--user-data-dir={self._profile.name}",
-                "about:blank",
-            ],
+            [CHROMIUM, *QUIET, NO_NETWORK, f"--user-data-dir={self._profile.name}", "about:blank"],
             pass_fds=(3, 4),
             preexec_fn=at_three_and_four,
             stdout=subprocess.DEVNULL,
@@ -110,9 +110,10 @@ class Browser:
         if method == "Network.requestWillBeSent":
             self.requests.append(given["request"]["url"])
         elif method == "Runtime.exceptionThrown":
-            self.errors.append(str(given["exceptionDetails"].get("text")))
+            details = given["exceptionDetails"]
+            self.errors.append(str(details.get("exception", {}).get("description") or details["text"]))
         elif method == "Log.entryAdded" and given["entry"]["level"] == "error":
-            self.errors.append(given["entry"]["text"])
+            self.errors.append(f"{given['entry']['text']} {given['entry'].get('url', '')}".strip())
         elif method == "Page.javascriptDialogOpening":
             self.errors.append(f"dialog: {given['message']}")
             self._events.append("dialog")
