@@ -26,6 +26,7 @@ Bools = NDArray[np.bool_]
 ENOUGH = 1.5  # times the limit that a point's squared distance may have
 ROUNDS = 200
 ROUNDING = 1e-9
+MIXTURES = np.logspace(-8.0, 4.0, 49)  # of the way across a ridge and the way to a point, by the largest eigenvalue
 FARTHEST = 20.0  # a logarithm that is farther off than that is open
 
 
@@ -47,9 +48,30 @@ def widened(covariance: Array, away: Array, limits: Array) -> Array:
         enough = ENOUGH * limits[far]
         if not distances[far] > enough * (1.0 + ROUNDING):
             return out
-        # Rank one: the point itself then lies where it may, exactly, and nothing becomes surer than it was.
-        out = out + (1.0 / enough - 1.0 / distances[far]) * np.outer(away[far], away[far])
+        out = out + _least_widening(out, away[far], enough)
     return out
+
+
+def _least_widening(covariance: Array, away: Array, limit: float) -> Array:
+    """The rank-one matrix (f, f) that brings a point (f,) to a squared distance `limit` and widens the variances least.
+
+    A bent ridge leaves the covariance across its narrow directions: to widen it there takes little of any standard
+    error, to widen it towards the point itself takes much of all. Of r = (R + mu I)^-1 x, x the point in standard errors
+    and R the correlation, mu -> infinity is the latter, a small mu the former, and the r for which the relative growths
+    of the variances, k |r|^2, add up to least is one of these (Lagrange's condition).
+    """
+    sd = np.maximum(np.sqrt(np.diag(covariance)), np.abs(away) / np.sqrt(limit))  # what each needs by itself
+    x = away / sd
+    sizes, axes = np.linalg.eigh(covariance / np.outer(sd, sd))
+    x = axes.T @ x
+    excess = float(np.sum(x**2 / sizes)) - limit
+    ways = x / (sizes + MIXTURES[:, None] * sizes[-1])  # (mu, f)
+    reach, length = ways @ (x / sizes), np.sum(ways**2 / sizes, axis=1)
+    room = reach**2 - excess * length  # above nought where some multiple of r brings the point near enough
+    factor = excess / np.where(room > 0.0, room, np.nan)
+    best = int(np.nanargmin(factor * np.sum(ways**2, axis=1)))
+    widest = axes @ ways[best] * sd
+    return np.asarray(factor[best] * np.outer(widest, widest))
 
 
 def widened_on_both_scales(covariance: Array, away: Array, limits: Array, values: Array, logarithmic: Bools) -> Array:

@@ -42,6 +42,26 @@ def test_a_banana_is_held_and_nothing_becomes_surer():
     assert np.min(np.linalg.eigvalsh(wider - covariance)) >= -1e-12
 
 
+def test_a_bent_ridge_leaves_the_standard_errors_along_it_as_they_are():
+    """Two parameters of which one combination is known fifty times better, on a path that bends: draws of it scatter as
+    the curvature says. Control: widened towards the points themselves, both would be far too uncertain."""
+    axes, s = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0), 0.02
+    along = np.random.default_rng(1).standard_normal(4000)
+    across = 0.1 * along**2 + s * np.random.default_rng(2).standard_normal(along.size)
+    drawn = np.stack([along, across], axis=1) @ axes
+    covariance = axes.T @ np.diag([1.0, s**2]) @ axes
+    away = drawn[np.abs(along) < 2.2][:300]
+    limits = np.maximum(along[np.abs(along) < 2.2][:300] ** 2, LIMIT)
+    assert np.max(_distances(covariance, away)) > 50 * LIMIT
+    wider = widened(covariance, away, limits)
+    assert np.max(_distances(wider, away) / limits) <= ENOUGH * (1 + 1e-9)
+    np.testing.assert_allclose(np.sqrt(np.diag(wider)), np.std(drawn, axis=0), rtol=0.08)
+    far = int(np.argmax(_distances(covariance, away) / limits))
+    enough, q = ENOUGH * limits[far], _distances(covariance, away)[far]
+    towards = covariance + (1.0 / enough - 1.0 / q) * np.outer(away[far], away[far])
+    assert np.all(np.sqrt(np.diag(towards)) > 1.15 * np.std(drawn, axis=0))
+
+
 @pytest.mark.slow
 def test_a_bent_ridge_of_ten_percent_is_followed(monkeypatch):
     # Standard error of a 11 %, truth 2.6 of them away: the others follow it on a bent path.
