@@ -56,9 +56,9 @@ def _least_widening(covariance: Array, away: Array, limit: float) -> Array:
     """The rank-one matrix (f, f) that brings a point (f,) to a squared distance `limit` and widens the variances least.
 
     A bent ridge leaves the covariance across its narrow directions: to widen it there takes little of any standard
-    error, to widen it towards the point itself takes much of all. Of r = (R + mu I)^-1 x, x the point in standard errors
-    and R the correlation, mu -> infinity is the latter, a small mu the former, and the r for which the relative growths
-    of the variances, k |r|^2, add up to least is one of these (Lagrange's condition).
+    error, to widen it towards the point itself takes much of all. Of r = (R + mu I)^-1 x, x the point in standard
+    errors and R the correlation, mu -> infinity is the latter, a small mu the former, and the r for which the relative
+    growths of the variances, k |r|^2, add up to least is one of these (Lagrange's condition).
     """
     sd = np.maximum(np.sqrt(np.diag(covariance)), np.abs(away) / np.sqrt(limit))  # what each needs by itself
     x = away / sd

@@ -76,8 +76,11 @@ class DataSide:
         nothing fits better than by chance it stays where it is expected.
 
         Args:
-            spread: how far off the expected onset may be, one standard deviation [s]; infinite: the data alone say.
+            spread: how far off the expected onset may be, one standard deviation [s]; infinite: the data alone say;
+                nought: it is where it is expected, as after a rest of no length.
         """
+        if spread == 0.0:
+            return onset
         log, by_chance = self.log, BY_CHANCE if np.isinf(spread) else 0.0
         reach = max(REACH * self.half, 2.0 * log.interval)
         step = max(self.half / PER_HALF_PERIOD, 0.25 * log.interval)

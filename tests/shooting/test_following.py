@@ -43,6 +43,18 @@ def test_an_onset_is_found_where_a_stick_rises_by_less_than_the_noise(error: flo
     assert abs(first.until - believed_onset) > 10.0 / RATE  # the parameters alone are a second off
 
 
+def test_an_onset_that_follows_a_rest_of_no_length_stays_where_it_is_expected() -> None:
+    """As where a drive that starts again meets a contact at its limit; with some room the data move it."""
+    time = np.arange(2001) / 1000.0
+    force = np.where(time < 1.1, time, 1.1 - 2.0 * (time - 1.1))
+    p = np.array([(PAIR | RIG)[n] for n in MODEL.parameter_names])
+    log = LogData(time, force, np.full(time.size, 1e6), p, SPEED, NormalForce.of(1.0), 0.0, 0.0, 2.0)
+    data = onset_places.DataSide(log, 0.05, ())
+    wave = onset_places.Wave(np.array([0.0, 0.4]), np.array([1.1, 0.3]), 1.0)
+    assert data.placed(0.0, 1.08, wave, 0.0) == 1.08
+    assert data.placed(0.0, 1.08, wave, 1.0) == pytest.approx(1.1, abs=0.01)
+
+
 # Slips of 6 mN that the noise hides at 0.1 mm/s; slower than that the mass comes to rest twice, and slides on.
 FAINT = {"mu_s": 0.6721, "mu_k0": 0.6122, "delta_mu_k": -0.1083, "a": 1491.0, "D": 1.184e-4, "t_cr": 0.03212}
 FAINT_RIG = {"mass": 0.1281, "stiffness": 1387.0, "damping": 291.7}
