@@ -4,11 +4,13 @@ import ast
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
-import identify
+from data_io import write_csv
+from experiments.study_problem import DEMO, simulated_case
 from identify.cli import main as cli
-from identify.report.finished import Fit
+from identify.report.stored_result import as_json
 from identify.scene.rig import DAMPING
 from identify.scene.values import USUAL_TOLERANCES
 
@@ -33,14 +35,25 @@ def test_every_way_to_state_the_damping_is_told():
     assert stated and set(stated) <= set(USUAL_TOLERANCES)
 
 
-def test_the_python_page_calls_what_there_is():
+def test_the_python_page_runs(tmp_path, monkeypatch):
+    """Its block, line by line on two simulated logs, and every line shows something."""
     text = (DOCS / "python.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    tree = ast.parse(block)
-    imported = [alias.name for node in tree.body if isinstance(node, ast.ImportFrom) and node.module == "identify"
-                for alias in node.names]  # fmt: skip
-    assert imported and all(hasattr(identify, name) for name in imported)
-    used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
-            and isinstance(node.value, ast.Name) and node.value.id in ("found", "Fit")}  # fmt: skip
-    assert {"parameters", "classical", "cycles", "plot", "predict", "simulate", "from_json"} == used
-    assert all(hasattr(Fit, name) for name in used)
+    monkeypatch.chdir(tmp_path)
+    records = simulated_case(DEMO, 1).records  # of the rig that the page states
+    for name, record in (("slow.csv", records[1]), ("fast.csv", records[3])):
+        write_csv(record, name)
+    (tmp_path / "stickslip-pair").mkdir()
+    space, shown = {}, []
+    for node in ast.parse(block).body:
+        line = ast.unparse(node)
+        if "from_json" in line:
+            (tmp_path / "stickslip-pair" / "result.json").write_text(as_json(space["found"].result), encoding="utf-8")
+        if isinstance(node, ast.Expr):
+            shown.append(eval(line, space))
+        else:
+            exec(line, space)
+    found = space["found"]
+    assert found.result["status"] == "converged" and "mu_s" in repr(found) and "mu_s" in found._repr_html_()
+    assert len(shown) == 10 and all(value is not None for value in shown)
+    assert [len(value) > 0 for value in shown if isinstance(value, pd.DataFrame)] == [True] * 4
