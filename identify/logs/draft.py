@@ -93,10 +93,12 @@ def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, Any]) -> Dra
     """
     told = [look(piece) for piece in pieces]
     used = [t for t in told if not t.left_out] or told
+    measured = any(np.ptp(t.piece.record.normal_force[np.isfinite(t.piece.record.normal_force)]) > 0.0 for t in used)
+    effects = ", ".join(json.dumps(name) for name in (EFFECTS if measured else MAIN))
     lines = [
         "# A first scene, written from the logs below by: stickslip scene",
         "# Everything marked TODO is for you to fill in. A quantity is text with a unit, or a bare SI number.",
-        f"effects = [{', '.join(json.dumps(name) for name in EFFECTS)}]   # friction follows the measured load",
+        f"effects = [{effects}]{'   # friction follows the measured load' if measured else ''}",
         "",
         *_rig_lines(used),
         "",

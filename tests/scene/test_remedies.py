@@ -197,6 +197,9 @@ def test_a_refused_file_or_override_is_taken_with_the_remedy_that_is_named(tmp_p
             from identify.cli.main import main
 
             assert main(["scene", str(tmp_path / "slow.csv"), "--out", str(tmp_path / "SCENE.toml")]) == 0
+            assert "varying_normal_force" not in (tmp_path / "SCENE.toml").read_text(), (
+                "its load is the same in all rows"
+            )
             continue
         assert mended() is not None, caught.value
 
