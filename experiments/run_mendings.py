@@ -103,7 +103,7 @@ MENDINGS: Mapping[str, Mending] = {
         lambda result, _: len(result) > 0,
     ),
     "random_starts": Mending(
-        starts, "random_starts", lambda unknowns, around, count, seed: around[None, :][:0], lambda *_: True
+        starts, "random_starts", lambda unknowns, around, count, seed: around[None, :], lambda *_: True
     ),
     "disowned": Mending(
         search, "disowned", _same, lambda result, given: result.gate.status is not given[0].gate.status
