@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identify.base.errors import FitError, IdentifyError
 from identify.effects.quantities import Effect
-from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
@@ -90,8 +90,8 @@ def _laid_out(names: tuple[str, ...]) -> tuple[int, int, int]:
     return layout.free.size, layout.size, layout.rows
 
 
-def _guess(motion: Trajectory, grid: Grid) -> Guess:
-    """The motion itself as the guess of its first CYCLES cycles."""
+def _guess(motion: Trajectory, grid: Grid) -> ShootingTrajectory:
+    """The motion itself as the trajectory of its first CYCLES cycles."""
     names = [s.name for s in motion.model.states]
 
     def states(times: np.ndarray) -> np.ndarray:
@@ -109,4 +109,4 @@ def _guess(motion: Trajectory, grid: Grid) -> Guess:
         states(a[:, None] + np.linspace(0.0, 1.0, n + 1) * (b - a)[:, None])
         for a, b, n in ((onset, middle, grid.slip), (middle, arrest, grid.saturated))
     )
-    return Guess(states(np.zeros(1))[0], onset, saturation, arrest, np.zeros(CYCLES), first, second)
+    return ShootingTrajectory(states(np.zeros(1))[0], onset, saturation, arrest, np.zeros(CYCLES), first, second)

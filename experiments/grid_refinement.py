@@ -27,7 +27,7 @@ ROUNDS = 3  # of assigning samples to steps anew: the event times stand still th
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit on one grid: seconds of forming and solving, unknowns, theta of the free parameters (f,)."""
+    """A fit on one grid: seconds of transcription_seconds and solving, unknowns, theta of the free parameters (f,)."""
 
     grid: Grid
     seconds: float
@@ -56,16 +56,18 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
     for count in steps:
         grid, theta = replace(COARSE, steps=count), truth
         p = [unknowns.values(truth, log.base) for log in data]
-        placed = place(unknowns.model, data, p, [log.falls for log in found.prepared], grid).guesses
-        guesses = [guess for guess in placed if guess is not None]
+        placed = place(unknowns.model, data, p, [log.falls for log in found.prepared], grid).trajectories
+        trajectories = [trajectory for trajectory in placed if trajectory is not None]
         since = time.process_time()
         for _ in range(ROUNDS):
             start = replace(unknowns, start=theta)
-            problem = transcribe(data, guesses, start, grid)
-            solution = solve(problem, tolerance=1e-9, barrier=1e-6)
+            problem = transcribe(data, trajectories, start, grid)
+            solution = solve(problem, tolerance=1e-9, mu_init=1e-6)
             theta = theta.copy()
             theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-            guesses = [place_.read(g, solution.x) for place_, g in zip(problem.layout.places, guesses, strict=True)]
+            trajectories = [
+                place_.read(g, solution.x) for place_, g in zip(problem.layout.places, trajectories, strict=True)
+            ]
         out.append(Fitted(grid, time.process_time() - since, problem.layout.size, theta[free]))
         if count == steps[-1]:
             whole = problem.with_all_parameters(replace(unknowns, start=theta), solution.z)

@@ -57,8 +57,8 @@ CODE: Mapping[Strategy, Sequence[object]] = {
     Strategy.GROUP_BY_GROUP: (grouped,),
     Strategy.EVENTS_CORRECTED: (search._events_corrected, search._mended, events.with_events_mended),
     Strategy.JOINED: (events.join,),
-    Strategy.VIBRATION_STARTS: (other_optima.shaken,),
-    Strategy.OTHER_OPTIMA: (other_optima.lowest_valley, other_optima.other_valleys, other_optima._thrown),
+    Strategy.VIBRATION_STARTS: (other_optima.multistart_around,),
+    Strategy.OTHER_OPTIMA: (other_optima.lowest_optimum, other_optima.optima_about, other_optima._thrown),
     Strategy.HYPOTHESES: (diagnosis,),
     Strategy.ONE_LOG_OUT: (disagreement,),
 }

@@ -31,7 +31,7 @@ from identify.estimation.bootstrap import bootstrap
 from identify.estimation.influence import Influence, influence, sample_moves
 from identify.estimation.profile import CRITICAL, profile
 from identify.estimation.residual_autocorrelation import Remembering, colour, coloured_covariance
-from identify.logs.log_data import Guess, LogData
+from identify.logs.log_data import LogData, ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
@@ -90,7 +90,7 @@ def setting(fast: bool) -> Setting:
         for log, force in zip(found.prepared, clean, strict=True)
     )
     data = [log.data for log in logs]
-    solved = solve_in_passes(data, found.solved.guesses, searched.softened())
+    solved = solve_in_passes(data, found.solved.trajectories, searched.with_weak_priors())
     unknowns = replace(searched, start=solved.theta)
     base = unknowns.base(RIG)
     truth = unknowns.theta(np.array([(DEMO | RIG)[n] for n in unknowns.names]), base)[unknowns.free]
@@ -123,7 +123,7 @@ def repeat(
     if settled is None:
         return None
     theta = (settled.z * layout.scale)[:f]
-    cycles = [guess.cycles for guess in solved.guesses]
+    cycles = [trajectory.cycles for trajectory in solved.trajectories]
     known = influence(problem, settled.z, cycles, absorbed=deep)
     fitted = problem.fitted(settled.z)
     colours = tuple(colour(log.force - curve) for log, curve in zip(data, fitted, strict=True))
@@ -179,7 +179,7 @@ def _deep(
             held[i] = noise.objection(here, problem.fitted(found.z), loss) <= CRITICAL
     if walked:
         _same_by_walking(setting, problem, settled.z, known, noise, memory, data, held)
-    cycles = [guess.cycles for guess in setting.solved.guesses]
+    cycles = [trajectory.cycles for trajectory in setting.solved.trajectories]
     seed = int(random.integers(2**31))
     made = bootstrap(problem, settled.z, known, 200, cycles=cycles, seed=seed, refine=False)
     inside = (made.interval[:, 0] <= setting.truth) & (setting.truth <= made.interval[:, 1])
@@ -199,10 +199,12 @@ def _same_by_walking(
     """The ends that a profile finds hold the truth where the objection to it says so, but within 3 % of an end."""
     solved, layout = setting.solved, problem.layout
     x = z * layout.scale
-    guesses: list[Guess] = [p.read(g, x) for p, g in zip(layout.places, solved.formed_from, strict=True)]
+    trajectories: list[ShootingTrajectory] = [
+        p.read(g, x) for p, g in zip(layout.places, solved.formed_from, strict=True)
+    ]
     theta = setting.unknowns.start.copy()
     theta[layout.free] = x[: layout.free.size]
-    here = replace(solved, problem=problem, guesses=guesses, theta=theta)
+    here = replace(solved, problem=problem, trajectories=trajectories, theta=theta)
     logs = tuple(replace(log, data=d) for log, d in zip(setting.prepared, data, strict=True))
     unknowns = replace(setting.unknowns, start=theta)
     walked = profile(logs, here, unknowns, known.covariance, lambda _stage, _share: None, noise, memory=memory)
@@ -247,7 +249,7 @@ def refinement(setting: Setting) -> float:
     """Largest difference, in standard errors, between replicates solved again and those linear in the residuals."""
     random = np.random.default_rng(9)
     problem = Problem(noisy(setting, random, 0.0), setting.solved.problem.layout)
-    cycles = [guess.cycles for guess in setting.solved.guesses]
+    cycles = [trajectory.cycles for trajectory in setting.solved.trajectories]
     z = setting.solved.solution.z
     settled = setting.warm.settle(z, problem=problem, within=1e-3)
     assert settled is not None
@@ -264,7 +266,7 @@ def main(fast: bool = False, repeats: int = 2000, deep: int = 400, seed: int = 1
     made = setting(fast)
     print(describe())
     print(f"{len(made.clean)} logs, {sum(x.size for x in made.clean)} samples, ", end="")
-    print(f"{sum(g.cycles for g in made.solved.guesses)} cycles")
+    print(f"{sum(g.cycles for g in made.solved.trajectories)} cycles")
     print(f"replicates solved again differ by at most {refinement(made):.3f} standard errors from linear ones")
     out = {}
     for number, (kind, memory) in enumerate((("white", 0.0), ("coloured", MEMORY))):

@@ -198,8 +198,8 @@ def against_least_squares(
 
     def hard() -> float:
         p = [start.values(truth, base) for _ in data]
-        guesses = place(start.model, data, p, [log.falls for log in logs], COARSE).guesses
-        return solve_in_passes(data, [g for g in guesses if g is not None], start.softened()).solution.cost
+        trajectories = place(start.model, data, p, [log.falls for log in logs], COARSE).trajectories
+        return solve_in_passes(data, [g for g in trajectories if g is not None], start.with_weak_priors()).solution.cost
 
     series = []
     for log in data:

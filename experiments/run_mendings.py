@@ -54,15 +54,15 @@ def _same(first: Any, *given: Any, **named: Any) -> Any:
 
 
 MENDINGS: Mapping[str, Mending] = {
-    "resequenced": Mending(attempt, "resequenced", _nothing),
-    "refollowed": Mending(attempt, "refollowed", _nothing),
-    "by_a_hair": Mending(attempt, "by_a_hair", lambda *_: [], lambda result, _: bool(result)),
+    "resimulated": Mending(attempt, "resimulated", _nothing),
+    "resimulated_whole": Mending(attempt, "resimulated_whole", _nothing),
+    "near_grazing": Mending(attempt, "near_grazing", lambda *_: [], lambda result, _: bool(result)),
     "first_onsets": Mending(passes, "with_first_onsets", _nothing),
     "last_onsets": Mending(passes, "with_last_onsets", _nothing),
     "calm_passes": Mending(
         passes,
         "_from_calm",
-        lambda logs, guesses, unknowns, way: passes._in_passes(logs, logs, guesses, unknowns, way),
+        lambda logs, trajectories, unknowns, way: passes._in_passes(logs, logs, trajectories, unknowns, way),
         lambda result, given: any(passes.calmed(log) is not log for log in given[0]),
     ),
     "calm_search": Mending(
@@ -72,17 +72,17 @@ MENDINGS: Mapping[str, Mending] = {
         lambda result, given: any(passes.calmed(log.data) is not log.data for log in given[0]),
     ),
     "interval_of_a_slip": Mending(
-        passes, "_interval", lambda log, guess: log.interval, lambda result, given: result < given[0].interval
+        passes, "_interval", lambda log, trajectory: log.interval, lambda result, given: result < given[0].interval
     ),
-    "grazes": Mending(attempt, "grazes", lambda *_: False, lambda result, _: bool(result)),
+    "is_near_grazing": Mending(attempt, "is_near_grazing", lambda *_: False, lambda result, _: bool(result)),
     "aged_until_seen": Mending(
         placing, "aged_until_seen", lambda along, x, candidates, onsets: float(x[along.model.clamped]), lambda *_: True
     ),
-    "resolve_firmly": Mending(
+    "solve_again_with_priors": Mending(
         examined,
-        "resolve_firmly",
-        lambda at, unknowns, theta, motion: attempt.resolve(
-            attempt.replace(at, solved=attempt.replace(at.solved, guesses=motion)),
+        "solve_again_with_priors",
+        lambda at, unknowns, theta, motion: attempt.solve_again(
+            attempt.replace(at, solved=attempt.replace(at.solved, trajectories=motion)),
             attempt.replace(unknowns, start=theta),
         ),
         lambda *_: True,
@@ -91,8 +91,8 @@ MENDINGS: Mapping[str, Mending] = {
     "hold_other_optima": Mending(
         other_optima,
         "solve_or_hold",
-        lambda prepared, chosen, unknowns, clock, hopeless: attempt.solve_from(
-            prepared, chosen, unknowns, clock, hopeless=hopeless
+        lambda prepared, chosen, unknowns, clock, cost_cutoff: attempt.solve_from(
+            prepared, chosen, unknowns, clock, cost_cutoff=cost_cutoff
         ),
         lambda *_: True,
     ),
@@ -105,8 +105,8 @@ MENDINGS: Mapping[str, Mending] = {
     "random_starts": Mending(
         starts, "random_starts", lambda unknowns, around, count, seed: around[None, :], lambda *_: True
     ),
-    "disowned": Mending(
-        search, "disowned", _same, lambda result, given: result.gate.status is not given[0].gate.status
+    "rejected_as_incomplete": Mending(
+        search, "rejected_as_incomplete", _same, lambda result, given: result.gate.status is not given[0].gate.status
     ),
     "held": Mending(search, "_held", _nothing),
     "joined_forms": Mending(events, "_joining_mended", _same, lambda result, given: result is not given[0]),

@@ -51,7 +51,7 @@ def main(fast: bool = False) -> dict[str, float]:
     one = float(np.median([timed(fit)[0] for _ in range(1 if fast else FIT_REPEATS)]))
     attempt, unknowns = found.attempt, found.unknowns  # type: ignore[attr-defined]
     covariance, solved = found.covariance, attempt.solved  # type: ignore[attr-defined]
-    cycles = [guess.cycles for guess in solved.guesses]
+    cycles = [trajectory.cycles for trajectory in solved.trajectories]
 
     def resample() -> object:
         known = influence(solved.problem, solved.solution.z, cycles)

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 
 from data_io import Record
 from experiments.study_problem import NOISE
-from identify.logs.log_data import Guess, LogData
+from identify.logs.log_data import LogData, ShootingTrajectory
 from identify.logs.prepare import LAST_STICK, REPEATABLE
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.scene import Scene
@@ -89,7 +89,7 @@ class Truth:
 @dataclass(frozen=True)
 class _Point:
     theta: Array
-    guesses: list[Guess]
+    trajectories: list[ShootingTrajectory]
     cost: float
 
 
@@ -156,7 +156,7 @@ def true_profiles(
     unknowns = from_scene(scene)
     base = unknowns.base(pair)
     truth = unknowns.theta(np.array([pair[name] for name in unknowns.names]), base)
-    logs, soft = _logs(records, motions, speeds, base), replace(unknowns, start=truth).softened()
+    logs, soft = _logs(records, motions, speeds, base), replace(unknowns, start=truth).with_weak_priors()
     falls = [_falls(motion) for motion in motions]
     best = _begun(soft, logs, falls, truth)
     if best is None:
@@ -189,19 +189,21 @@ def true_profiles(
 
 def _begun(unknowns: Unknowns, logs: list[LogData], falls: list[Array], theta: Array) -> _Point | None:
     """The best point of the valley of a theta (n_p,); None where the model does not slip there, or the solver fails."""
-    guesses = _on_falls(unknowns, logs, falls, theta)
-    if guesses is None:
+    trajectories = _on_falls(unknowns, logs, falls, theta)
+    if trajectories is None:
         return None
-    first = solve_in_passes(logs, guesses, replace(unknowns, start=theta))
-    return _solved(unknowns, logs, first.theta, first.guesses, None) if np.all(np.isfinite(first.theta)) else None
+    first = solve_in_passes(logs, trajectories, replace(unknowns, start=theta))
+    return _solved(unknowns, logs, first.theta, first.trajectories, None) if np.all(np.isfinite(first.theta)) else None
 
 
-def _on_falls(unknowns: Unknowns, logs: list[LogData], falls: list[Array], theta: Array) -> list[Guess] | None:
+def _on_falls(
+    unknowns: Unknowns, logs: list[LogData], falls: list[Array], theta: Array
+) -> list[ShootingTrajectory] | None:
     """The motion of a theta (n_p,) placed on the true falls; None where the model does not slip there."""
     values = [unknowns.values(theta, log.base) for log in logs]
     placed = place(unknowns.model, logs, values, falls, COARSE)
-    guesses = [guess for guess in placed.guesses if guess is not None]
-    return guesses if len(guesses) == len(logs) else None
+    trajectories = [trajectory for trajectory in placed.trajectories if trajectory is not None]
+    return trajectories if len(trajectories) == len(logs) else None
 
 
 def _same(unknowns: Unknowns, one: _Point, other: _Point) -> bool:
@@ -211,19 +213,19 @@ def _same(unknowns: Unknowns, one: _Point, other: _Point) -> bool:
 
 
 def _solved(
-    unknowns: Unknowns, logs: list[LogData], theta: Array, guesses: list[Guess], held: int | None
+    unknowns: Unknowns, logs: list[LogData], theta: Array, trajectories: list[ShootingTrajectory], held: int | None
 ) -> _Point | None:
     free = unknowns.free.copy()
     if held is not None:
         free[held] = False
-    problem = transcribe(logs, guesses, replace(unknowns, start=theta, free=free), replace(COARSE, steps=STEPS))
-    solution = solve(problem, barrier=1e-6, iterations=PATIENCE, exact=True)
+    problem = transcribe(logs, trajectories, replace(unknowns, start=theta, free=free), replace(COARSE, steps=STEPS))
+    solution = solve(problem, mu_init=1e-6, iterations=PATIENCE, exact=True)
     if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
         return None
     layout = problem.layout
     found = theta.copy()
     found[layout.free] = solution.x[: layout.free.size]
-    moved = [place.read(guess, solution.x) for place, guess in zip(layout.places, guesses, strict=True)]
+    moved = [place.read(trajectory, solution.x) for place, trajectory in zip(layout.places, trajectories, strict=True)]
     told = ((found - unknowns.prior_mean) / unknowns.prior_sd)[free]
     return _Point(found, moved, solution.cost - 0.5 * float(np.sum(told**2)))
 
@@ -246,8 +248,8 @@ class _Walks:
 
     def claimed(self, theta: Array, falls: list[Array]) -> bool:
         """Walk on from a theta (n_p,), if it is true that the data do not object to it; whether it is."""
-        guesses = _on_falls(self.unknowns, self.logs, falls, theta)
-        point = None if guesses is None else _solved(self.unknowns, self.logs, theta, guesses, self.index)
+        trajectories = _on_falls(self.unknowns, self.logs, falls, theta)
+        point = None if trajectories is None else _solved(self.unknowns, self.logs, theta, trajectories, self.index)
         if point is None:
             self.unsettled.append(float(theta[self.index]))
             return False
@@ -318,7 +320,7 @@ class _Walks:
     def _held(self, near: _Point, value: float) -> _Point | None:
         theta = near.theta.copy()
         theta[self.index] = value
-        return _solved(self.unknowns, self.logs, theta, near.guesses, self.index)
+        return _solved(self.unknowns, self.logs, theta, near.trajectories, self.index)
 
 
 def _size(unknowns: Unknowns, theta: Array, index: int) -> float:

@@ -21,12 +21,12 @@ from identify.estimation.certainty import Certainty, certainty
 from identify.estimation.grouped import search_grouped
 from identify.estimation.hints import what_is_held
 from identify.estimation.known_early import wrong_unit
-from identify.estimation.other_optima import shaken
-from identify.estimation.search import disowned, plenty
+from identify.estimation.other_optima import multistart_around
+from identify.estimation.search import rejected_as_incomplete, required_logs
 from identify.estimation.starts import Sources
 from identify.estimation.status_words import at_bounds, ended, underivable, untried
 from identify.estimation.stick_strength import with_strengths
-from identify.estimation.strategies import Strategy, attempted
+from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.loads import calmed
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
@@ -91,7 +91,9 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
         if attempt is not None and unknowns.model.vibrates:
             progress("solving from other starts", 0.85)
             since, found = time.perf_counter(), attempt
-            better = attempted(Strategy.VIBRATION_STARTS, lambda: shaken(found, prepared, unknowns, seed), found)
+            better = run_strategy(
+                Strategy.VIBRATION_STARTS, lambda: multistart_around(found, prepared, unknowns, seed), found
+            )
             attempt = better or found
             clock.add("solve", since)
     since = time.perf_counter()
@@ -102,7 +104,7 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
         if better is None:
             break
         better = replace(better, found_by=(Strategy.HYPOTHESES.title,))
-        attempt = disowned(better, prepared, plenty(prepared))
+        attempt = rejected_as_incomplete(better, prepared, required_logs(prepared))
         left_out = {i: why for i, why in left_out.items() if i not in attempt.logs}
     clock.add("intervals", since)
     return prepared, findings
@@ -122,7 +124,7 @@ def _by_way_of_calm(
         converged = found[1] is not None and found[1].gate.status is Status.CONVERGED
         return found if converged or known is None else (logs, known, left_out)
     there = replace(unknowns, start=known.solved.theta)
-    followed = attempted(
+    followed = run_strategy(
         Strategy.CALM_LOAD, lambda: solve_from(prepared, list(known.logs), there, clock), known, known.logs
     )
     if followed is None or followed.gate.status is not Status.CONVERGED:
@@ -157,11 +159,11 @@ def _findings(
     attempt = sure.attempt
     theta = attempt.solved.theta
     bounds: dict[str, str] = {}
-    for at in (theta, *(guess.theta(theta) for guess in attempt.solved.guesses)):
+    for at in (theta, *(trajectory.theta(theta) for trajectory in attempt.solved.trajectories)):
         bounds = at_bounds(unknowns, at) | bounds
     status, message = ended(attempt, bounds)
     if status is Status.CONVERGED:
-        message = what_is_held(attempt.prepared, attempt.solved.guesses, sure.colours) or message
+        message = what_is_held(attempt.prepared, attempt.solved.trajectories, sure.colours) or message
     return Findings(
         status,
         message,

@@ -26,7 +26,7 @@ from identify.diagnosis.worth import worth, worth_document
 from identify.effects import ALL
 from identify.estimation.attempt import Clock
 from identify.estimation.estimator import EstimationTask, Estimator
-from identify.estimation.known_early import told_early
+from identify.estimation.known_early import prefit_warnings
 from identify.estimation.search import alike
 from identify.estimation.starts import Sources
 from identify.estimation.strategies import Trace, Trial, tracing
@@ -175,7 +175,7 @@ def _set_up(
     progress("detecting cycles", 0.05)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
     prepared, unknowns = tuned(prepared, unknowns)
-    for sentence in told_early(prepared):
+    for sentence in prefit_warnings(prepared):
         progress(Notice(sentence), 0.08)
     clock.add("detect", since)
     return Task(scene, read, prepared, unknowns, asked, seed)
@@ -257,7 +257,7 @@ def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ..
     for place, number in enumerate(attempt.logs):
         z = attempt.gate.z[attempt.gate.log == place + 1]
         curves[number] = fitted_curves(
-            attempt.prepared[place], unknowns, solved.theta, solved.guesses[place], fitted[place], z
+            attempt.prepared[place], unknowns, solved.theta, solved.trajectories[place], fitted[place], z
         )
         if attempt.gate.status is not Status.CONVERGED:
             curves[number] = refused_curves(prepared[number], curves[number])

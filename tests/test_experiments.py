@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from identify.estimation import other_optima as valleys
+from identify.estimation import other_optima as optima
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 IN_VIVO, WRONG_RIG = FOLDER / "run_in_vivo_study.py", FOLDER / "run_wrong_rig.py"
@@ -27,7 +27,7 @@ def test_wrong_rig_study_notices_names_and_recovers(capsys):
 
 
 def test_in_vivo_study_runs_and_claims_nothing_that_is_wrong(capsys, monkeypatch):
-    monkeypatch.setattr(valleys, "SOLVED", 1)  # of the starts about each place: the others only take time here
+    monkeypatch.setattr(optima, "SOLVED", 1)  # of the starts about each place: the others only take time here
     study = runpy.run_path(str(IN_VIVO))
     lines = study["main"](fast=True)
     assert capsys.readouterr().out.strip()

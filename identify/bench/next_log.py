@@ -23,7 +23,7 @@ from identify.diagnosis.findings import Findings
 from identify.estimation.covariance import IDENTIFIED, WEAK, Estimate, inverse
 from identify.estimation.hints import hints, onsets
 from identify.estimation.profile import CRITICAL, Profiles
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.vibration import rhythmic
@@ -76,10 +76,10 @@ def next_logs(found: Findings) -> Advice | None:
     return Advice(logs, untold, known.longest)
 
 
-def _typical(found: Findings) -> tuple[Prepared, Guess]:
+def _typical(found: Findings) -> tuple[Prepared, ShootingTrajectory]:
     """The log that others are to be like, with the motion behind it: the one of most slips."""
     assert found.attempt is not None
-    pairs = zip(found.attempt.prepared, found.attempt.solved.guesses, strict=True)
+    pairs = zip(found.attempt.prepared, found.attempt.solved.trajectories, strict=True)
     return max(pairs, key=lambda pair: _onsets(pair[1]).size)
 
 
@@ -95,10 +95,10 @@ def _known(found: Findings) -> Knowledge | None:
     own = unknowns.own[free] & ~unknowns.grouped[free] | rhythmic(unknowns)[free]
     kept = np.flatnonzero(~own & np.array([verdict != "at bound" for verdict in told]))
     asked = tuple(unknowns.names[free[i]] for i in kept.tolist() if told[i] in ("weak", "not identifiable"))
-    if onsets(attempt.solved.guesses) < 2:  # a single peak tells so little that no motion can be rehearsed
+    if onsets(attempt.solved.trajectories) < 2:  # a single peak tells so little that no motion can be rehearsed
         return None
-    log, guess = _typical(found)
-    begun = _onsets(guess)
+    log, trajectory = _typical(found)
+    begun = _onsets(trajectory)
     if not asked or not driven(log.data) or not np.all(np.isfinite(sure.covariance)):
         return None
     apart = np.diff(begun) if begun.size > 1 else begun - log.data.begin
@@ -115,7 +115,7 @@ def _known(found: Findings) -> Knowledge | None:
         known=np.array([precision] * len(places)),
         base=log.data.base,
         variance=log.data.noise**2,
-        load_error=_load_sd(log, guess) / log.mean_load,
+        load_error=_load_sd(log, trajectory) / log.mean_load,
         rate=1.0 / min(intervals),
         distance=float(np.median(apart)) * max(speed for speed, _ in driven(log.data)),
         longest=max(LONGEST, *(log.data.end - log.data.begin for log in attempt.prepared)),
@@ -125,14 +125,14 @@ def _known(found: Findings) -> Knowledge | None:
     return replace(known, variance=known.variance * price)
 
 
-def _onsets(guess: Guess) -> Array:
+def _onsets(trajectory: ShootingTrajectory) -> Array:
     """When sticks of a log end in a slip [s]."""
-    return np.concatenate([guess.onset, [s.until for s in guess.tail if s.ended_by == "onset"]])
+    return np.concatenate([trajectory.onset, [s.until for s in trajectory.tail if s.ended_by == "onset"]])
 
 
-def _load_sd(log: Prepared, guess: Guess) -> float:
+def _load_sd(log: Prepared, trajectory: ShootingTrajectory) -> float:
     """By how much the normal force of a log may be off [N], in a typical cycle."""
-    return float(np.median(log.data.onset_load_sd_at(guess.loaded_at))) if guess.parts else 0.0
+    return float(np.median(log.data.onset_load_sd_at(trajectory.loaded_at))) if trajectory.parts else 0.0
 
 
 def _price(known: Knowledge, found: Findings, judged: Sequence[int]) -> float:
@@ -143,8 +143,8 @@ def _price(known: Knowledge, found: Findings, judged: Sequence[int]) -> float:
     if not judged:
         return 1.0
     total = np.diag(1.0 / unknowns.prior_sd[unknowns.free] ** 2)
-    for log, guess in zip(found.attempt.prepared, solved.guesses, strict=True):
-        total += told_by(unknowns, guess.theta(solved.theta), log, _load_sd(log, guess), known.distance)
+    for log, trajectory in zip(found.attempt.prepared, solved.trajectories, strict=True):
+        total += told_by(unknowns, trajectory.theta(solved.theta), log, _load_sd(log, trajectory), known.distance)
     promised = inverse(total)[np.ix_(judged, judged)]
     told = found.sure.white[np.ix_(judged, judged)]
     difference = np.linalg.slogdet(told)[1] - np.linalg.slogdet(promised)[1]
@@ -186,7 +186,7 @@ def advised(found: Findings, advice: Advice) -> Findings:
     """The findings with the log that would tell beside every verdict that leaves something to tell."""
     assert found.attempt is not None
     attempt = found.attempt
-    told = hints(attempt.prepared, attempt.solved.guesses, found.unknowns, attempt.solved.theta)
+    told = hints(attempt.prepared, attempt.solved.trajectories, found.unknowns, attempt.solved.theta)
 
     def with_log(estimate: Estimate) -> Estimate:
         name, reason = estimate.name, estimate.reason

@@ -1,4 +1,4 @@
-"""`stickslip fit --preview`: the detected cycles and the start guess over the data, before anything is fitted."""
+"""`stickslip fit --preview`: the detected cycles and the start trajectory over the data, before anything is fitted."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     return Answer(
         document={
             "status": "preview",
-            "message": "nothing was fitted; the picture shows the detected cycles and the start guess over the data",
+            "message": "nothing was fitted; the picture shows the cycles detected and the start over the data",
             "picture": str(file),
             "source": seen.source,
             "start": {name: {"value": v, "unit": seen.units[name]} for name, v in seen.parameters.items()},

@@ -34,7 +34,7 @@ from identify.diagnosis.nested import fit_beside, fit_from_values, fit_larger, f
 from identify.estimation.agreement import contradiction, influence_at, pulls_of_logs
 from identify.estimation.attempt import Attempt, judged
 from identify.estimation.covariance import sizes
-from identify.estimation.strategies import Strategy, as_one_trial, is_due
+from identify.estimation.strategies import Strategy, as_one_trial, may_run
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
@@ -182,7 +182,7 @@ def _tried(
     out = []
     for suspect in suspects:
         fitted = None
-        if not is_due(Strategy.HYPOTHESES):
+        if not may_run(Strategy.HYPOTHESES):
             break
         try:
             freed = suspect.freed(scene, prepared)

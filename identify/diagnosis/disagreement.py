@@ -18,7 +18,7 @@ from identify.diagnosis.nested import fit_from_values, fit_model
 from identify.estimation.attempt import Attempt, usable
 from identify.estimation.events import misfit_of_start
 from identify.estimation.goodness_of_fit import PER_CYCLE
-from identify.estimation.strategies import Strategy, as_one_trial, is_due
+from identify.estimation.strategies import Strategy, as_one_trial, may_run
 from identify.logs.parting import name_of_recording, recordings
 from identify.scene import Scene
 
@@ -75,7 +75,7 @@ def disagreement(scene: Scene, records: Sequence[Record], ended: Fitted) -> Caus
     asked = [some for some in logs if max(misfits[i] for i in some) > PER_CYCLE and _tells(ended, some)][:TRIED]
     named = []
     for some in asked:
-        if not is_due(Strategy.ONE_LOG_OUT):
+        if not may_run(Strategy.ONE_LOG_OUT):
             break
         rest = sorted(i for other in logs if other is not some for i in other)
         with as_one_trial(Strategy.ONE_LOG_OUT, name_of_recording(scene, some)):

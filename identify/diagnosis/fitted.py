@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, usable
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model
@@ -98,7 +98,7 @@ def values_of(other: Fitted, unknowns: Unknowns) -> Array:
 
 def taken_over(
     other: Fitted, prepared: Sequence[Prepared], unknowns: Unknowns
-) -> tuple[list[Prepared], list[Guess], Unknowns]:
+) -> tuple[list[Prepared], list[ShootingTrajectory], Unknowns]:
     """Logs, motion and start of a model as another one left them."""
     known, small, large = other.attempt, unknowns.model, other.model
     assert known is not None
@@ -107,21 +107,21 @@ def taken_over(
         replace(prepared[i], manner=cut.manner, data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
         for i, cut in zip(known.logs, known.prepared, strict=True)
     ]
-    guesses = [
+    trajectories = [
         _translated(g, large, small, large_p)
         for g, large_p in zip(
-            known.solved.guesses,
+            known.solved.trajectories,
             (
                 other.unknowns.values(g.theta(known.solved.theta), log.data.base)
-                for g, log in zip(known.solved.guesses, known.prepared, strict=True)
+                for g, log in zip(known.solved.trajectories, known.prepared, strict=True)
             ),
             strict=True,
         )
     ]
-    return logs, guesses, replace(unknowns, start=start)
+    return logs, trajectories, replace(unknowns, start=start)
 
 
-def _translated(guess: Guess, large: Model, small: Model, p: Array) -> Guess:
+def _translated(trajectory: ShootingTrajectory, large: Model, small: Model, p: Array) -> ShootingTrajectory:
     """The motion in the states of another model; a load cell that did not lag shows what its lag would.
 
     Args:
@@ -147,15 +147,15 @@ def _translated(guess: Guess, large: Model, small: Model, p: Array) -> Guess:
                 out[..., 0] -= x[..., names.index(name)]
         return out
 
-    own = guess.own
+    own = trajectory.own
     if own.size:
         at = [large.parameter_names.index(n) if n in large.parameter_names else -1 for n in small.parameter_names]
         own = np.where(np.array(at) >= 0, own[at], np.nan)
     return replace(
-        guess,
-        start=states(guess.start),
-        slip=states(guess.slip),
-        saturated=states(guess.saturated),
+        trajectory,
+        start=states(trajectory.start),
+        slip=states(trajectory.slip),
+        saturated=states(trajectory.saturated),
         own=own,
-        tail=tuple(replace(stretch, nodes=states(stretch.nodes)) for stretch in guess.tail),
+        tail=tuple(replace(stretch, nodes=states(stretch.nodes)) for stretch in trajectory.tail),
     )

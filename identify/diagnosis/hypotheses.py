@@ -342,7 +342,10 @@ def sitting(unknowns: Unknowns, attempt: Attempt | None) -> set[str]:
     """Names of the parameters that sit at a bound, of one group at least."""
     if attempt is None:
         return set()
-    thetas = [attempt.solved.theta, *(guess.theta(attempt.solved.theta) for guess in attempt.solved.guesses)]
+    thetas = [
+        attempt.solved.theta,
+        *(trajectory.theta(attempt.solved.theta) for trajectory in attempt.solved.trajectories),
+    ]
     return {name for theta in thetas for name in at_bounds(unknowns, theta)}
 
 

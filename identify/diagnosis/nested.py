@@ -15,7 +15,7 @@ from data_io import Record
 from identify.diagnosis.fitted import Fitted, fits, taken_over, values_of
 from identify.estimation.attempt import Attempt, Clock, judged, solve_from, solve_slowly, usable
 from identify.estimation.events import join
-from identify.estimation.other_optima import shaken
+from identify.estimation.other_optima import multistart_around
 from identify.estimation.search import alike, search
 from identify.estimation.starts import Sources
 from identify.logs.parting import parted
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 FAR = 0.5  # sum of squares per sample (in noise variances) above that of the larger model: look for a better start
 DOUBT = 5.0  # sum of squares above that of the larger model: under a vibrating drive it may be another course of slips
-HOPELESS = 1000.0  # half statistic beyond which a smaller model is not followed further
+COST_CUTOFF = 1000.0  # half statistic beyond which a smaller model is not followed further
 GLANCE = 8  # iterations that show whether an effect is worth a fit
 CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
 
@@ -57,8 +57,8 @@ def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     """Fit a model with one effect more, or another one in its place, from the motion of the smaller one; where that
     misfits, also from its parameters alone: the motion of a misfit can hold back what would describe the data."""
     prepared, unknowns = _prepared(scene, records)
-    hopeless = np.inf if smaller.attempt is None else smaller.attempt.solved.solution.cost + HOPELESS
-    warm = _warm(smaller, prepared, unknowns, hopeless)
+    cost_cutoff = np.inf if smaller.attempt is None else smaller.attempt.solved.solution.cost + COST_CUTOFF
+    warm = _warm(smaller, prepared, unknowns, cost_cutoff)
     best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
     if smaller.attempt is None or fits(smaller) or fits(best):
         return best
@@ -81,7 +81,7 @@ def fit_shaken(fitted: Fitted, around: Fitted | None = None) -> Fitted:
     if fitted.attempt is None:
         return fitted
     theta = None if around is None or around.attempt is None else values_of(around, fitted.unknowns)
-    best = shaken(fitted.attempt, fitted.prepared, fitted.unknowns, around=theta)
+    best = multistart_around(fitted.attempt, fitted.prepared, fitted.unknowns, around=theta)
     return fitted if best is fitted.attempt else replace(fitted, attempt=best, excess=_excess(best))
 
 
@@ -99,8 +99,8 @@ def _excess(attempt: Attempt | None) -> float:
 def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
     """Fit a model that lacks an effect of a larger one: from the larger one's motion, else from the data."""
     prepared, unknowns = _prepared(scene, records)
-    hopeless = np.inf if larger.attempt is None else larger.attempt.solved.solution.cost + HOPELESS
-    warm = _warm(larger, prepared, unknowns, hopeless)
+    cost_cutoff = np.inf if larger.attempt is None else larger.attempt.solved.solution.cost + COST_CUTOFF
+    warm = _warm(larger, prepared, unknowns, cost_cutoff)
     best = Fitted(scene, unknowns, tuple(prepared), warm, _excess(warm))
     if larger.attempt is not None and unknowns.model.vibrates and best.excess > larger.excess + DOUBT:
         best = _better(best, _placed_anew(larger, scene, prepared, unknowns), larger)
@@ -117,14 +117,16 @@ def _better(best: Fitted, other: Fitted, beside: Fitted) -> Fitted:
     return other if complete and other.excess < best.excess else best
 
 
-def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, hopeless: float = np.inf) -> Attempt | None:
+def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, cost_cutoff: float = np.inf) -> Attempt | None:
     """A model solved from the motion of another one; None where its states do not allow that."""
     known, small, large = other.attempt, unknowns.model, other.model
     if known is None or (small.clamped is None and large.clamped is not None):
         return None
-    logs, guesses, unknowns = taken_over(other, prepared, unknowns)
+    logs, trajectories, unknowns = taken_over(other, prepared, unknowns)
     try:
-        solved = solve_in_passes([log.data for log in logs], guesses, unknowns.softened(), hopeless=hopeless)
+        solved = solve_in_passes(
+            [log.data for log in logs], trajectories, unknowns.with_weak_priors(), cost_cutoff=cost_cutoff
+        )
     except (ValueError, FloatingPointError):
         return None
     return replace(known, prepared=tuple(logs), solved=solved)
@@ -163,7 +165,7 @@ def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
         return np.inf
     prepared, unknowns = _prepared(scene, records)
     solved = smaller.attempt.solved
-    logs, guesses, unknowns = taken_over(smaller, prepared, unknowns)
-    problem = transcribe([log.data for log in logs], guesses, unknowns.softened(), solved.grid)
-    tried = solve(problem, tolerance=1e-3, barrier=1e-6, iterations=GLANCE)
+    logs, trajectories, unknowns = taken_over(smaller, prepared, unknowns)
+    problem = transcribe([log.data for log in logs], trajectories, unknowns.with_weak_priors(), solved.grid)
+    tried = solve(problem, tolerance=1e-3, mu_init=1e-6, iterations=GLANCE)
     return 2.0 * (solved.solution.cost - tried.cost) if tried.infeasibility < CLOSED else np.inf

@@ -15,7 +15,7 @@ from identify.diagnosis.compared_models import ALWAYS, ComparedModels
 from identify.diagnosis.selection_words import reasons
 from identify.diagnosis.subsets import Selection
 from identify.effects import ALL
-from identify.estimation.known_early import told_early, wrong_unit
+from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
@@ -47,7 +47,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     first, records = parted(first, records)
     unknowns = from_scene(first)
     prepared = [prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)]
-    for sentence in told_early(prepared):
+    for sentence in prefit_warnings(prepared):
         told(Notice(sentence), 0.0)
     if wrong_unit(prepared) or not alike([log for log in prepared if log.left_out is None]):
         effects = tuple(e.name for e in ALL if e.name in LOOKED_AT)

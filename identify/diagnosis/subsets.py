@@ -18,7 +18,7 @@ from identify.diagnosis.fitted import Fitted, fits
 from identify.diagnosis.nested import fit_joined, fit_larger, fit_model, fit_shaken, fit_smaller, promise
 from identify.diagnosis.selection_numbers import CONFUSED, ENOUGH, better, penalty, searched, statistic
 from identify.diagnosis.selection_words import Gain
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.shooting.passes import Solved, solve_in_passes
 
@@ -38,15 +38,15 @@ def held_out_error(fitted: Fitted) -> float:
     attempt = fitted.attempt
     if attempt is None or not np.isfinite(fitted.excess):
         return float("nan")
-    masks = [_kept_back(log, g) for log, g in zip(attempt.prepared, attempt.solved.guesses, strict=True)]
+    masks = [_kept_back(log, g) for log, g in zip(attempt.prepared, attempt.solved.trajectories, strict=True)]
     if not any(np.any(mask) for mask in masks):
         return float("nan")
     data = [
         replace(log.data, weight=np.where(mask, 0.0, log.data.weight))
         for log, mask in zip(attempt.prepared, masks, strict=True)
     ]
-    start = replace(fitted.unknowns, start=attempt.solved.theta).softened()
-    solved: Solved = solve_in_passes(data, attempt.solved.guesses, start)
+    start = replace(fitted.unknowns, start=attempt.solved.theta).with_weak_priors()
+    solved: Solved = solve_in_passes(data, attempt.solved.trajectories, start)
     if not solved.solution.success:
         return float("inf")
     total, count = 0.0, 0
@@ -57,13 +57,13 @@ def held_out_error(fitted: Fitted) -> float:
     return total / count if count else float("nan")
 
 
-def _kept_back(log: Prepared, guess: Guess) -> NDArray[np.bool_]:
+def _kept_back(log: Prepared, trajectory: ShootingTrajectory) -> NDArray[np.bool_]:
     """The samples of the cycles of a log that are kept back."""
     mask = np.zeros(log.data.time.size, bool)
-    if guess.cycles < FEWEST:
+    if trajectory.cycles < FEWEST:
         return mask
-    for cycle in range(KEPT_BACK - 1, guess.cycles, KEPT_BACK):
-        mask |= (log.data.time > guess.arrest[cycle - 1]) & (log.data.time <= guess.arrest[cycle])
+    for cycle in range(KEPT_BACK - 1, trajectory.cycles, KEPT_BACK):
+        mask |= (log.data.time > trajectory.arrest[cycle - 1]) & (log.data.time <= trajectory.arrest[cycle])
     return mask
 
 

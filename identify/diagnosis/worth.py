@@ -115,14 +115,14 @@ def logs_left_out(fitted: Fitted) -> float:
     if attempt is None or len(attempt.prepared) < FEWEST_LOGS or attempt.solved.solution.infeasibility > 1e-6:
         return float("nan")
     total, count = 0.0, 0
-    for number, (log, guess) in enumerate(zip(attempt.prepared, attempt.solved.guesses, strict=True)):
-        if guess.cycles <= SHOWN or guess.tail:
+    for number, (log, trajectory) in enumerate(zip(attempt.prepared, attempt.solved.trajectories, strict=True)):
+        if trajectory.cycles <= SHOWN or trajectory.tail:
             continue
-        hidden = log.data.time > guess.arrest[SHOWN - 1]
+        hidden = log.data.time > trajectory.arrest[SHOWN - 1]
         data = [other.data for other in attempt.prepared]
         data[number] = replace(log.data, weight=np.where(hidden, 0.0, log.data.weight))
-        start = replace(fitted.unknowns, start=attempt.solved.theta).softened()
-        solved = solve_in_passes(data, attempt.solved.guesses, start)
+        start = replace(fitted.unknowns, start=attempt.solved.theta).with_weak_priors()
+        solved = solve_in_passes(data, attempt.solved.trajectories, start)
         if not solved.solution.success:
             return float("inf")
         force = solved.fitted[number]

@@ -240,7 +240,7 @@ def slowness(attempt: Attempt, colours: Sequence[Colour]) -> float:
 
 def influence_at(solved: Solved) -> Influence:
     """How the residuals of every part of the logs reach the parameters at an answer."""
-    cycles = [guess.parts for guess in solved.guesses]
+    cycles = [trajectory.parts for trajectory in solved.trajectories]
     return influence(solved.problem, solved.solution.z, cycles, absorbed=False)
 
 
@@ -285,7 +285,7 @@ def _without_log(attempt: Attempt, unknowns: Unknowns, log: int) -> Array | None
     if np.any(unknowns.own):
         return None
     rest = [i for i in range(len(attempt.logs)) if i != log]
-    at_answer = replace(unknowns, start=attempt.solved.theta).softened()
-    data, motion = [attempt.prepared[i].data for i in rest], [attempt.solved.guesses[i] for i in rest]
+    at_answer = replace(unknowns, start=attempt.solved.theta).with_weak_priors()
+    data, motion = [attempt.prepared[i].data for i in rest], [attempt.solved.trajectories[i] for i in rest]
     solved = solve_in_passes(data, motion, at_answer)
     return solved.theta if solved.solution.success else None

@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import Gate, pass_gate
-from identify.estimation.sequence import TRIES, by_a_hair, followed, grazes, is_clear, refollowed, resequenced
-from identify.logs.log_data import Guess
+from identify.estimation.sequence import (
+    TRIES,
+    followed,
+    is_clear,
+    is_near_grazing,
+    near_grazing,
+    resimulated,
+    resimulated_whole,
+)
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import glide
@@ -21,13 +29,25 @@ from identify.shooting.passes import COARSE, Solved, solve_in_passes
 from identify.shooting.placing import place
 
 Array = NDArray[np.float64]
-PlacedLog = tuple[int, Prepared, Guess]  # number of a log, the log as it is cut, and the motion placed on it
+PlacedLog = tuple[
+    int, Prepared, ShootingTrajectory
+]  # number of a log, the log as it is cut, and the motion placed on it
 
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
-OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver crept
+OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
-FIRM = (8.0, 3.0, 1.0)  # firmness of the priors that hold what the data do not tell
-SLOWLY = (20.0, 13.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0)  # where the start is off besides: small steps find the way
+TIGHTNESSES = (8.0, 3.0, 1.0)  # tightness of the priors that hold what the data do not tell
+PRIOR_SCHEDULE = (
+    20.0,
+    13.0,
+    8.0,
+    5.6,
+    4.0,
+    2.8,
+    2.0,
+    1.4,
+    1.0,
+)  # where the start is off besides: small steps find the way
 FIRST = 5  # of these: how firmly a start is held before another one is taken
 OFF = 2  # of these that are left out where the start is better known
 
@@ -81,18 +101,18 @@ def solve_from(
     chosen: list[int],
     unknowns: Unknowns,
     clock: Clock,
-    firmness: float = 1.0,
-    hopeless: float = np.inf,
+    tightness: float = 1.0,
+    cost_cutoff: float = np.inf,
 ) -> Attempt | None:
     """Place the start on the chosen logs and solve; None where no log can be placed.
 
     Args:
-        hopeless: a pass that ends with a larger cost is the last one.
+        cost_cutoff: a pass that ends with a larger cost is the last one.
     """
     since = time.perf_counter()
     placed = place_on(prepared, chosen, unknowns) if chosen else []
     clock.add("place", since)
-    return solve_placed(prepared, placed, unknowns, clock, firmness, hopeless) if placed else None
+    return solve_placed(prepared, placed, unknowns, clock, tightness, cost_cutoff) if placed else None
 
 
 def solve_placed(
@@ -100,28 +120,28 @@ def solve_placed(
     placed: list[PlacedLog],
     unknowns: Unknowns,
     clock: Clock,
-    firmness: float = 1.0,
-    hopeless: float = np.inf,
+    tightness: float = 1.0,
+    cost_cutoff: float = np.inf,
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
     motion that follows from the answer, or with the sequences that are nearly that of the answer, and the best of
     all."""
-    attempt = _solved(prepared, placed, unknowns, clock, firmness, hopeless)
-    if attempt.solved.solution.cost > hopeless or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
+    attempt = _solved(prepared, placed, unknowns, clock, tightness, cost_cutoff)
+    if attempt.solved.solution.cost > cost_cutoff or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
         return attempt
     # A rest that can get no shorter is also what the solver fails on.
     at_answer = replace(unknowns, start=attempt.solved.theta)
     whole = [prepared[number] for number in attempt.logs]
-    anew = refollowed(whole, attempt.prepared, attempt.solved.guesses, at_answer)
+    anew = resimulated_whole(whole, attempt.prepared, attempt.solved.trajectories, at_answer)
     if anew is not None:
-        other = _solved(prepared, _placed(attempt, anew), at_answer, clock, firmness, hopeless)
+        other = _solved(prepared, _placed(attempt, anew), at_answer, clock, tightness, cost_cutoff)
         return other if other.excess < attempt.excess - BETTER else attempt
     if not np.isfinite(attempt.excess):
         return attempt
     for _ in range(TRIES):
         at_answer = replace(unknowns, start=attempt.solved.theta)
-        ways = by_a_hair(whole, attempt.prepared, attempt.solved.guesses, at_answer)
-        others = [_solved(prepared, _placed(attempt, w), at_answer, clock, firmness, hopeless) for w in ways]
+        ways = near_grazing(whole, attempt.prepared, attempt.solved.trajectories, at_answer)
+        others = [_solved(prepared, _placed(attempt, w), at_answer, clock, tightness, cost_cutoff) for w in ways]
         better = [other for other in others if _fits_better(other.solved, attempt.solved)]
         if not better or time_is_up():
             break
@@ -129,7 +149,7 @@ def solve_placed(
     return attempt
 
 
-def _placed(attempt: Attempt, way: tuple[list[Prepared], list[Guess]]) -> list[PlacedLog]:
+def _placed(attempt: Attempt, way: tuple[list[Prepared], list[ShootingTrajectory]]) -> list[PlacedLog]:
     """The logs of an attempt with other motions."""
     return list(zip(attempt.logs, *way, strict=True))
 
@@ -139,35 +159,35 @@ def _solved(
     placed: list[PlacedLog],
     unknowns: Unknowns,
     clock: Clock,
-    firmness: float,
-    hopeless: float,
+    tightness: float,
+    cost_cutoff: float,
 ) -> Attempt:
     """Solve until every course is that of the answer."""
     since = time.perf_counter()
-    numbers, logs, guesses = (list(column) for column in zip(*placed, strict=True))
+    numbers, logs, trajectories = (list(column) for column in zip(*placed, strict=True))
     # What every log has for itself, the first log has in the shared theta.
-    unknowns = replace(unknowns, start=guesses[0].theta(unknowns.start))
-    guesses[0] = replace(guesses[0], own=np.empty(0))
-    data, soft = [log.data for log in logs], unknowns.softened(firmness)
-    solved = solve_in_passes(data, guesses, soft, hopeless=hopeless)
-    tried = list[tuple[list[Prepared], list[Guess], Solved]]()
+    unknowns = replace(unknowns, start=trajectories[0].theta(unknowns.start))
+    trajectories[0] = replace(trajectories[0], own=np.empty(0))
+    data, soft = [log.data for log in logs], unknowns.with_weak_priors(tightness)
+    solved = solve_in_passes(data, trajectories, soft, cost_cutoff=cost_cutoff)
+    tried = list[tuple[list[Prepared], list[ShootingTrajectory], Solved]]()
     for _ in range(TRIES):
-        if solved.solution.cost > hopeless or time_is_up():
+        if solved.solution.cost > cost_cutoff or time_is_up():
             break
         at_answer = replace(unknowns, start=solved.theta)
-        again = resequenced([prepared[i] for i in numbers], logs, solved.guesses, at_answer)
+        again = resimulated([prepared[i] for i in numbers], logs, solved.trajectories, at_answer)
         if again is None:
             break
-        tried.append((logs, guesses, solved))
-        logs, guesses = again
-        solved = solve_in_passes([log.data for log in logs], guesses, at_answer.softened(firmness))
+        tried.append((logs, trajectories, solved))
+        logs, trajectories = again
+        solved = solve_in_passes([log.data for log in logs], trajectories, at_answer.with_weak_priors(tightness))
     # Where the mass rests by a hair, the data know better whether it does than the answer, which is off by its error.
     for before in tried:
-        hair = not any(is_clear(log, one, other) for log, one, other in zip(logs, before[1], guesses, strict=True))
+        hair = not any(is_clear(log, one, other) for log, one, other in zip(logs, before[1], trajectories, strict=True))
         if hair and _fits_better(before[2], solved):
-            logs, guesses, solved = before
-    clock.add("solve", since + solved.forming)
-    clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.forming
+            logs, trajectories, solved = before
+    clock.add("solve", since + solved.transcription_seconds)
+    clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.transcription_seconds
     return Attempt(tuple(numbers), tuple(logs), solved, _gated(solved, logs))
 
 
@@ -186,7 +206,7 @@ def _gated(solved: Solved, logs: Sequence[Prepared]) -> Gate:
     return pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
 
 
-def crept(attempt: Attempt) -> bool:
+def stalled(attempt: Attempt) -> bool:
     """Whether the curve fits, and the solver found no end to a ridge along which the data tell nothing."""
     gate = attempt.gate
     return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
@@ -208,30 +228,31 @@ def solve_held(
         if time_is_up():
             break
         released_to = np.inf
-        for firmness, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[first:]):
+        for tightness, tried in _released(prepared, chosen, unknowns, clock, PRIOR_SCHEDULE[first:]):
             if not tried.solved.solution.success:
                 break
-            released_to = firmness
-            if tried.gate.status is Status.CONVERGED and firmness < loosest:
-                best, loosest = tried, firmness
-        if released_to == SLOWLY[-1]:  # nothing wandered off: to hold it less firmly leads to the same place
+            released_to = tightness
+            if tried.gate.status is Status.CONVERGED and tightness < loosest:
+                best, loosest = tried, tightness
+        if released_to == PRIOR_SCHEDULE[-1]:  # nothing wandered off: to hold it less firmly leads to the same place
             break
     return best
 
 
 def solve_or_hold(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, hopeless: float = np.inf
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, cost_cutoff: float = np.inf
 ) -> Attempt | None:
-    """Solve from a start; where its ridge has no end, hold what the data do not tell; hopeless as in `solve_from`."""
-    found = solve_from(prepared, chosen, unknowns, clock, hopeless=hopeless)
-    return found if found is None or not crept(found) else solve_held(prepared, chosen, unknowns, clock) or found
+    """Solve from a start; where its ridge has no end, hold what the data do not tell; cost_cutoff as in
+    `solve_from`."""
+    found = solve_from(prepared, chosen, unknowns, clock, cost_cutoff=cost_cutoff)
+    return found if found is None or not stalled(found) else solve_held(prepared, chosen, unknowns, clock) or found
 
 
 def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
     """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
     None where it fails at once."""
     best: Attempt | None = None
-    for _, tried in _released(prepared, chosen, unknowns, clock, SLOWLY[OFF:]):
+    for _, tried in _released(prepared, chosen, unknowns, clock, PRIOR_SCHEDULE[OFF:]):
         if not tried.solved.solution.success:
             break
         best = tried
@@ -243,7 +264,7 @@ def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns
 def _released(
     prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firm: Sequence[float]
 ) -> Iterator[tuple[float, Attempt]]:
-    """Solves with softer and softer priors around the start, each from the answer of the one before; with the firmness
+    """Solves with softer and softer priors around the start, each from the answer of the one before; with the tightness
     of each."""
     tried = solve_from(prepared, chosen, unknowns, clock, firm[0])
     if tried is not None:
@@ -253,31 +274,33 @@ def _released(
 
 def released(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterator[tuple[float, Attempt]]:
     """Solves of the same samples with softer and softer priors around unknowns.start, each from the answer of the one
-    before; with the firmness of each."""
-    for firmness in firm:
+    before; with the tightness of each."""
+    for tightness in firm:
         if time_is_up():
             return
-        held = resolve(held, replace(unknowns.softened(firmness), start=held.solved.theta))
-        yield firmness, held
+        held = solve_again(held, replace(unknowns.with_weak_priors(tightness), start=held.solved.theta))
+        yield tightness, held
 
 
-def resolve(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
+def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
     """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
     and at most so many steps per interval."""
-    logs, soft = attempt.prepared, unknowns.softened()
-    solved = solve_in_passes([log.data for log in logs], attempt.solved.guesses, soft, steps=steps, most=most)
+    logs, soft = attempt.prepared, unknowns.with_weak_priors()
+    solved = solve_in_passes([log.data for log in logs], attempt.solved.trajectories, soft, steps=steps, most=most)
     return replace(attempt, solved=solved, gate=_gated(solved, logs))
 
 
-def resolve_firmly(attempt: Attempt, unknowns: Unknowns, theta: Array, motion: list[Guess]) -> Attempt:
+def solve_again_with_priors(
+    attempt: Attempt, unknowns: Unknowns, theta: Array, motion: list[ShootingTrajectory]
+) -> Attempt:
     """Solve again from theta (n_p,) and the motion there; where the solver finds no end to a ridge, with priors around
     theta that hold what the data do not tell, as loose as they can be."""
-    attempt = replace(attempt, solved=replace(attempt.solved, guesses=motion))
-    moved = resolve(attempt, replace(unknowns, start=theta))
-    for firmness in FIRM[::-1]:
-        if not crept(moved):
+    attempt = replace(attempt, solved=replace(attempt.solved, trajectories=motion))
+    moved = solve_again(attempt, replace(unknowns, start=theta))
+    for tightness in TIGHTNESSES[::-1]:
+        if not stalled(moved):
             break
-        tried = resolve(attempt, replace(unknowns, start=theta).softened(firmness))
+        tried = solve_again(attempt, replace(unknowns, start=theta).with_weak_priors(tightness))
         moved = tried if tried.gate.status is Status.CONVERGED else moved
     return moved
 
@@ -293,7 +316,7 @@ def placed_anew(attempt: Attempt, unknowns: Unknowns, theta: Array) -> Attempt |
 
 
 def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:
-    """Number, cut log and guess of every chosen log that the start can be placed on."""
+    """Number, cut log and trajectory of every chosen log that the start can be placed on."""
     out: list[PlacedLog] = []
     for number in chosen:
         if prepared[number].manner.name != "cycles":
@@ -302,23 +325,25 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     logs = [prepared[i] for i in chosen]
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
     placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
-    for number, log, guess in zip(chosen, logs, placement.guesses, strict=True):
-        if guess is None or not _joins_up(guess, log):
-            if guess is not None and grazes(log, guess):  # rests are shorter than slips are placed exactly
+    for number, log, trajectory in zip(chosen, logs, placement.trajectories, strict=True):
+        if trajectory is None or not _joins_up(trajectory, log):
+            if trajectory is not None and is_near_grazing(
+                log, trajectory
+            ):  # rests are shorter than slips are placed exactly
                 out += [(number, *found) for found in _followed(log.as_course, unknowns)]
             continue
-        out.append((number, as_far_as_placed(log, guess), guess))
+        out.append((number, as_far_as_placed(log, trajectory), trajectory))
     return sorted(out, key=lambda entry: entry[0])
 
 
-def as_far_as_placed(log: Prepared, guess: Guess) -> Prepared:
+def as_far_as_placed(log: Prepared, trajectory: ShootingTrajectory) -> Prepared:
     """The log of cycles cut in the stick behind its last placed slip: what comes then is on no data yet."""
-    sticks = guess.onset - np.concatenate([[log.data.begin], guess.arrest[:-1]])
+    sticks = trajectory.onset - np.concatenate([[log.data.begin], trajectory.arrest[:-1]])
     typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
-    return cut_in_last_stick(log, float(guess.arrest[-1]), typical)
+    return cut_in_last_stick(log, float(trajectory.arrest[-1]), typical)
 
 
-def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Guess]]:
+def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, ShootingTrajectory]]:
     """The log of a course of its own, or of sliding, cut to what the start follows of it; empty where it does not."""
     p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
     if log.manner.name == "sliding":
@@ -328,7 +353,7 @@ def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Guess]]
     return [] if found is None else [found]
 
 
-def _joins_up(guess: Guess, log: Prepared) -> bool:
+def _joins_up(trajectory: ShootingTrajectory, log: Prepared) -> bool:
     """Whether every stick has a length, the last one too."""
-    ends = np.append(guess.onset[1:], log.data.end)
-    return bool(guess.onset[0] > log.data.begin and np.all(ends > guess.arrest))
+    ends = np.append(trajectory.onset[1:], log.data.end)
+    return bool(trajectory.onset[0] > log.data.begin and np.all(ends > trajectory.arrest))

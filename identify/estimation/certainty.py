@@ -28,7 +28,7 @@ from identify.estimation.examined import AtBound, Question, examine, fine_enough
 from identify.estimation.influence import influence
 from identify.estimation.profile import Profiles
 from identify.estimation.residual_autocorrelation import Colour
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
 from identify.shooting.passes import Solved, goes_as_far_as_it_can
@@ -99,7 +99,7 @@ def certainty(
         elif len(attempt.logs) > 1:
             attempt = agreeing(attempt, unknowns, base, view.allowed)
     theta, groups = attempt.solved.theta, shares(attempt, unknowns)
-    bounds_of = {s.log: at_bound(attempt.solved.guesses[s.log].theta(theta)) for s in groups}
+    bounds_of = {s.log: at_bound(attempt.solved.trajectories[s.log].theta(theta)) for s in groups}
     of_groups = share_estimates(groups, unknowns, theta, base, view.joint, at_bound=bounds_of, hints=view.hints)
     out = Certainty(
         attempt,
@@ -149,7 +149,7 @@ def _resampled(out: Certainty, asked: FitOptions, seed: int, progress: Progress)
     """With a bootstrap of cycle blocks."""
     progress("bootstrap", None)
     solved = out.attempt.solved
-    cycles = [guess.parts for guess in solved.guesses]
+    cycles = [trajectory.parts for trajectory in solved.trajectories]
     known, z = influence(solved.problem, solved.solution.z, cycles), solved.solution.z
     made = bootstrap(solved.problem, z, known, asked.bootstrap, cycles=cycles, seed=seed, progress=progress)
     return replace(out, bootstrap=made)
@@ -181,9 +181,10 @@ def hanging(solved: Solved, names: Sequence[str]) -> str | None:
         return None
     if squared < HELD:
         return None
-    there = zip(solved.guesses, names, ends, strict=True)
+    there = zip(solved.trajectories, names, ends, strict=True)
     (begin, end), name = min(
-        ((_shortest(guess), name) for guess, name, held in there if held), key=lambda found: found[0][1] - found[0][0]
+        ((_shortest(trajectory), name) for trajectory, name, held in there if held),
+        key=lambda found: found[0][1] - found[0][0],
     )
     return (
         f"{name}: at this answer what happens from {begin:.5g} s lasts {end - begin:.2g} s only, if it happens at all, "
@@ -192,9 +193,9 @@ def hanging(solved: Solved, names: Sequence[str]) -> str | None:
     )
 
 
-def _shortest(guess: Guess) -> tuple[float, float]:
+def _shortest(trajectory: ShootingTrajectory) -> tuple[float, float]:
     """Begin and end [s] of the shortest phase of a motion after its first onset."""
-    if guess.times.size < 2:
-        return float(guess.times[0]), float(guess.times[0])
-    first = int(np.argmin(np.diff(guess.times)))
-    return float(guess.times[first]), float(guess.times[first + 1])
+    if trajectory.times.size < 2:
+        return float(trajectory.times[0]), float(trajectory.times[0])
+    first = int(np.argmin(np.diff(trajectory.times)))
+    return float(trajectory.times[first]), float(trajectory.times[first + 1])

@@ -78,12 +78,12 @@ def _placed(log: Prepared, falls: Array, unknowns: Unknowns) -> _Placed | None:
     placed = place_on([replace(log, falls=falls)], [0], unknowns)
     if not placed:
         return None
-    _, cut, guess = placed[0]
-    problem = transcribe([cut.data], [guess], unknowns, COARSE)
+    _, cut, trajectory = placed[0]
+    problem = transcribe([cut.data], [trajectory], unknowns, COARSE)
     curve = problem.fitted(problem.start)[0]
     told = (log.data.weight > 0) & np.isfinite(curve)
     squares = np.where(told, log.data.weight * (log.data.force - curve) ** 2, np.nan)
-    slip = float(np.median(guess.arrest - guess.onset)) if guess.cycles else 0.0
+    slip = float(np.median(trajectory.arrest - trajectory.onset)) if trajectory.cycles else 0.0
     return _Placed(falls, squares, curve, slip)
 
 

@@ -15,7 +15,7 @@ from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
 from identify.estimation.agreement import Allowed, allowed
-from identify.estimation.attempt import Attempt, placed_anew, resolve, resolve_firmly
+from identify.estimation.attempt import Attempt, placed_anew, solve_again, solve_again_with_priors
 from identify.estimation.covariance import (
     IDENTIFIED,
     Estimate,
@@ -28,10 +28,10 @@ from identify.estimation.covariance import (
 )
 from identify.estimation.goodness_of_fit import Gate
 from identify.estimation.hints import hints, onsets, untold
-from identify.estimation.other_optima import lowest_valley, weakens
+from identify.estimation.other_optima import lowest_optimum, weakens
 from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
-from identify.estimation.strategies import Strategy, attempted
+from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import FitOptions, discretisation_error
 from identify.shooting.vibration import rhythmic
@@ -79,7 +79,7 @@ def fine_enough(
     """The answer with steps so fine that their error is a small part of each standard error, and that part by name."""
     level = asked.accuracy
     if attempt.gate.status is Status.CONVERGED and attempt.solved.grid.steps > level.most:
-        attempt = resolve(attempt, replace(unknowns, start=attempt.solved.theta), most=level.most)
+        attempt = solve_again(attempt, replace(unknowns, start=attempt.solved.theta), most=level.most)
     known = information_at(attempt, unknowns)
     shares: dict[str, float] = {}
     for _ in range(1 + level.refinements):
@@ -93,7 +93,7 @@ def fine_enough(
         finer = 2 * attempt.solved.grid.steps
         if finer > level.most:
             break
-        again = attempted(Strategy.FINER_STEPS, partial(_finer, attempt, unknowns, finer), attempt)
+        again = run_strategy(Strategy.FINER_STEPS, partial(_finer, attempt, unknowns, finer), attempt)
         if again is None or again.gate.status is Status.SOLVER_FAILED:
             break  # no reason to give up the answer: what its steps cost is told
         attempt, known = again, information_at(again, unknowns)
@@ -101,7 +101,7 @@ def fine_enough(
 
 
 def _finer(attempt: Attempt, unknowns: Unknowns, steps: int) -> Attempt:
-    return resolve(attempt, replace(unknowns, start=attempt.solved.theta), steps=steps)
+    return solve_again(attempt, replace(unknowns, start=attempt.solved.theta), steps=steps)
 
 
 def information_at(attempt: Attempt, unknowns: Unknowns) -> Information:
@@ -157,10 +157,10 @@ class View:
 
 @dataclass(frozen=True)
 class Trail:
-    """What was met on the way to an answer: valleys beside it; points of the last walk, which was of so many
+    """What was met on the way to an answer: optima beside it; points of the last walk, which was of so many
     samples."""
 
-    valleys: tuple[Attempt, ...] = ()
+    optima: tuple[Attempt, ...] = ()
     met: tuple[ProfilePoint, ...] = ()
     samples: int = 0
 
@@ -217,7 +217,7 @@ def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question)
     """What is seen from an answer; seen: what is allowed for there, which walks do not change."""
     solved = attempt.solved
     bounds = q.at_bound(solved.theta)
-    hinted = hints(attempt.prepared, solved.guesses, q.unknowns, solved.theta)
+    hinted = hints(attempt.prepared, solved.trajectories, q.unknowns, solved.theta)
     told = {name: str(hint) for name, hint in hinted.items()}
     joint, f = seen.joint.copy(), len(seen.white)
     free = q.unknowns.free
@@ -227,22 +227,22 @@ def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question)
     ends = {} if walked is None else walked.ends
     intervals = {name: Interval(*(side.end for side in sides)) for name, sides in ends.items()}
     found = estimates(q.unknowns, solved.theta, q.base, joint[:f, :f], at_bound=bounds, hints=told, profiles=intervals)
-    return View(bounds, told, seen, joint, untold(found, solved.guesses, told))
+    return View(bounds, told, seen, joint, untold(found, solved.trajectories, told))
 
 
 def _lowest_about(here: Examined, q: Question) -> Examined:
-    """Where the data hardly tell some parameter, the lowest of the valleys about the answer takes its place."""
+    """Where the data hardly tell some parameter, the lowest of the optima about the answer takes its place."""
     if not (here.accepted and _doubtful(here, q)):
         return here
-    q.progress("looking for other valleys", None)
-    lowest, valleys = lowest_valley(here.attempt, q.unknowns, q.seed, here.view.allowed.noise)
-    trail = replace(here.trail, valleys=tuple(valleys))
+    q.progress("looking for other optima", None)
+    lowest, optima = lowest_optimum(here.attempt, q.unknowns, q.seed, here.view.allowed.noise)
+    trail = replace(here.trail, optima=tuple(optima))
     return replace(here, trail=trail) if lowest is here.attempt else _moved(lowest, q, trail)
 
 
 def _tells(attempt: Attempt) -> bool:
     """Whether there is more than one peak or one level: what these do not tell, no walk will find an end of."""
-    return onsets(attempt.solved.guesses) > 1
+    return onsets(attempt.solved.trajectories) > 1
 
 
 def _doubtful(here: Examined, q: Question) -> bool:
@@ -283,7 +283,7 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
             beside=seen.memory / seen.remembered,
             steps=CURVE_STEPS if q.asked.profile else 1,
             only=along,
-            valleys=[valley.solved for valley in trail.valleys],
+            optima=[optimum.solved for optimum in trail.optima],
             before=trail.met if trail.samples == samples else (),
         )
     here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
@@ -298,7 +298,7 @@ def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:
 def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Question, last: bool) -> Examined:
     """At the better place that a walk met, where the solver settles there."""
     theta, trail = here.attempt.solved.theta, here.trail
-    moved = attempted(
+    moved = run_strategy(
         Strategy.PROFILE_OPTIMUM,
         lambda: _settled(here.attempt, better, q.unknowns),
         here.attempt,
@@ -316,14 +316,14 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
     if not converged:
         moved = replace(moved, gate=_another_start(moved, q.unknowns, walked.gain, better, q.base))
     if inside:  # the data hardly prefer the one to the other
-        trail = replace(trail, valleys=(*trail.valleys, here.attempt))
+        trail = replace(trail, optima=(*trail.optima, here.attempt))
     return _moved(moved, q, trail, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
 
 
 def _settled(attempt: Attempt, better: ProfilePoint, unknowns: Unknowns) -> Attempt:
     """The answer at a better place, from the motion there, else from the one that its values make: what a user who
     gave them as start values would get."""
-    moved = resolve_firmly(attempt, unknowns, better.theta, better.guesses)
+    moved = solve_again_with_priors(attempt, unknowns, better.theta, better.trajectories)
     if moved.gate.status is Status.CONVERGED:
         return moved
     return placed_anew(attempt, unknowns, better.theta) or moved

@@ -18,7 +18,7 @@ from identify.base.quantiles import normal
 from identify.base.wording import START_VALUES
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered
 from identify.estimation.strained import odd_stick, scatter_words, strained_load
-from identify.logs.log_data import Guess, LogData
+from identify.logs.log_data import LogData, ShootingTrajectory
 from identify.logs.spectrum import Swing, hidden_rhythm
 from identify.logs.unknowns import Unknowns
 from identify.logs.zigzag import running_means
@@ -111,7 +111,11 @@ HELD = 0.05  # share of the power of what is left: a line that is so clear by ch
 
 
 def swing_left(
-    logs: Sequence[LogData], guesses: Sequence[Guess], unknowns: Unknowns, theta: Array, fitted: Sequence[Array]
+    logs: Sequence[LogData],
+    trajectories: Sequence[ShootingTrajectory],
+    unknowns: Unknowns,
+    theta: Array,
+    fitted: Sequence[Array],
 ) -> tuple[int, Swing] | None:
     """The first log whose last slide leaves a swing, with that; None where there is none.
 
@@ -120,13 +124,13 @@ def swing_left(
     """
     if unknowns.model.vibrates:
         return None
-    for number, (log, guess, curve) in enumerate(zip(logs, guesses, fitted, strict=True)):
-        if not guess.tail or guess.tail[-1].kind == "rest":
+    for number, (log, trajectory, curve) in enumerate(zip(logs, trajectories, fitted, strict=True)):
+        if not trajectory.tail or trajectory.tail[-1].kind == "rest":
             continue
-        values = dict(zip(unknowns.names, unknowns.values(guess.theta(theta), log.base).tolist(), strict=True))
+        values = dict(zip(unknowns.names, unknowns.values(trajectory.theta(theta), log.base).tolist(), strict=True))
         if not values.get("mass", 0.0) > 0.0:
             continue
-        since = max((s.until for s in guess.tail if s.kind == "rest" or s.ended_by == "arrest"), default=log.begin)
+        since = max((s.until for s in trajectory.tail if s.kind == "rest" or s.ended_by == "arrest"), default=log.begin)
         rows = slice(*np.searchsorted(log.time, [since, log.end]))
         left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
         found = hidden_rhythm(
@@ -154,16 +158,20 @@ MARGIN = 0.5  # standard deviations of the force noise: closer to being pulled b
 
 
 def inconsistency(
-    logs: Sequence[LogData], guesses: Sequence[Guess], unknowns: Unknowns, theta: Array, names: Sequence[str]
+    logs: Sequence[LogData],
+    trajectories: Sequence[ShootingTrajectory],
+    unknowns: Unknowns,
+    theta: Array,
+    names: Sequence[str],
 ) -> str | None:
     """The first cycle whose motion breaks an inequality, in words with what to do; None where there is none.
 
     Args:
         theta: (n_p,) the solution; names: of the logs.
     """
-    for log, guess, name in zip(logs, guesses, names, strict=True):
-        p = unknowns.values(guess.theta(theta), log.base)
-        pulled, back = _at_arrests(log, guess, unknowns, p)
+    for log, trajectory, name in zip(logs, trajectories, names, strict=True):
+        p = unknowns.values(trajectory.theta(theta), log.base)
+        pulled, back = _at_arrests(log, trajectory, unknowns, p)
         noise = log.noise
         for excess, what, allowed in ((back, "back", -MARGIN * noise), (pulled, "on", MARGIN * noise)):
             worst = int(np.argmax(excess)) if excess.size else 0
@@ -173,7 +181,7 @@ def inconsistency(
                     f"but ({excess[worst]:+.2g} N against what the contact holds, noise {noise:.2g} N), a motion that "
                     "the fit does not follow; leave this log out, or measure with more damping or less normal force"
                 )
-        cycle = _goes_back(guess)
+        cycle = _goes_back(trajectory)
         if cycle is not None:
             return (
                 f"{name}, cycle {cycle + 1}: at this answer the slip runs backwards on its way, which the fit does not "
@@ -182,19 +190,19 @@ def inconsistency(
     return None
 
 
-def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tuple[Array, Array]:
+def _at_arrests(log: LogData, trajectory: ShootingTrajectory, unknowns: Unknowns, p: Array) -> tuple[Array, Array]:
     """By how much the pull exceeds what the contact holds at every arrest (c,) [N], forward and back; cycles first."""
     model = unknowns.model
-    ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1])
-    rested = [(unit, s) for unit, s in zip(guess.units, guess.tail, strict=True) if s.ended_by == "arrest"]
+    ends = np.where(trajectory.saturates[:, None], trajectory.saturated[:, -1], trajectory.slip[:, -1])
+    rested = [(unit, s) for unit, s in zip(trajectory.units, trajectory.tail, strict=True) if s.ended_by == "arrest"]
     ends = np.concatenate([ends, *(stretch.nodes[-1:] for _, stretch in rested)])
-    times = np.concatenate([guess.arrest, [stretch.until for _, stretch in rested]])
-    parts = np.concatenate([np.arange(guess.cycles), [unit for unit, _ in rested]]).astype(int)
+    times = np.concatenate([trajectory.arrest, [stretch.until for _, stretch in rested]])
+    parts = np.concatenate([np.arange(trajectory.cycles), [unit for unit, _ in rested]]).astype(int)
     ends[:, SPEED] = 0.0
     count = times.size
     if count == 0:
         return np.empty(0), np.empty(0)
-    load = np.asarray(log.normal_force.at(times)) + guess.sliding_deviation[parts]
+    load = np.asarray(log.normal_force.at(times)) + trajectory.sliding_deviation[parts]
     drive = np.array([log.speed_at(t) for t in times.tolist()])
     u = np.column_stack([drive, load, np.ones(count), times])
     lanes = [ends.T, np.repeat(p[:, None], count, axis=1), u.T]
@@ -203,9 +211,9 @@ def _at_arrests(log: LogData, guess: Guess, unknowns: Unknowns, p: Array) -> tup
     return pull - grip, -pull - grip
 
 
-def _goes_back(guess: Guess) -> int | None:
+def _goes_back(trajectory: ShootingTrajectory) -> int | None:
     """The first cycle with a node at which the mass moves backwards."""
-    found = np.any(np.concatenate(turned_back(guess), axis=1), axis=1)
+    found = np.any(np.concatenate(turned_back(trajectory), axis=1), axis=1)
     return int(np.argmax(found)) if found.any() else None
 
 
@@ -278,7 +286,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE
     fitted = solved.fitted if slow or status is Status.CONVERGED else []
     if slow:
-        known = remembered(solved.problem.logs, solved.guesses, fitted, noise_estimated, squares, counts, log)
+        known = remembered(solved.problem.logs, solved.trajectories, fitted, noise_estimated, squares, counts, log)
         if known is not None:
             level = known.levels[log]
             again = (squares - level * counts) / (known.slowness[log] * level * spread)
@@ -291,7 +299,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
                 )
     if status is Status.CONVERGED:
         problem = solved.problem
-        broken = inconsistency(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, names)
+        broken = inconsistency(problem.logs, solved.trajectories, problem.layout.unknowns, solved.theta, names)
         leaning = None if broken is not None else _leaning(solved, fitted, names) or _swinging(solved, fitted, names)
         if broken is not None:
             status, message = Status.WRONG_EVENT_COUNT, broken
@@ -328,7 +336,7 @@ def _leaning(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> s
 def _swinging(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> str | None:
     """A sentence where what is left of a slide swings as stick-slip does; None where it does not."""
     problem = solved.problem
-    found = swing_left(problem.logs, solved.guesses, problem.layout.unknowns, solved.theta, fitted)
+    found = swing_left(problem.logs, solved.trajectories, problem.layout.unknowns, solved.theta, fitted)
     if found is None:
         return None
     return (
@@ -339,7 +347,7 @@ def _swinging(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> 
 def _per_cycle(solved: Solved, costs: list[Array]) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
     """Sum of squared weighted residuals and number of samples of every cycle or slide, its log and number (from 0).
     What follows the last slip of a log counts to its last cycle."""
-    last = np.array([guess.parts - 1 for guess in solved.guesses])
+    last = np.array([trajectory.parts - 1 for trajectory in solved.trajectories])
     offsets = np.concatenate([[0], np.cumsum(last + 1)])
     squares, counts = np.zeros(offsets[-1]), np.zeros(offsets[-1])
     for family, moments, cost in zip(solved.problem.layout.families, solved.problem.moments, costs, strict=True):

@@ -19,8 +19,8 @@ from identify.estimation.covariance import information
 from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.search import search
 from identify.estimation.starts import Sources
-from identify.estimation.strategies import Strategy, attempted
-from identify.logs.log_data import Guess
+from identify.estimation.strategies import Strategy, run_strategy
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import solve_in_passes
@@ -55,7 +55,7 @@ def search_grouped(
             return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
         found.append(replace(attempt, logs=tuple(part[i] for i in attempt.logs)))
     timer = clock or Clock()
-    together = attempted(Strategy.GROUP_BY_GROUP, lambda: _together(found, unknowns, timer))
+    together = run_strategy(Strategy.GROUP_BY_GROUP, lambda: _together(found, unknowns, timer))
     if together is None:
         return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
     return together, left_out
@@ -76,20 +76,26 @@ def _together(attempts: list[Attempt], unknowns: Unknowns, clock: Clock) -> Atte
     since = time.perf_counter()
     numbers: list[int] = []
     logs: list[Prepared] = []
-    guesses: list[Guess] = []
+    trajectories: list[ShootingTrajectory] = []
     thetas: list[Array] = []
     for attempt, theta in zip(attempts, _pooled(attempts, unknowns), strict=True):
-        for number, log, guess in zip(attempt.logs, attempt.prepared, attempt.solved.guesses, strict=True):
-            mine = guess.theta(theta)
+        for number, log, trajectory in zip(attempt.logs, attempt.prepared, attempt.solved.trajectories, strict=True):
+            mine = trajectory.theta(theta)
             numbers.append(number)
             logs.append(log)
-            guesses.append(replace(guess, own=np.where(unknowns.own, mine, np.nan)))
+            trajectories.append(replace(trajectory, own=np.where(unknowns.own, mine, np.nan)))
             thetas.append(mine)
     order = np.argsort(numbers).tolist()
-    numbers, logs, guesses = [numbers[i] for i in order], [logs[i] for i in order], [guesses[i] for i in order]
+    numbers, logs, trajectories = (
+        [numbers[i] for i in order],
+        [logs[i] for i in order],
+        [trajectories[i] for i in order],
+    )
     start = thetas[order[0]]
-    guesses[0] = replace(guesses[0], own=np.empty(0))
-    solved = solve_in_passes([log.data for log in logs], guesses, replace(unknowns, start=start).softened())
+    trajectories[0] = replace(trajectories[0], own=np.empty(0))
+    solved = solve_in_passes(
+        [log.data for log in logs], trajectories, replace(unknowns, start=start).with_weak_priors()
+    )
     clock.add("solve", since)
     gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
     return Attempt(tuple(numbers), tuple(logs), solved, gate)

@@ -11,7 +11,7 @@ import numpy as np
 from identify.base.wording import speed_text
 from identify.estimation.covariance import Estimate
 from identify.estimation.residual_autocorrelation import Colour
-from identify.logs.log_data import Guess, LogData
+from identify.logs.log_data import LogData, ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.prediction.wording import listed
@@ -39,17 +39,17 @@ class Level:
         return f"{self.coefficient:.4g} ± {2.0 * self.error:.1g} at {speed_text(self.speed, FIGURES)}"
 
 
-def levels(data: LogData, guess: Guess, colour: Colour = WHITE) -> list[Level]:
+def levels(data: LogData, trajectory: ShootingTrajectory, colour: Colour = WHITE) -> list[Level]:
     """The level of every stretch of steady sliding, in the order of the log.
 
     The error is the scatter about the level over the root of as many samples as its noise leaves independent, and how
     far the course of the normal force may be off; what that misses of fast rhythms is part of the scatter.
 
     Args:
-        data, guess: one log and the motion behind it; colour: of its noise.
+        data, trajectory: one log and the motion behind it; colour: of its noise.
     """
     out = []
-    for begin, end, speed in steady(data, guess):
+    for begin, end, speed in steady(data, trajectory):
         mine = (data.weight > 0) & (data.time >= begin) & (data.time < end)
         if np.count_nonzero(mine) < FEWEST:
             continue
@@ -62,12 +62,15 @@ def levels(data: LogData, guess: Guess, colour: Colour = WHITE) -> list[Level]:
     return out
 
 
-def steady(data: LogData, guess: Guess) -> list[tuple[float, float, float]]:
+def steady(data: LogData, trajectory: ShootingTrajectory) -> list[tuple[float, float, float]]:
     """Begin [s], end [s] and speed [m/s] of every stretch of steady sliding; neighbours of one speed are one."""
-    begins = [float(guess.arrest[-1]) if guess.cycles else data.begin, *(stretch.until for stretch in guess.tail)]
+    begins = [
+        float(trajectory.arrest[-1]) if trajectory.cycles else data.begin,
+        *(stretch.until for stretch in trajectory.tail),
+    ]
     slides = [
         (begin, stretch.until, data.speed_at(0.5 * (begin + stretch.until)) if stretch.steady else None)
-        for begin, stretch in zip(begins, guess.tail, strict=False)
+        for begin, stretch in zip(begins, trajectory.tail, strict=False)
     ]
     out = []
     for speed, group in groupby(slides, key=lambda slide: slide[2]):
@@ -99,20 +102,22 @@ class Hint:
         return f"{self.shown}: {self.remedy}" if self.remedy else self.shown
 
 
-def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns, theta: np.ndarray) -> dict[str, Hint]:
+def hints(
+    logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns, theta: np.ndarray
+) -> dict[str, Hint]:
     """Per parameter, what stands beside a verdict other than identified.
 
     Args:
-        logs, guesses: the fitted logs and the motion behind them; theta (n_p,) the answer.
+        logs, trajectories: the fitted logs and the motion behind them; theta (n_p,) the answer.
     """
-    slipping = [(log, g) for log, g in zip(logs, guesses, strict=True) if g.cycles]
+    slipping = [(log, g) for log, g in zip(logs, trajectories, strict=True) if g.cycles]
     if not slipping:
-        return _without_cycles(logs, guesses, unknowns)
-    logs, guesses = [log for log, _ in slipping], [g for _, g in slipping]
-    slips = [float(np.median(g.arrest - g.onset)) for g in guesses]
+        return _without_cycles(logs, trajectories, unknowns)
+    logs, trajectories = [log for log, _ in slipping], [g for _, g in slipping]
+    slips = [float(np.median(g.arrest - g.onset)) for g in trajectories]
     intervals = [log.data.interval for log in logs]
     samples = [slip / interval for slip, interval in zip(slips, intervals, strict=True)]
-    sticks = np.concatenate([g.sticks for g in guesses])
+    sticks = np.concatenate([g.sticks for g in trajectories])
     speeds = sorted({log.data.drive_speed for log in logs})
     shape = _shape(samples, slips, speeds)
     out = {"a": shape, "delta_mu_k": shape, "D": shape, "mu_k0": shape, "mass": shape, "damping": shape}
@@ -123,15 +128,17 @@ def hints(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
     return out
 
 
-def onsets(guesses: Sequence[Guess]) -> int:
+def onsets(trajectories: Sequence[ShootingTrajectory]) -> int:
     """How many sticks end within these motions."""
-    tails = sum(stretch.ended_by == "onset" for guess in guesses for stretch in guess.tail)
-    return int(tails + sum(guess.cycles for guess in guesses))
+    tails = sum(stretch.ended_by == "onset" for trajectory in trajectories for stretch in trajectory.tail)
+    return int(tails + sum(trajectory.cycles for trajectory in trajectories))
 
 
-def untold(found: list[Estimate], guesses: Sequence[Guess], told: Mapping[str, str]) -> list[Estimate]:
+def untold(
+    found: list[Estimate], trajectories: Sequence[ShootingTrajectory], told: Mapping[str, str]
+) -> list[Estimate]:
     """The estimates without numbers for what no single peak can tell: how strong a contact gets, and how soon."""
-    if onsets(guesses) > 1:
+    if onsets(trajectories) > 1:
         return found
     out = []
     for estimate in found:
@@ -153,15 +160,19 @@ def untold(found: list[Estimate], guesses: Sequence[Guess], told: Mapping[str, s
     return out
 
 
-def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess], colours: Sequence[Colour]) -> str:
+def what_is_held(
+    logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], colours: Sequence[Colour]
+) -> str:
     """What logs hold of which none sticks, in a sentence; "" where one does, or none slides steadily.
 
     Args:
         colours: of the noise of each log.
     """
-    if onsets(guesses):
+    if onsets(trajectories):
         return ""
-    held = [levels(log.data, guess, noise) for log, guess, noise in zip(logs, guesses, colours, strict=True)]
+    held = [
+        levels(log.data, trajectory, noise) for log, trajectory, noise in zip(logs, trajectories, colours, strict=True)
+    ]
     found = [(log.name, level) for log, of_log in zip(logs, held, strict=True) for level in of_log]
     if not found:
         return ""
@@ -171,15 +182,21 @@ def what_is_held(logs: Sequence[Prepared], guesses: Sequence[Guess], colours: Se
     else:
         steps = ", and how it follows a step of the speed" if any(len(of_log) > 1 for of_log in held) else ""
         held_words = f"what these logs hold is the friction coefficient at each speed, {told}{steps}"
-    rests = any(stretch.kind == "rest" for guess in guesses for stretch in guess.tail)
+    rests = any(stretch.kind == "rest" for trajectory in trajectories for stretch in trajectory.tail)
     slides = "sliding, with no stick that ends" if rests else "sliding throughout"
     return f"{slides}: {held_words}; add a log that sticks and slips ({SLOWER})"
 
 
-def _without_cycles(logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns) -> dict[str, Hint]:
+def _without_cycles(
+    logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns
+) -> dict[str, Hint]:
     """Of logs that slide, or stick once: what they hold, and what would tell more."""
-    sticks = onsets(guesses)
-    slides = [speed for log, guess in zip(logs, guesses, strict=True) for _, _, speed in steady(log.data, guess)]
+    sticks = onsets(trajectories)
+    slides = [
+        speed
+        for log, trajectory in zip(logs, trajectories, strict=True)
+        for _, _, speed in steady(log.data, trajectory)
+    ]
     speeds = sorted(set(slides or [log.data.speed_at(log.data.end) for log in logs]))
     told = first_of([speed_text(speed, FIGURES) for speed in speeds], MOST_LEVELS)
     level = (

@@ -15,7 +15,7 @@ STEEPER = 5.0  # and by which they rise too fast: nothing in series does that, a
 STICKS, AGREE = 2, 0.3  # sticks that a unit has to be wrong in, and how much they may differ: cycles may be misread
 
 
-def told_early(prepared: Sequence[Prepared]) -> list[str]:
+def prefit_warnings(prepared: Sequence[Prepared]) -> list[str]:
     """Sentences on a stiffness or drive speed that the sticks contradict, and on cycles that differ among
     themselves."""
     taken = [log for log in prepared if log.left_out is None]

@@ -1,7 +1,7 @@
 """Other answers of the same model: starts redrawn around one, each placed on the data and solved.
 
 Where the drive vibrates, or a finger moves, every slip begins in one of the periods. A motion holds on to those it was
-placed in, so that the misfit has a valley for every way of placing it, and several of them may pass as noise.
+placed in, so that the misfit has a optimum for every way of placing it, and several of them may pass as noise.
 """
 
 from __future__ import annotations
@@ -16,10 +16,18 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, chi_square
-from identify.estimation.attempt import Attempt, Clock, crept, resolve_firmly, solve_from, solve_or_hold, usable
+from identify.estimation.attempt import (
+    Attempt,
+    Clock,
+    solve_again_with_priors,
+    solve_from,
+    solve_or_hold,
+    stalled,
+    usable,
+)
 from identify.estimation.residual_autocorrelation import Remembering
 from identify.estimation.starts import apart, features_of, own_starts, ranked, suggested_starts
-from identify.estimation.strategies import Strategy, attempted
+from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.starts import fit_features
@@ -29,13 +37,13 @@ Array = NDArray[np.float64]
 
 FEATURES, WIDE = 32, 2.0  # starts whose cycles are fitted without the vibration, and how far they are drawn, in spreads
 APART = 0.15  # of that reach between two of them that are solved both
-NEAR = (0.5, 0.2, 0.1, 0.05) * 2  # how far starts are drawn around the best answer: valleys lie close by and far
+NEAR = (0.5, 0.2, 0.1, 0.05) * 2  # how far starts are drawn around the best answer: optima lie close by and far
 READ_OFF = ("mu_s",)  # the onsets show it
-HOPELESS = 200.0  # cost above that of the best with which a start is not followed further
+COST_CUTOFF = 200.0  # cost above that of the best with which a start is not followed further
 SAME, AGAIN = 1.0, 3  # answers so near in the sum of squares are one; found so often, it is the best there is
 
 
-def shaken(
+def multistart_around(
     attempt: Attempt,
     prepared: Sequence[Prepared],
     unknowns: Unknowns,
@@ -67,8 +75,8 @@ def shaken(
         if time_is_up():
             break
         start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
-        hopeless = best.solved.solution.cost + HOPELESS
-        tried = solve_from(list(prepared), list(attempt.logs), start, Clock(), hopeless=hopeless)
+        cost_cutoff = best.solved.solution.cost + COST_CUTOFF
+        tried = solve_from(list(prepared), list(attempt.logs), start, Clock(), cost_cutoff=cost_cutoff)
         if tried is None or tried.logs != attempt.logs:
             continue
         found.append(tried.excess)
@@ -105,11 +113,11 @@ def _by_features(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Valleys beside that of an answer: where data do not tell a parameter, the way of the search may have chosen.
+# Optima beside that of an answer: where data do not tell a parameter, the way of the search may have chosen.
 #
-# Few slips, hardly sampled, are described as well, or nearly, from several valleys: of a contact that has aged after a
+# Few slips, hardly sampled, are described as well, or nearly, from several optima: of a contact that has aged after a
 # few seconds, and of one that ages on and on; of slips that begin early and slowly, and of others that begin late. The
-# starts of the features are fits of one settled cycle, and all roll into the same valley. Starts thrown about the
+# starts of the features are fits of one settled cycle, and all roll into the same optimum. Starts thrown about the
 # answer, and about the first start of the data's own, do not, nor does what the levels of the data suggest before any
 # fit: the motions that follow from each of them say which to solve.
 # ----------------------------------------------------------------------------------------------------------------------
@@ -117,37 +125,39 @@ def _by_features(
 THROWN = 16  # starts about each place
 SOLVED = 3  # of each kind, those that fit best before they are solved
 ALIKE = chi_square(LEVEL, 1)  # what the data object to an answer at most that a single parameter could as well have
-LOWER = 0.1  # by which chi^2 must fall for a valley to be a lower one
+LOWER = 0.1  # by which chi^2 must fall for a optimum to be a lower one
 LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
 FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coefficient: half as far
 
 
-def lowest_valley(attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering) -> tuple[Attempt, list[Attempt]]:
+def lowest_optimum(
+    attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering
+) -> tuple[Attempt, list[Attempt]]:
     """Return the lowest place (the preferred one) to which starts lead that are thrown about an answer, and about a
-    lower one once more; and the other valleys within its joint region: of all looks, and the answer given where it was
+    lower one once more; and the other optima within its joint region: of all looks, and the answer given where it was
     left.
 
     Args:
         noise: of all logs: its memory widens that region.
     """
-    valleys: list[Attempt] = []
+    optima: list[Attempt] = []
     for look in range(LOOKS):
         if time_is_up():
             break
-        valleys += other_valleys(attempt, unknowns, seed, noise, own=look == 0)
+        optima += optima_about(attempt, unknowns, seed, noise, own=look == 0)
         here = attempt
-        ended = (valley for valley in valleys if valley.gate.status is Status.CONVERGED)
+        ended = (optimum for optimum in optima if optimum.gate.status is Status.CONVERGED)
         lowest = min((v for v in ended if preferred(v, here, unknowns, noise)), key=_cost, default=here)
         if lowest is here:
             break
-        valleys = [here, *(valley for valley in valleys if valley is not lowest)]
+        optima = [here, *(optimum for optimum in optima if optimum is not lowest)]
         attempt = lowest
         if objection(lowest, here, noise) < ALIKE:  # the same place, a little farther down
             break
-    return attempt, [valley for valley in valleys if within(attempt, valley, unknowns, noise)]
+    return attempt, [optimum for optimum in optima if within(attempt, optimum, unknowns, noise)]
 
 
-def other_valleys(
+def optima_about(
     attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering, *, own: bool = True
 ) -> list[Attempt]:
     """Return the answers at which solves from thrown starts settle, the lowest first; all lie below the one given, or
@@ -158,7 +168,7 @@ def other_valleys(
     met again and again, within what the data tell apart, no more are solved.
 
     Args:
-        noise: as `lowest_valley`; own: starts are thrown about the data's own start too, and those that its levels
+        noise: as `lowest_optimum`; own: starts are thrown about the data's own start too, and those that its levels
             suggest are tried.
     """
     there: list[Attempt] = []
@@ -226,15 +236,15 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples, or comes to
     describe them on a ridge of which it finds no end; None where it does neither."""
     logs = list(attempt.prepared)
-    found = attempted(
+    found = run_strategy(
         Strategy.OTHER_OPTIMA,
-        lambda: solve_or_hold(logs, usable(logs), unknowns, Clock(), _cost(attempt) + HOPELESS),
+        lambda: solve_or_hold(logs, usable(logs), unknowns, Clock(), _cost(attempt) + COST_CUTOFF),
         attempt,
         attempt.logs,
     )
     if found is None or len(found.logs) < len(logs):
         return None
-    if crept(found) and found.solved.problem.samples == attempt.solved.problem.samples:
+    if stalled(found) and found.solved.problem.samples == attempt.solved.problem.samples:
         return replace(found, logs=attempt.logs, prepared=attempt.prepared)
     return of_same_samples(attempt, found, unknowns) if found.gate.status is Status.CONVERGED else None
 
@@ -242,7 +252,7 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
 def of_same_samples(attempt: Attempt, found: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Another answer of all logs of one, of the very samples of it; None where it does not settle there."""
     if found.solved.problem.samples != attempt.solved.problem.samples:
-        moved = resolve_firmly(attempt, unknowns, found.solved.theta, found.solved.guesses)
+        moved = solve_again_with_priors(attempt, unknowns, found.solved.theta, found.solved.trajectories)
         found = replace(moved, found_by=found.found_by)
     return (
         replace(found, logs=attempt.logs, prepared=attempt.prepared) if found.gate.status is Status.CONVERGED else None

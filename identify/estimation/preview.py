@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.base.errors import FitError
 from identify.estimation.attempt import as_far_as_placed
-from identify.estimation.known_early import told_early, wrong_unit
+from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import Unknowns, from_scene, user_start
@@ -29,15 +29,15 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class PreviewLog:
     """One log before the fit: name, drive speed [m/s]; time [s], force [N] (sliding positive), used (n,); the force of
-    the start guess (n,) [N], NaN where there is none and behind the last slip that it is placed on; onsets and arrests
-    (c,) [s] as detected; a sentence."""
+    the start trajectory (n,) [N], NaN where there is none and behind the last slip that it is placed on; onsets and
+    arrests (c,) [s] as detected; a sentence."""
 
     name: str
     drive_speed: float
     time: Array
     force: Array
     used: NDArray[np.bool_]
-    guess: Array
+    trajectory: Array
     onset: Array
     arrest: Array
     told: str
@@ -72,7 +72,7 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
     base = prepared[0].data.base
     values = dict(zip(unknowns.names, unknowns.values(theta, base).tolist(), strict=True))
     units = {q.name: q.unit for q in unknowns.model.parameters}
-    return Preview(source, values, units, logs, told_early(prepared))
+    return Preview(source, values, units, logs, prefit_warnings(prepared))
 
 
 def _start(scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> tuple[Array, str]:
@@ -94,18 +94,18 @@ def _start(scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> tuple[
 def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
     cycles = log.segmentation.cycles
     nothing = np.full(log.record.time.size, np.nan)
-    guess, told = nothing, log.left_out or ""
+    trajectory, told = nothing, log.left_out or ""
     if log.left_out is None:
         p = unknowns.values(log.data.theta(theta), log.data.base)
-        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE).guesses[0]
+        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE).trajectories[0]
         if placed is None:
             told = "with these values the model does not stick and slip here"
         else:
-            at_start = replace(unknowns.softened(), start=placed.theta(theta))
+            at_start = replace(unknowns.with_weak_priors(), start=placed.theta(theta))
             problem = transcribe([as_far_as_placed(log, placed).data], [placed], at_start, COARSE)
-            guess = problem.fitted(problem.start)[0]
-            inside = np.isfinite(guess) & log.used
-            off = float(np.sqrt(np.mean((guess - log.force)[inside] ** 2))) if np.any(inside) else float("nan")
+            trajectory = problem.fitted(problem.start)[0]
+            inside = np.isfinite(trajectory) & log.used
+            off = float(np.sqrt(np.mean((trajectory - log.force)[inside] ** 2))) if np.any(inside) else float("nan")
             told = f"the start is off by {1e3 * off:.3g} mN (rms); the noise is {_noise(log):.3g} mN"
     return PreviewLog(
         log.name,
@@ -113,7 +113,7 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
         log.record.time,
         log.force,
         log.used,
-        guess,
+        trajectory,
         cycles.onset,
         cycles.arrest,
         f"{cycles.count} cycles found" + (f"; {told}" if told else ""),

@@ -210,7 +210,7 @@ def profile(
     beside: Array | None = None,
     steps: int = 1,
     only: Sequence[int] | None = None,
-    valleys: Sequence[Solved] = (),
+    optima: Sequence[Solved] = (),
     before: Sequence[ProfilePoint] = (),
 ) -> Profiles:
     """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
@@ -222,14 +222,14 @@ def profile(
             allowed for widens it.
         steps: of a side, at least: one finds the ends, more draw the curve.
         only: indices of parameters, where not all are asked.
-        valleys: other places that count as points met, as far as the data do not object to them.
+        optima: other places that count as points met, as far as the data do not object to them.
         before: points met by walks from another answer of the same samples; their change of the curves is from there.
     """
     sizes = np.sqrt(np.diag(covariance))
     line = ProfileLine.at(logs, solved, unknowns, sizes, noise)
     line.seen.extend(before)
-    for valley in valleys:
-        line.settled(valley.theta, valley.guesses)
+    for optimum in optima:
+        line.settled(optimum.theta, optimum.trajectories)
     beats, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
     free = [i for i in searched.tolist() if not beats[i] and (only is None or i in only)]
     place = {index: number for number, index in enumerate(searched.tolist())}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.estimation.residual_autocorrelation import UNCHANGED, Change, Remembering
-from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import kept_parameters
@@ -36,11 +36,11 @@ FREE = -1  # no parameter is held
 
 @dataclass(frozen=True)
 class Home:
-    """The neighbourhood of a motion: the theta (n_p,) and guesses it was formed from, Newton's steps in it, and how far
-    each unknown (n,) may be from its start for the samples to stay where they were assigned."""
+    """The neighbourhood of a motion: the theta (n_p,) and trajectories it was formed from, Newton's steps in it, and
+    how far each unknown (n,) may be from its start for the samples to stay where they were assigned."""
 
     theta: Array
-    guesses: list[Guess]
+    trajectories: list[ShootingTrajectory]
     warm: Warm
     limits: Array
 
@@ -57,7 +57,7 @@ class ProfilePoint:
     multipliers (m,) in its problem, else None."""
 
     theta: Array
-    guesses: list[Guess]
+    trajectories: list[ShootingTrajectory]
     cost: float
     held: int
     change: Change = UNCHANGED
@@ -95,7 +95,7 @@ class Ground:
     ) -> Ground:
         """The ground about an answer; size (f,): standard errors of the free parameters there; steps: RK4 steps per
         interval, those of the answer at most."""
-        soft = unknowns.softened()
+        soft = unknowns.with_weak_priors()
         told = np.isfinite(unknowns.prior_sd)
         mean = np.where(told, soft.prior_mean, solved.theta)
         return cls(
@@ -109,9 +109,9 @@ class Ground:
             curves=[] if noise.white else solved.fitted,
         )
 
-    def home(self, theta: Array, guesses: list[Guess]) -> Home | None:
+    def home(self, theta: Array, trajectories: list[ShootingTrajectory]) -> Home | None:
         """The neighbourhood of a motion; None where it is none for Newton's steps."""
-        problem = transcribe(list(self.logs), guesses, replace(self.soft, start=theta), self.grid)
+        problem = transcribe(list(self.logs), trajectories, replace(self.soft, start=theta), self.grid)
         kept = kept_parameters(problem.layout)
         own = np.full(kept.size - problem.layout.free.size, float(np.max(self.size)))
         try:
@@ -122,26 +122,26 @@ class Ground:
         for place, log in zip(problem.layout.places, self.logs, strict=True):
             index = np.concatenate([place.onset, place.saturation, place.arrest])
             limits[index[index >= 0]] = MOVED * log.interval
-        return Home(theta, guesses, warm, limits)
+        return Home(theta, trajectories, warm, limits)
 
     def settled(self, home: Home, found: Settled, held: int) -> ProfilePoint:
         """The point at which Newton's steps settled in a neighbourhood."""
-        made = self.point(home.problem, home.guesses, found.z, found.cost, home.theta, held)
+        made = self.point(home.problem, home.trajectories, found.z, found.cost, home.theta, held)
         return replace(made, home=weakref.ref(home), z=found.z, multipliers=found.multipliers)
 
-    def solved(self, theta: Array, guesses: list[Guess], held: int) -> ProfilePoint | None:
+    def solved(self, theta: Array, trajectories: list[ShootingTrajectory], held: int) -> ProfilePoint | None:
         """The point by the solver, from any theta and motion; None where it fails."""
         free = self.unknowns.free.copy()
         if held >= 0:
             free[held] = False
-        problem = transcribe(list(self.logs), guesses, replace(self.soft, start=theta, free=free), self.grid)
-        solution = solve(problem, barrier=1e-6, iterations=PATIENCE, exact=True)
+        problem = transcribe(list(self.logs), trajectories, replace(self.soft, start=theta, free=free), self.grid)
+        solution = solve(problem, mu_init=1e-6, iterations=PATIENCE, exact=True)
         if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
             return None
-        return self.point(problem, guesses, solution.z, solution.cost, theta, held)
+        return self.point(problem, trajectories, solution.z, solution.cost, theta, held)
 
     def point(
-        self, problem: Problem, guesses: list[Guess], z: Array, cost: float, theta: Array, held: int
+        self, problem: Problem, trajectories: list[ShootingTrajectory], z: Array, cost: float, theta: Array, held: int
     ) -> ProfilePoint:
         """The point of the unknowns z (n,), without the cost of the priors that only keep the search in place, and with
         that of the user's prior for what is held: where it is no unknown, the problem does not count it."""
@@ -154,7 +154,7 @@ class Ground:
         priors = 0.5 * ((found - self.soft.prior_mean) / self.soft.prior_sd) ** 2
         missing = np.sum(priors[self.unknowns.free & told & ~counted])
         cost += float(missing - np.sum(priors[counted & ~told]))
-        moved = [place.read(guess, x) for place, guess in zip(layout.places, guesses, strict=True)]
+        moved = [place.read(trajectory, x) for place, trajectory in zip(layout.places, trajectories, strict=True)]
         change = UNCHANGED if self.noise.white else self.noise.change(self.curves, problem.fitted(z))
         return ProfilePoint(found, moved, cost, held, change)
 
@@ -194,17 +194,17 @@ class ProfileLine:
     @classmethod
     def _on(cls, ground: Ground, solved: Solved) -> ProfileLine:
         """The line through an answer on a ground; nothing was seen where the answer does not settle on it."""
-        home = ground.home(solved.theta, solved.guesses)
+        home = ground.home(solved.theta, solved.trajectories)
         recent = deque([] if home is None else [home], maxlen=KEPT)  # of a long log each is as large as the log
         answer, settled = solved.solution.cost, None
         if home is not None:
             answer = home.problem.evaluate(home.problem.start, derivatives=False).cost
             settled = home.warm.settle(home.problem.start)
         if home is None or settled is None:
-            best = ground.solved(solved.theta, solved.guesses, FREE)
+            best = ground.solved(solved.theta, solved.trajectories, FREE)
         else:
             best = ground.settled(home, settled, FREE)
-        known = best or ProfilePoint(solved.theta, solved.guesses, solved.solution.cost, FREE)
+        known = best or ProfilePoint(solved.theta, solved.trajectories, solved.solution.cost, FREE)
         return cls(ground, known, answer, home, [] if best is None else [best], recent)
 
     @property
@@ -216,12 +216,12 @@ class ProfileLine:
         """The best point with theta[held] = value, from a neighbour; None where nothing succeeds, or the time is up."""
         return None if time_is_up() else self._warm(near, held, value) or self._from_theta(near, held, value)
 
-    def settled(self, theta: Array, guesses: list[Guess]) -> ProfilePoint | None:
+    def settled(self, theta: Array, trajectories: list[ShootingTrajectory]) -> ProfilePoint | None:
         """The lowest point near a motion, nothing held, or where the solver finds none the parameter held that is
         farthest off; None where it fails then too."""
         free = np.flatnonzero(self.unknowns.free)
         farthest = int(free[np.argmax(np.abs(theta - self.best.theta)[free] / self.ground.size)])
-        return self._solved(theta, guesses, FREE) or self._solved(theta, guesses, farthest)
+        return self._solved(theta, trajectories, FREE) or self._solved(theta, trajectories, farthest)
 
     def loss_root(self, point: ProfilePoint) -> float:
         """The square root of what the data object to a point, against the best one."""
@@ -233,7 +233,7 @@ class ProfileLine:
         home, z, multipliers = near.home() if near.home is not None else None, near.z, near.multipliers
         for _ in range(HOMES):
             if home is None or z is None:
-                home = self._home(near.theta, near.guesses)
+                home = self._home(near.theta, near.trajectories)
                 if home is None:
                     return None
                 z, multipliers = home.problem.start, home.warm.multipliers
@@ -244,17 +244,17 @@ class ProfileLine:
                 return None
             if np.all(np.abs(found.z * scale) <= home.limits):
                 return self._seen(home, found, held)
-            near, home = self.ground.point(problem, home.guesses, found.z, found.cost, home.theta, held), None
+            near, home = self.ground.point(problem, home.trajectories, found.z, found.cost, home.theta, held), None
         return None
 
     def _from_theta(self, near: ProfilePoint, held: int, value: float) -> ProfilePoint | None:
         theta = near.theta.copy()
         theta[held] = value
-        return self._solved(theta, near.guesses, held)
+        return self._solved(theta, near.trajectories, held)
 
-    def _home(self, theta: Array, guesses: list[Guess]) -> Home | None:
+    def _home(self, theta: Array, trajectories: list[ShootingTrajectory]) -> Home | None:
         """The neighbourhood of a motion, kept for a while; None where it is none for Newton's steps."""
-        home = self.ground.home(theta, guesses)
+        home = self.ground.home(theta, trajectories)
         if home is not None:
             self.recent.append(home)
         return home
@@ -265,9 +265,9 @@ class ProfileLine:
         self.seen.append(made)
         return made
 
-    def _solved(self, theta: Array, guesses: list[Guess], held: int) -> ProfilePoint | None:
+    def _solved(self, theta: Array, trajectories: list[ShootingTrajectory], held: int) -> ProfilePoint | None:
         """The point by the solver, kept; None where it fails."""
-        made = self.ground.solved(theta, guesses, held)
+        made = self.ground.solved(theta, trajectories, held)
         if made is not None:
             self.seen.append(made)
         return made

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Guess, LogData
+from identify.logs.log_data import LogData, ShootingTrajectory
 
 Array = NDArray[np.float64]
 
@@ -220,7 +220,7 @@ class Remembered:
 
 def remembered(
     logs: Sequence[LogData],
-    guesses: Sequence[Guess],
+    trajectories: Sequence[ShootingTrajectory],
     fitted: Sequence[Array],
     noise_estimated: Sequence[bool],
     squares: Array,
@@ -238,7 +238,7 @@ def remembered(
             cycle, and its log.
     """
     levels, slowness, stacks = np.ones(len(logs)), np.ones(len(logs)), []
-    for number, (data, guess, curve) in enumerate(zip(logs, guesses, fitted, strict=True)):
+    for number, (data, trajectory, curve) in enumerate(zip(logs, trajectories, fitted, strict=True)):
         mine = log == number
         level = float(squares[mine].sum() / max(counts[mine].sum(), 1.0))
         if level > 1.0 + MORE:
@@ -248,7 +248,7 @@ def remembered(
         if noise_estimated[number] and not noise.white:
             levels[number], slowness[number] = max(level, 1.0), float(np.sqrt(_summed_squares(noise)))
         if level > 1.0 + CLOSE:
-            stacks.append(by_phase(data.time, residual, guess))
+            stacks.append(by_phase(data.time, residual, trajectory))
     if not stacks:
         return Remembered(levels, slowness) if np.max(slowness) > 1.0 else None
     rows = [len(stack) for stack in stacks]
@@ -279,7 +279,7 @@ def in_common(stacks: Sequence[Array], random: np.random.Generator) -> float:
     return (1.0 + float(np.count_nonzero(flipped >= here))) / (1.0 + FLIPS)
 
 
-def by_phase(time: Array, residual: Array, guess: Guess) -> Array:
+def by_phase(time: Array, residual: Array, trajectory: ShootingTrajectory) -> Array:
     """Sums of the residuals (n,) in places along stick and slip, over the root of their number (cycles - 1, bins).
 
     Args:
@@ -287,7 +287,7 @@ def by_phase(time: Array, residual: Array, guess: Guess) -> Array:
     """
     rows = []
     known = np.isfinite(residual)
-    for first, onset, last in zip(guess.arrest[:-1], guess.onset[1:], guess.arrest[1:], strict=True):
+    for first, onset, last in zip(trajectory.arrest[:-1], trajectory.onset[1:], trajectory.arrest[1:], strict=True):
         edges = np.concatenate([np.linspace(first, onset, BINS[0] + 1)[:-1], np.linspace(onset, last, BINS[1] + 1)])
         place = np.searchsorted(edges, time, side="right") - 1
         inside = known & (place >= 0) & (place < edges.size - 1)

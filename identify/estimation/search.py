@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import FIRST, Attempt, Clock, crept, solve_from, solve_held
+from identify.estimation.attempt import FIRST, Attempt, Clock, solve_from, solve_held, stalled
 from identify.estimation.events import join, with_events_mended
 from identify.estimation.goodness_of_fit import PER_CYCLE
 from identify.estimation.starts import Sources, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
 from identify.estimation.strained import loads_stand_in
-from identify.estimation.strategies import Strategy, attempted, is_due
+from identify.estimation.strategies import Strategy, may_run, run_strategy
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
 from identify.shooting.starts import level_starts
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
 SLIPS = 2  # of a log that is not left out before it was looked at together with all others
 FURTHER = 3  # feature starts that are solved beside the first
-HOPELESS = 8.0  # cost per residual of a start that no solve will save
+COST_CUTOFF = 8.0  # cost per residual of a start that no solve will save
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def search(
     slips = {i for i in able if prepared[i].falls.size >= SLIPS}
     best: Attempt | None = None
     for number, logs in enumerate([some for n, some in enumerate(choices) if some and some not in choices[:n]]):
-        if number > 0 and not is_due(Strategy.OTHER_LOGS):
+        if number > 0 and not may_run(Strategy.OTHER_LOGS):
             break
         found = _from_logs(problem, logs, able)
         if number > 0 and found is not None:
@@ -91,7 +91,7 @@ def search(
         if _fits(best) and faint | slips <= set(best.logs):
             break
     if not _fits(best):
-        best = attempted(Strategy.STEADY_PARTS, lambda: _levels_only(problem, able), logs=able) or best
+        best = run_strategy(Strategy.STEADY_PARTS, lambda: _levels_only(problem, able), logs=able) or best
     return best, left_out | _missing(best, prepared, able)
 
 
@@ -155,7 +155,7 @@ def _from_logs(problem: SearchProblem, logs: list[int], able: list[int]) -> Atte
             state.best = _better(state.best, attempt)
             if state.settled():
                 break
-    return None if state.best is None else disowned(state.best, problem.prepared, logs)
+    return None if state.best is None else rejected_as_incomplete(state.best, problem.prepared, logs)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -165,7 +165,7 @@ def _from_logs(problem: SearchProblem, logs: list[int], able: list[int]) -> Atte
 
 def _feature_starts(state: _Progressing) -> Iterator[Array]:
     problem, chosen = state.problem, state.chosen
-    uneven, worst = not alike(chosen), np.inf if problem.thorough else HOPELESS
+    uneven, worst = not alike(chosen), np.inf if problem.thorough else COST_CUTOFF
     return starts_of(chosen, problem.unknowns, problem.sources, problem.seed, uneven, worst, problem.clock)
 
 
@@ -196,7 +196,7 @@ def _next_starts(
     state: _Progressing, strategy: Strategy, starts: Iterator[Array], most: int
 ) -> Iterator[Attempt | None]:
     """Feature starts in their order until so many were placed and solved."""
-    while state.solved < most and is_due(strategy):
+    while state.solved < most and may_run(strategy):
         theta = next(starts, None)
         if theta is None:
             return
@@ -219,7 +219,7 @@ def _again_from(
 ) -> Iterator[Attempt]:
     """From the first of these starts from which a way of solving finds an answer, which the other logs join."""
     for theta in starts:
-        found = attempted(strategy, partial(solve, theta), logs=state.logs)
+        found = run_strategy(strategy, partial(solve, theta), logs=state.logs)
         if _fits(found):
             yield _with_the_others(state, state.problem.prepared, found)
             return
@@ -254,14 +254,14 @@ def _solved_and_repaired(state: _Progressing, strategy: Strategy, theta: Array) 
     """What comes of one start: solved as it is, then repaired; then with the other logs that are able. None where it
     can be placed on none."""
     problem, at = state.problem, state.at(theta)
-    first = attempted(strategy, lambda: solve_from(problem.prepared, state.logs, at, problem.clock), logs=state.logs)
+    first = run_strategy(strategy, lambda: solve_from(problem.prepared, state.logs, at, problem.clock), logs=state.logs)
     if first is None:
         return None
     state.solved += 1
     prepared, attempt = _with_strengths(state, at, first)
     if not _fits(attempt) and not state.unequal:
         prepared, attempt = _events_corrected(state, at, attempt)
-    if crept(attempt):
+    if stalled(attempt):
         attempt = _held(state, prepared, at, attempt) or attempt
     if not attempt.solved.solution.success:
         state.lost.append(theta)
@@ -275,7 +275,7 @@ def _with_strengths(state: _Progressing, at: Unknowns, attempt: Attempt) -> tupl
     if not (asked and problem.thorough):
         return problem.prepared, attempt
     problem.progress("solving with a strength of each stick", 0.55)
-    own = attempted(
+    own = run_strategy(
         Strategy.STICK_STRENGTHS, lambda: with_own_strengths(attempt, problem.prepared, at), attempt, attempt.logs
     )
     if not _fits(own):
@@ -287,11 +287,11 @@ def _events_corrected(state: _Progressing, at: Unknowns, attempt: Attempt) -> tu
     """The logs and the answer with slips that were missed put in and invented ones taken out, where that fits
     better."""
     problem = state.problem
-    mended = _mended(problem.prepared, attempt, at) if is_due(Strategy.EVENTS_CORRECTED) else None
+    mended = _mended(problem.prepared, attempt, at) if may_run(Strategy.EVENTS_CORRECTED) else None
     if mended is None:
         return problem.prepared, attempt
     problem.progress("solving with other slips", 0.6)
-    again = attempted(
+    again = run_strategy(
         Strategy.EVENTS_CORRECTED, lambda: solve_from(mended, state.logs, at, problem.clock), attempt, state.logs
     )
     if again is not None and _better(attempt, again) is again:
@@ -301,7 +301,7 @@ def _events_corrected(state: _Progressing, at: Unknowns, attempt: Attempt) -> tu
 
 def _held(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: Attempt) -> Attempt | None:
     state.problem.progress("holding what the logs do not tell", 0.7)
-    return attempted(
+    return run_strategy(
         Strategy.PRIOR_CONTINUATION,
         lambda: solve_held(prepared, state.logs, at, state.problem.clock, FIRST),
         attempt,
@@ -315,7 +315,7 @@ def _with_the_others(state: _Progressing, prepared: list[Prepared], attempt: Att
     if not late:
         return attempt
     problem.progress("joining the other logs", 0.8)
-    joined = attempted(
+    joined = run_strategy(
         Strategy.JOINED, lambda: join(attempt, prepared, late, problem.unknowns, problem.clock), attempt, attempt.logs
     )
     return joined or attempt
@@ -357,14 +357,14 @@ def alike(prepared: Sequence[Prepared]) -> bool:
     return not any(log.unlike for log in prepared)
 
 
-def plenty(prepared: Sequence[Prepared]) -> list[int]:
+def required_logs(prepared: Sequence[Prepared]) -> list[int]:
     """Numbers of the logs that an answer has to describe: they are not left out, and show enough cycles."""
     return [
         i for i, log in enumerate(prepared) if log.left_out is None and log.typical >= LEAST[1] and not log.manner.faint
     ]
 
 
-def disowned(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:
+def rejected_as_incomplete(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:
     """An answer that leaves out a log with plenty of cycles does not describe the data, well as it fits the rest.
 
     Args:

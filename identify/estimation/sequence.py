@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import follow
@@ -21,118 +21,127 @@ OFF = (3e-4, 1e-3, 3e-3, 1e-2)  # of mu_s - mu_k0: how far off friction is taken
 TRIES = 3  # how often a course is followed anew
 
 
-def modes_of(guess: Guess) -> tuple[tuple[str, str], ...]:
+def modes_of(trajectory: ShootingTrajectory) -> tuple[tuple[str, str], ...]:
     """Mode and end of every stretch of a tail."""
-    return tuple((stretch.kind, stretch.ended_by) for stretch in guess.tail)
+    return tuple((stretch.kind, stretch.ended_by) for stretch in trajectory.tail)
 
 
-def followed(log: Prepared, unknowns: Unknowns) -> tuple[Prepared, Guess] | None:
+def followed(log: Prepared, unknowns: Unknowns) -> tuple[Prepared, ShootingTrajectory] | None:
     """A log of a course of its own as the parameters (unknowns.start) have it, cut to what can be followed."""
     p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
     found = follow(unknowns.model, log.data, p, begins_sliding=log.manner.begins_sliding)
     if found is None:
         return None
-    return replace(log, data=replace(log.data, end=min(found.end, log.data.end))), found.guess
+    return replace(log, data=replace(log.data, end=min(found.end, log.data.end))), found.trajectory
 
 
-def grazes(log: Prepared, guess: Guess) -> bool:
+def is_near_grazing(log: Prepared, trajectory: ShootingTrajectory) -> bool:
     """Whether slips of a log that is solved cycle by cycle come to rest by a hair: how they rest is easily taken for
     something else where it is only told by when they fall."""
     half_period = log.rig.half_period
-    if log.manner.name != "cycles" or guess.sticks.size == 0 or half_period is None:
+    if log.manner.name != "cycles" or trajectory.sticks.size == 0 or half_period is None:
         return False
-    return float(np.median(guess.sticks)) < HAIR * half_period
+    return float(np.median(trajectory.sticks)) < HAIR * half_period
 
 
-def resequenced(
-    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
-) -> tuple[list[Prepared], list[Guess]] | None:
-    """The logs and guesses with the courses as they are at the answer (unknowns.start); None where nothing is new.
+def resimulated(
+    whole: Sequence[Prepared], logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns
+) -> tuple[list[Prepared], list[ShootingTrajectory]] | None:
+    """The logs and trajectories with the courses as they are at the answer (unknowns.start); None where nothing is new.
 
     Args:
         whole: the logs before they were cut to what could be followed.
     """
-    found = _courses(whole, logs, guesses, unknowns)
-    other = [new and modes_of(new[1]) != modes_of(guess) for new, guess in zip(found, guesses, strict=True)]
-    return _put_in([new if differs else None for new, differs in zip(found, other, strict=True)], logs, guesses)
-
-
-def refollowed(
-    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
-) -> tuple[list[Prepared], list[Guess]] | None:
-    """As `resequenced`, with the logs whose slips rest by a hair followed as courses; None where none do."""
-    found = [
-        _at_answer(uncut.as_course, guess, unknowns) if grazes(log, guess) else None
-        for uncut, log, guess in zip(whole, logs, guesses, strict=True)
+    found = _courses(whole, logs, trajectories, unknowns)
+    other = [
+        new and modes_of(new[1]) != modes_of(trajectory) for new, trajectory in zip(found, trajectories, strict=True)
     ]
-    return _put_in(found, logs, guesses)
+    return _put_in([new if differs else None for new, differs in zip(found, other, strict=True)], logs, trajectories)
 
 
-def by_a_hair(
-    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
-) -> list[tuple[list[Prepared], list[Guess]]]:
-    """As `resequenced`, with the courses that hardly differ from another sequence in that other one: in the first that
+def resimulated_whole(
+    whole: Sequence[Prepared], logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns
+) -> tuple[list[Prepared], list[ShootingTrajectory]] | None:
+    """As `resimulated`, with the logs whose slips rest by a hair followed as courses; None where none do."""
+    found = [
+        _at_answer(uncut.as_course, trajectory, unknowns) if is_near_grazing(log, trajectory) else None
+        for uncut, log, trajectory in zip(whole, logs, trajectories, strict=True)
+    ]
+    return _put_in(found, logs, trajectories)
+
+
+def near_grazing(
+    whole: Sequence[Prepared], logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns
+) -> list[tuple[list[Prepared], list[ShootingTrajectory]]]:
+    """As `resimulated`, with the courses that hardly differ from another sequence in that other one: in the first that
     is met with a little more friction while sliding, and with a little less. A sequence may agree with its own answer,
     and the data with another."""
-    near = [log.manner.name == "course" and hardly(log, guess) for log, guess in zip(logs, guesses, strict=True)]
+    near = [
+        log.manner.name == "course" and hardly(log, trajectory)
+        for log, trajectory in zip(logs, trajectories, strict=True)
+    ]
     if not any(near):
         return []
     kinetic = unknowns.names.index("mu_k0")
     out = []
     for sign in (1.0, -1.0):
-        found: list[tuple[Prepared, Guess] | None] = [None] * len(logs)
+        found: list[tuple[Prepared, ShootingTrajectory] | None] = [None] * len(logs)
         for share in OFF:
             start = unknowns.start.copy()
             start[kinetic] += sign * share * abs(start[unknowns.names.index("mu_s")] - start[kinetic])
             there = replace(unknowns, start=start)
-            for i, (uncut, log, guess) in enumerate(zip(whole, logs, guesses, strict=True)):
+            for i, (uncut, log, trajectory) in enumerate(zip(whole, logs, trajectories, strict=True)):
                 if near[i] and found[i] is None:
-                    new = _at_answer(replace(uncut, manner=log.manner), guess, there)
-                    found[i] = new if new is not None and modes_of(new[1]) != modes_of(guess) else None
-        made = _put_in(found, logs, guesses)
+                    new = _at_answer(replace(uncut, manner=log.manner), trajectory, there)
+                    found[i] = new if new is not None and modes_of(new[1]) != modes_of(trajectory) else None
+        made = _put_in(found, logs, trajectories)
         out += [] if made is None else [made]
     return out
 
 
-def is_clear(log: Prepared, guess: Guess, other: Guess) -> bool:
+def is_clear(log: Prepared, trajectory: ShootingTrajectory, other: ShootingTrajectory) -> bool:
     """Whether a course has one sequence or another, and neither by a hair."""
-    return modes_of(guess) != modes_of(other) and not (hardly(log, guess) or hardly(log, other))
+    return modes_of(trajectory) != modes_of(other) and not (hardly(log, trajectory) or hardly(log, other))
 
 
-def hardly(log: Prepared, guess: Guess) -> bool:
+def hardly(log: Prepared, trajectory: ShootingTrajectory) -> bool:
     """Whether the mass comes to rest, or slides on, by a hair somewhere in a course: a contact re-ages in mid-slide, or
     a rest between two slips is hardly one."""
-    ends = [stretch.until for stretch in guess.tail]
+    ends = [stretch.until for stretch in trajectory.tail]
     rests = [
         ends[i] - ends[i - 1]
         for i in range(1, len(ends))
-        if guess.tail[i].kind == "rest" and guess.tail[i].ended_by == "onset"
+        if trajectory.tail[i].kind == "rest" and trajectory.tail[i].ended_by == "onset"
     ]
-    released = any(stretch.ended_by == "release" for stretch in guess.tail)
+    released = any(stretch.ended_by == "release" for stretch in trajectory.tail)
     return released or min(rests, default=np.inf) < HAIR * log.rig.half_period
 
 
 def _courses(
-    whole: Sequence[Prepared], logs: Sequence[Prepared], guesses: Sequence[Guess], unknowns: Unknowns
-) -> list[tuple[Prepared, Guess] | None]:
+    whole: Sequence[Prepared], logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns
+) -> list[tuple[Prepared, ShootingTrajectory] | None]:
     """The courses as they are at the answer, None in the place of what is none."""
     return [
-        _at_answer(replace(uncut, manner=log.manner), guess, unknowns) if log.manner.name == "course" else None
-        for uncut, log, guess in zip(whole, logs, guesses, strict=True)
+        _at_answer(replace(uncut, manner=log.manner), trajectory, unknowns) if log.manner.name == "course" else None
+        for uncut, log, trajectory in zip(whole, logs, trajectories, strict=True)
     ]
 
 
-def _at_answer(log: Prepared, guess: Guess, unknowns: Unknowns) -> tuple[Prepared, Guess] | None:
+def _at_answer(
+    log: Prepared, trajectory: ShootingTrajectory, unknowns: Unknowns
+) -> tuple[Prepared, ShootingTrajectory] | None:
     """A log followed with what it shares and what it has for itself at the answer."""
-    found = followed(log, replace(unknowns, start=guess.theta(unknowns.start)))
-    return None if found is None else (found[0], replace(found[1], own=guess.own))
+    found = followed(log, replace(unknowns, start=trajectory.theta(unknowns.start)))
+    return None if found is None else (found[0], replace(found[1], own=trajectory.own))
 
 
 def _put_in(
-    found: Sequence[tuple[Prepared, Guess] | None], logs: Sequence[Prepared], guesses: Sequence[Guess]
-) -> tuple[list[Prepared], list[Guess]] | None:
-    """The logs and guesses with what was found in its place; None where nothing was."""
+    found: Sequence[tuple[Prepared, ShootingTrajectory] | None],
+    logs: Sequence[Prepared],
+    trajectories: Sequence[ShootingTrajectory],
+) -> tuple[list[Prepared], list[ShootingTrajectory]] | None:
+    """The logs and trajectories with what was found in its place; None where nothing was."""
     if not any(found):
         return None
-    made = [new or old for new, old in zip(found, zip(logs, guesses, strict=True), strict=True)]
-    return [log for log, _ in made], [guess for _, guess in made]
+    made = [new or old for new, old in zip(found, zip(logs, trajectories, strict=True), strict=True)]
+    return [log for log, _ in made], [trajectory for _, trajectory in made]

@@ -37,7 +37,7 @@ def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array])
         placed = place_on(prepared, list(range(len(prepared))), at)
         if placed:
             logs = [log.data for _, log, _ in placed]
-            problem = transcribe(logs, [guess for _, _, guess in placed], at, COARSE)
+            problem = transcribe(logs, [trajectory for _, _, trajectory in placed], at, COARSE)
             cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
             out.append(Start(theta, float(cost) + MISSING * (len(prepared) - len(placed))))
     return sorted(out, key=lambda start: start.cost)
@@ -56,7 +56,7 @@ def own_starts(prepared: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
 
 
 def suggested_starts(prepared: Sequence[Prepared], unknowns: Unknowns) -> Array:
-    """What the levels of the data suggest (S, n_p), before any fit of a settled cycle rolls it into some valley."""
+    """What the levels of the data suggest (S, n_p), before any fit of a settled cycle rolls it into some optimum."""
     features, bases = features_of(prepared)
     return candidates(unknowns, features, bases) if features else np.empty((0, unknowns.start.size))
 

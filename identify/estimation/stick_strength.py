@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
-from identify.estimation.attempt import Attempt, Clock, resolve, solve_from
+from identify.estimation.attempt import Attempt, Clock, solve_again, solve_from
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import Solved
@@ -58,7 +58,7 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
             found = solve_from(with_strengths(prepared, sd), list(attempt.logs), unknowns, Clock())
         else:
             scattering = replace(found, prepared=tuple(with_strengths(found.prepared, sd)))
-            found = resolve(scattering, replace(unknowns, start=found.solved.theta))
+            found = solve_again(scattering, replace(unknowns, start=found.solved.theta))
         if found is None or not found.solved.solution.success:
             return None
         likeliest = _likeliest(*_spread(found.solved), sd)

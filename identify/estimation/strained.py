@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identify.base.quantiles import student
 from identify.base.wording import three_figures
-from identify.logs.log_data import Guess, LogData
+from identify.logs.log_data import LogData, ShootingTrajectory
 from identify.shooting.passes import Solved
 
 Array = NDArray[np.float64]
@@ -26,12 +26,12 @@ def strained_load(solved: Solved, names: Sequence[str]) -> str:
     where none do."""
     model = solved.problem.layout.unknowns.model
     remedy = "" if "occlusion" in model.effects else ", or add occlusion to effects"
-    for data, guess, name in zip(solved.problem.logs, solved.guesses, names, strict=True):
-        off = _load_pulls(data, guess)
+    for data, trajectory, name in zip(solved.problem.logs, solved.trajectories, names, strict=True):
+        off = _load_pulls(data, trajectory)
         if not off.size:
             continue
         worst = int(np.argmax(np.abs(off)))
-        cycle = np.append(np.arange(guess.deviation.size), guess.slip_parts)[worst]
+        cycle = np.append(np.arange(trajectory.deviation.size), trajectory.slip_parts)[worst]
         if max(_excess(off), abs(float(off[worst]))) > FARTHEST:
             return (
                 f"{name}: the cycles fit only if their normal force is off by up to {abs(off[worst]):.0f} standard "
@@ -44,7 +44,9 @@ def strained_load(solved: Solved, names: Sequence[str]) -> str:
 def loads_stand_in(solved: Solved) -> bool:
     """Whether the normal forces of some log are off by more than their errors, so that they may stand in for something
     else that differs from cycle to cycle."""
-    pulls = (_load_pulls(data, guess) for data, guess in zip(solved.problem.logs, solved.guesses, strict=True))
+    pulls = (
+        _load_pulls(data, trajectory) for data, trajectory in zip(solved.problem.logs, solved.trajectories, strict=True)
+    )
     return any(off.size and _excess(off) > 0.0 for off in pulls)
 
 
@@ -53,16 +55,18 @@ def _excess(off: Array) -> float:
     return (float(off @ off) - off.size) / float(np.sqrt(2.0 * off.size))
 
 
-def _load_pulls(data: LogData, guess: Guess) -> Array:
+def _load_pulls(data: LogData, trajectory: ShootingTrajectory) -> Array:
     """By how many of its standard errors the normal force is off in every part, then at the end of every slip; empty
     where it is exact."""
-    if not data.normal_force_sd > 0.0 or not guess.deviation.size:
+    if not data.normal_force_sd > 0.0 or not trajectory.deviation.size:
         return np.empty(0)
-    slid = guess.slip_deviation.size
-    mean = np.zeros(guess.deviation.size)
-    mean[guess.slip_parts] = data.expected[0]
-    at_onset = (guess.deviation - mean) / data.onset_load_sd_at(guess.loaded_at)
-    return np.append(at_onset, (guess.slip_deviation - data.expected[1]) / data.load_sd_at(guess.slid_at[:slid]))
+    slid = trajectory.slip_deviation.size
+    mean = np.zeros(trajectory.deviation.size)
+    mean[trajectory.slip_parts] = data.expected[0]
+    at_onset = (trajectory.deviation - mean) / data.onset_load_sd_at(trajectory.loaded_at)
+    return np.append(
+        at_onset, (trajectory.slip_deviation - data.expected[1]) / data.load_sd_at(trajectory.slid_at[:slid])
+    )
 
 
 def odd_stick(solved: Solved, names: Sequence[str]) -> str:

@@ -118,7 +118,7 @@ def as_one_trial(strategy: Strategy, detail: str) -> Iterator[None]:
             outer.trials.append(Trial(f"{strategy.title}: {detail}", (), "examined", None, seconds))
 
 
-def is_due(strategy: Strategy) -> bool:
+def may_run(strategy: Strategy) -> bool:
     """Whether a strategy may still be tried: it is not switched off, and there is time; else noted as not tried."""
     trace = _trace.get()
     if trace is not None and strategy in trace.switched_off:
@@ -141,7 +141,7 @@ def no_time_for(part: str) -> None:
         trace.not_tried.append(part)
 
 
-def attempted(
+def run_strategy(
     strategy: Strategy, make: Callable[[], Attempt | None], since: Attempt | None = None, logs: Sequence[int] = ()
 ) -> Attempt | None:
     """What one strategy comes to, as an entry of the trace; None where it comes to nothing or is not due.
@@ -150,7 +150,7 @@ def attempted(
         make: does it. since: the attempt it goes on from. logs: numbers (from 0) it was tried with, where it comes to
             nothing.
     """
-    if not is_due(strategy):
+    if not may_run(strategy):
         return None
     began = now()
     found = make()

@@ -1,4 +1,4 @@
-"""A guess of the whole motion behind one log: event times and states at the shooting nodes."""
+"""A trajectory of the whole motion behind one log: event times and states at the shooting nodes."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Guess:
+class ShootingTrajectory:
     """Event times and node states of one log, c cycles.
 
     start (n_x,): state at the begin of the window; onset, saturation, arrest (c,) [s], saturation NaN where

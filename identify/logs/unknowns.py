@@ -32,7 +32,7 @@ RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays withi
 class Unknowns:
     """The search space, all arrays (n_p,) in the order of the model's parameters.
 
-    `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
+    `start` is theta at the first trajectory and the value of what is not free; `lower`, `upper` bound theta;
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
     `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none);
     `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);
@@ -128,15 +128,15 @@ class Unknowns:
             return mean, sd
         return start if np.isfinite(mean) else 0.0, min(sd, FORGOTTEN * spread)
 
-    def softened(self, firmness: float = 1.0) -> Unknowns:
+    def with_weak_priors(self, tightness: float = 1.0) -> Unknowns:
         """The same search with a very wide prior around the start where there is none: it only keeps what the data do
         not tell from wandering off; the information matrix never sees it.
 
         Args:
-            firmness: its standard deviation is that of the very wide one divided by this.
+            tightness: its standard deviation is that of the very wide one divided by this.
         """
         none = ~np.isfinite(self.prior_sd)
-        wide = np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread) / firmness
+        wide = np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread) / tightness
         return replace(
             self,
             prior_mean=np.where(none, self.start, self.prior_mean),

@@ -286,7 +286,7 @@ def _caption(whole: View, fitted: bool, accepted: bool, curves: LogCurves) -> st
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The picture of --preview: every log with its detected cycles and the force of the start guess, before any fit.
+# The picture of --preview: every log with its detected cycles and the force of the start trajectory, before any fit.
 # ----------------------------------------------------------------------------------------------------------------------
 
 STRETCHES = 1600
@@ -331,9 +331,15 @@ def _panel(axes: Axes, log: PreviewLog, start: int, stop: int) -> None:
     thin = envelope(time, np.where(log.used, log.force, np.nan)[start:stop], STRETCHES)
     axes.fill_between(thin.time, thin.lower, thin.upper, color=MEASURED, alpha=0.35, linewidth=0)
     axes.plot(thin.time, 0.5 * (thin.lower + thin.upper), color=MEASURED, linewidth=0.8, label="measured")
-    if np.isfinite(log.guess[start:stop]).any():
-        guess = envelope(time, log.guess[start:stop], STRETCHES)
-        axes.plot(guess.time, 0.5 * (guess.lower + guess.upper), color=FITTED, linewidth=1.0, label="start guess")
+    if np.isfinite(log.trajectory[start:stop]).any():
+        trajectory = envelope(time, log.trajectory[start:stop], STRETCHES)
+        axes.plot(
+            trajectory.time,
+            0.5 * (trajectory.lower + trajectory.upper),
+            color=FITTED,
+            linewidth=1.0,
+            label="start trajectory",
+        )
     padded(axes, log.force[start:stop][log.used[start:stop]], 0.15)
     for name, moments, colour in (("onset", log.onset, ONSET), ("arrest", log.arrest, ARREST)):
         inside = moments[(moments >= time[0]) & (moments <= time[-1])]

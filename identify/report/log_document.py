@@ -74,7 +74,7 @@ def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] |
     verdicts = {e.name: e.verdict for e in found.estimates}
     if sure is not None and sure.of_groups:
         if number in attempt.logs:
-            theta = attempt.solved.guesses[attempt.logs.index(number)].theta(theta)
+            theta = attempt.solved.trajectories[attempt.logs.index(number)].theta(theta)
         theta, order = theta.copy(), np.arange(free.size)
         for i, index in enumerate(free.tolist()):
             if not found.unknowns.grouped[index]:

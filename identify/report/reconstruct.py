@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
 from identify.base.outcome import LogCurves, SlipDetail
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting import batch as lanes
@@ -23,17 +23,19 @@ AS_FITTED = 0.1  # of the range of a slip's force: farther from the fitted curve
 LEAD, TAIL = 0.25, 0.35  # of the slip's duration, shown before and after it
 
 
-def fitted_curves(log: Prepared, unknowns: Unknowns, theta: Array, guess: Guess, fitted: Array, z: Array) -> LogCurves:
+def fitted_curves(
+    log: Prepared, unknowns: Unknowns, theta: Array, trajectory: ShootingTrajectory, fitted: Array, z: Array
+) -> LogCurves:
     """Curves of a log that was fitted.
 
     Args:
-        theta: (n_p,) solution; guess: the motion moved to it; fitted (n,) force at the samples, NaN outside;
+        theta: (n_p,) solution; trajectory: the motion moved to it; fitted (n,) force at the samples, NaN outside;
             z (c,) misfit of each cycle in standard deviations.
     """
-    p = unknowns.values(guess.theta(theta), log.data.base)
-    forces = _event_forces(log, unknowns, p, guess)
-    cycles = np.column_stack([guess.onset, guess.arrest, *forces, z[: guess.cycles]])
-    slip = _typical_slip(log, unknowns, p, guess)
+    p = unknowns.values(trajectory.theta(theta), log.data.base)
+    forces = _event_forces(log, unknowns, p, trajectory)
+    cycles = np.column_stack([trajectory.onset, trajectory.arrest, *forces, z[: trajectory.cycles]])
+    slip = _typical_slip(log, unknowns, p, trajectory)
     return LogCurves(
         log.name,
         log.record.time,
@@ -92,13 +94,13 @@ def _as_read(log: Prepared) -> tuple[Array | None, tuple[tuple[str, float, float
     return (None if raw is log.record.friction_force else log.sign * raw), cuts
 
 
-def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> tuple[Array, Array]:
+def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, trajectory: ShootingTrajectory) -> tuple[Array, Array]:
     """What the load cell sees at onset and arrest of every cycle (c,), (c,) [N]."""
-    if guess.cycles == 0:
+    if trajectory.cycles == 0:
         return np.empty(0), np.empty(0)
-    ends = np.where(guess.saturates[:, None], guess.saturated[:, -1], guess.slip[:, -1])
+    ends = np.where(trajectory.saturates[:, None], trajectory.saturated[:, -1], trajectory.slip[:, -1])
     out = []
-    for times, states in ((guess.onset, guess.slip[:, 0]), (guess.arrest, ends)):
+    for times, states in ((trajectory.onset, trajectory.slip[:, 0]), (trajectory.arrest, ends)):
         u = np.column_stack(
             [np.full(times.size, log.data.drive_speed), log.data.normal_force.at(times), np.ones(times.size), times]
         )
@@ -118,19 +120,19 @@ def as_fitted(slip: SlipDetail, time: Array, fitted: Array) -> bool:
     return bool(np.max(off, initial=0.0) < AS_FITTED * np.ptp(slip.force))
 
 
-def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, guess: Guess) -> SlipDetail | None:
+def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, trajectory: ShootingTrajectory) -> SlipDetail | None:
     """The slip of median duration (not the first where there are more), simulated from its fitted onset."""
-    if guess.cycles == 0:
+    if trajectory.cycles == 0:
         return None
-    durations = guess.arrest - guess.onset
-    order = np.argsort(durations[1:]) + 1 if guess.cycles > 2 else np.argsort(durations)
+    durations = trajectory.arrest - trajectory.onset
+    order = np.argsort(durations[1:]) + 1 if trajectory.cycles > 2 else np.argsort(durations)
     cycle = int(order[order.size // 2])
-    onset, duration = float(guess.onset[cycle]), float(durations[cycle])
+    onset, duration = float(trajectory.onset[cycle]), float(durations[cycle])
     model = unknowns.model
     names = [s.name for s in model.states]
-    load = float(log.data.normal_force.at(onset) + guess.deviation[cycle])
+    load = float(log.data.normal_force.at(onset) + trajectory.deviation[cycle])
     lead = LEAD * duration
-    start = dict(zip(names, guess.slip[cycle, 0].tolist(), strict=True)) | {"sliding_speed": 0.0}
+    start = dict(zip(names, trajectory.slip[cycle, 0].tolist(), strict=True)) | {"sliding_speed": 0.0}
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
     try:
         motion = run(

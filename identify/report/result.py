@@ -322,7 +322,7 @@ def _fit(found: Findings) -> dict[str, Any] | None:
         squares += float(variance[family.log] @ cost)
     return {
         "samples": count,
-        "cycles": int(sum(guess.arrests for guess in solved.guesses)),
+        "cycles": int(sum(trajectory.arrests for trajectory in solved.trajectories)),
         "iterations": solved.iterations,
         "passes": solved.passes,
         "unknowns": solved.problem.layout.size,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identify.base.errors import FitError, SceneError
 from identify.base.linear import optimality_matrix, solve_equilibrated
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model, assemble
@@ -121,19 +121,19 @@ def accuracy_table(
     Args:
         size: standard errors (f,) of the free parameters; levels: from coarse to fine.
     """
-    begin, guesses = _start(logs, answer, unknowns)
+    begin, trajectories = _start(logs, answer, unknowns)
     data = [log.data for log in logs]
     solves: list[tuple[Solved, float, int]] = []
     for level in levels:
         since = time.process_time()
-        search = replace(unknowns, start=begin).softened()
-        solved = solve_in_passes(data, guesses, search, most=level.most)
+        search = replace(unknowns, start=begin).with_weak_priors()
+        solved = solve_in_passes(data, trajectories, search, most=level.most)
         iterations = solved.iterations
         for _ in range(level.refinements):
             if not solved.solution.success or np.max(np.abs(discretisation_error(solved) / size)) <= level.share:
                 break
-            again = replace(unknowns, start=solved.theta).softened()
-            solved = solve_in_passes(data, solved.guesses, again, steps=2 * solved.grid.steps)
+            again = replace(unknowns, start=solved.theta).with_weak_priors()
+            solved = solve_in_passes(data, solved.trajectories, again, steps=2 * solved.grid.steps)
             iterations += solved.iterations
         solves.append((solved, time.process_time() - since, iterations))
     finest = next((s for s, _, _ in reversed(solves) if s.solution.success), answer)
@@ -224,23 +224,24 @@ def _instructions(model: Model) -> int:
     return block(model, "slip", FEWEST_STEPS).derivatives.instructions
 
 
-def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[Guess]]:
+def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[ShootingTrajectory]]:
     """A start as far from the answer as its motion can still be placed on every log."""
-    if any(guess.tail for guess in answer.guesses):
-        return answer.theta, answer.guesses
+    if any(trajectory.tail for trajectory in answer.trajectories):
+        return answer.theta, answer.trajectories
     for offset in OFFSETS:
         theta = np.where(unknowns.free, answer.theta + offset * unknowns.spread, answer.theta)
         theta = np.clip(theta, unknowns.lower, unknowns.upper)
         p = [
-            unknowns.values(guess.theta(theta), log.data.base) for guess, log in zip(answer.guesses, logs, strict=True)
+            unknowns.values(trajectory.theta(theta), log.data.base)
+            for trajectory, log in zip(answer.trajectories, logs, strict=True)
         ]
-        events = [0.5 * (guess.onset + guess.arrest) for guess in answer.guesses]
-        placed = place(unknowns.model, [log.data for log in logs], p, events, FIRST_GRID).guesses
-        good = [guess for guess in placed if guess is not None]
-        counts = [guess.cycles for guess in good] == [guess.cycles for guess in answer.guesses]
+        events = [0.5 * (trajectory.onset + trajectory.arrest) for trajectory in answer.trajectories]
+        placed = place(unknowns.model, [log.data for log in logs], p, events, FIRST_GRID).trajectories
+        good = [trajectory for trajectory in placed if trajectory is not None]
+        counts = [trajectory.cycles for trajectory in good] == [trajectory.cycles for trajectory in answer.trajectories]
         if counts and len(good) == len(logs):
-            return theta, [replace(g, own=a.own) for g, a in zip(good, answer.guesses, strict=True)]
-    return answer.theta, answer.guesses
+            return theta, [replace(g, own=a.own) for g, a in zip(good, answer.trajectories, strict=True)]
+    return answer.theta, answer.trajectories
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -1,4 +1,5 @@
-"""From parameters to a guess of a motion that is no train of equal cycles: simulated stretch by stretch along the data.
+"""From parameters to a trajectory of a motion that is no train of equal cycles: simulated stretch by stretch along the
+data.
 
 Drive programmes, holds, sticks that end in sliding. Each onset is moved onto the peak of the measured force before the
 slide goes on from there, so that what is wrong with the parameters does not add up; what does not join up is left to
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
-from identify.logs.log_data import Guess, LogData, Stretch
+from identify.logs.log_data import LogData, ShootingTrajectory, Stretch
 from identify.model.model import Model
 from identify.shooting.onset_places import Along
 from identify.shooting.parts import SlideParts
@@ -37,15 +38,15 @@ TRAIN, HIDDEN = 50.0, 3  # of a train that shows for sure together; slips in a r
 
 @dataclass(frozen=True)
 class Followed:
-    """A motion from the begin of the window: the guess, and where it ends [s]: earlier than the window where an
+    """A motion from the begin of the window: the trajectory, and where it ends [s]: earlier than the window where an
     oscillation never fades."""
 
-    guess: Guess
+    trajectory: ShootingTrajectory
     end: float
 
 
 def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Followed | None:
-    """Guess the motion of a log by simulating it; None where the model does not move like this at all.
+    """ShootingTrajectory the motion of a log by simulating it; None where the model does not move like this at all.
 
     Args:
         p: parameter values of the log (n_p,); begins_sliding: it starts in steady sliding, else at rest.
@@ -57,14 +58,14 @@ def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Fol
         return course.so_far()
 
 
-def glide(model: Model, log: LogData, p: Array) -> Guess | None:
-    """Guess of a log that slides steadily from begin to end; None where the model has no such motion."""
+def glide(model: Model, log: LogData, p: Array) -> ShootingTrajectory | None:
+    """ShootingTrajectory of a log that slides steadily from begin to end; None where the model has no such motion."""
     course = _Course(model, log, p)
     end = course.along.steady(log.begin)
     if end is None:
         return None
     course.glide(log.begin, log.end)
-    return course.guess(end.state)
+    return course.trajectory(end.state)
 
 
 class _Course:
@@ -76,11 +77,11 @@ class _Course:
         self.sure = 0  # of these, up to the last slip that shows for sure
         self.start = np.array([s.start for s in model.states])
 
-    def guess(self, start: Array) -> Guess:
+    def trajectory(self, start: Array) -> ShootingTrajectory:
         """The motion so far, from a state at the begin of the window."""
         n, none = len(self.model.states), np.empty(0)
         nothing = np.empty((0, 2, n))
-        made = Guess(start, none, none, none, none, nothing, nothing, self.log.own, tuple(self.stretches))
+        made = ShootingTrajectory(start, none, none, none, none, nothing, nothing, self.log.own, tuple(self.stretches))
         return replace(made, deviation=np.zeros(made.parts))
 
     def run(self, begins_sliding: bool) -> Followed | None:
@@ -103,7 +104,7 @@ class _Course:
             if sliding:
                 t, x, sliding = self.slide(t, x)
                 if np.isnan(t):
-                    return Followed(self.guess(self.start), self.stretches[-1].until) if self.stretches else None
+                    return Followed(self.trajectory(self.start), self.stretches[-1].until) if self.stretches else None
                 shown = self.shown()
                 hidden, train = (hidden + 1, 0.0) if shown < SHOWN else (0, train + shown)
                 self.sure = len(self.stretches) if shown >= SURE or train >= TRAIN else self.sure
@@ -111,7 +112,7 @@ class _Course:
                     return self.so_far()
             else:
                 t, x, sliding = self.rest(t, x, shown)
-        return Followed(self.guess(self.start), t) if t >= self.log.end else self.so_far()
+        return Followed(self.trajectory(self.start), t) if t >= self.log.end else self.so_far()
 
     def shown(self) -> float:
         """How far the last slip, a slide without a change of the drive from a rest to an arrest, stands out of the
@@ -145,7 +146,7 @@ class _Course:
         if made[-1].ended_by == "arrest":
             end = min(end + AFTER * (end - made[self.last_rest() or 0].until), self.along.data.change_after(end))
             made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
-        return Followed(self.guess(self.start), end)
+        return Followed(self.trajectory(self.start), end)
 
     def rest(self, t: float, x: Array, shown: float) -> tuple[float, Array, bool]:
         """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides.

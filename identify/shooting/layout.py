@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Guess, Stretch
+from identify.logs.log_data import ShootingTrajectory, Stretch
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model
 from identify.shooting.blocks import Block, BlockKind, block
@@ -61,8 +61,8 @@ class StretchPlaces:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the guess of one log stands among the unknowns: indices in the shapes of `Guess`, KNOWN for constants;
-    event times as the indices of their offsets."""
+    """Where the trajectory of one log stands among the unknowns: indices in the shapes of `ShootingTrajectory`, KNOWN
+    for constants; event times as the indices of their offsets."""
 
     start: Indices
     onset: Indices
@@ -83,8 +83,8 @@ class Places:
         index = np.concatenate([self.onset, self.saturation, self.arrest, np.array(tail, dtype=np.int64)])
         return index[index >= 0]
 
-    def read(self, guess: Guess, x: Array) -> Guess:
-        """The guess moved to the unknowns x (n,), in physical units."""
+    def read(self, trajectory: ShootingTrajectory, x: Array) -> ShootingTrajectory:
+        """The trajectory moved to the unknowns x (n,), in physical units."""
 
         def state(index: Indices, old: Array) -> Array:
             return np.where(index >= 0, x[index], old)
@@ -92,16 +92,16 @@ class Places:
         def time(index: Indices, old: Array) -> Array:
             return old + np.where(index >= 0, x[index], 0.0)
 
-        return Guess(
-            state(self.start, guess.start),
-            time(self.onset, guess.onset),
-            time(self.saturation, guess.saturation),
-            time(self.arrest, guess.arrest),
-            state(self.deviation, guess.deviation),
-            state(self.slip, guess.slip),
-            state(self.saturated, guess.saturated),
-            state(self.own, guess.own) if guess.own.size else guess.own,
-            tuple(place.read(stretch, x) for place, stretch in zip(self.tail, guess.tail, strict=True)),
+        return ShootingTrajectory(
+            state(self.start, trajectory.start),
+            time(self.onset, trajectory.onset),
+            time(self.saturation, trajectory.saturation),
+            time(self.arrest, trajectory.arrest),
+            state(self.deviation, trajectory.deviation),
+            state(self.slip, trajectory.slip),
+            state(self.saturated, trajectory.saturated),
+            state(self.own, trajectory.own) if trajectory.own.size else trajectory.own,
+            tuple(place.read(stretch, x) for place, stretch in zip(self.tail, trajectory.tail, strict=True)),
             x[self.slip_deviation],
             x[self.strength],
         )

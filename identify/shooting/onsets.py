@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.model.model import SPEED, Model
 from identify.shooting import batch as lanes
 from identify.shooting.batch import Slips
-from identify.shooting.placing import PER_HALF_PERIOD, guess_of
+from identify.shooting.placing import PER_HALF_PERIOD, trajectory_of
 from identify.simulation.resting import swing
 
 Array = NDArray[np.float64]
@@ -25,32 +25,32 @@ Array = NDArray[np.float64]
 BACKWARDS = 1e-3  # of the fastest speed of a slip
 
 
-def turned_back(guess: Guess) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def turned_back(trajectory: ShootingTrajectory) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Nodes at which the mass moves backwards: of the slips (c, n1 + 1), and of their saturated parts (c, n2 + 1)."""
-    least = -BACKWARDS * np.nanmax(np.abs(guess.slip[..., SPEED]), axis=1, initial=0.0)
+    least = -BACKWARDS * np.nanmax(np.abs(trajectory.slip[..., SPEED]), axis=1, initial=0.0)
     # A slip that never saturates has nodes after its saturation that stand for nothing.
-    saturated = guess.saturates[:, None] & (guess.saturated[..., SPEED] < least[:, None])
-    return guess.slip[..., SPEED] < least[:, None], saturated
+    saturated = trajectory.saturates[:, None] & (trajectory.saturated[..., SPEED] < least[:, None])
+    return trajectory.slip[..., SPEED] < least[:, None], saturated
 
 
-def with_last_onsets(guess: Guess) -> Guess | None:
-    """The guess with the slips begun anew that turn back before they saturate; None where none does."""
-    back, _ = turned_back(guess)
+def with_last_onsets(trajectory: ShootingTrajectory) -> ShootingTrajectory | None:
+    """The trajectory with the slips begun anew that turn back before they saturate; None where none does."""
+    back, _ = turned_back(trajectory)
     again = np.flatnonzero(np.any(back[:, :-1], axis=1) & ~back[:, -1])
     if again.size == 0:
         return None
-    onset, slip = guess.onset.copy(), guess.slip.copy()
-    ends = np.where(guess.saturates, guess.saturation, guess.arrest)
+    onset, slip = trajectory.onset.copy(), trajectory.slip.copy()
+    ends = np.where(trajectory.saturates, trajectory.saturation, trajectory.arrest)
     last = back.shape[1] - 1
     for i in again.tolist():
-        nodes, speed = guess.slip[i], guess.slip[i, :, SPEED]
+        nodes, speed = trajectory.slip[i], trajectory.slip[i, :, SPEED]
         stop = int(np.flatnonzero(back[i])[-1])
         forward = stop + float(speed[stop] / (speed[stop] - speed[stop + 1]))  # where it moves on, in nodes
         onset[i] += (ends[i] - onset[i]) * forward / last
         places = np.linspace(forward, last, last + 1)
         slip[i] = np.stack([np.interp(places, np.arange(last + 1), column) for column in nodes.T], axis=1)
         slip[i, 0, SPEED] = 0.0
-    return replace(guess, onset=onset, slip=slip)
+    return replace(trajectory, onset=onset, slip=slip)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -64,30 +64,35 @@ def with_last_onsets(guess: Guess) -> Guess | None:
 EARLIER = 0.25  # periods of the fastest vibration: crossings that are closer are one
 
 
-def with_first_onsets(log: LogData, guess: Guess, unknowns: Unknowns, grid: Grid) -> Guess | None:
-    """The guess with the slips moved that begin too late at these parameters (unknowns.start).
+def with_first_onsets(
+    log: LogData, trajectory: ShootingTrajectory, unknowns: Unknowns, grid: Grid
+) -> ShootingTrajectory | None:
+    """The trajectory with the slips moved that begin too late at these parameters (unknowns.start).
 
     Returns:
         None where none does, or nothing vibrates.
     """
     model = unknowns.model
-    if not model.vibrates or guess.cycles == 0:
+    if not model.vibrates or trajectory.cycles == 0:
         return None
-    p = unknowns.values(guess.theta(unknowns.start), log.base)
+    p = unknowns.values(trajectory.theta(unknowns.start), log.base)
     period, force = swing(model, p)
     if force == 0.0:
         return None
-    after = [guess.saturated[i, -1] if guess.saturates[i] else guess.slip[i, -1] for i in range(guess.cycles - 1)]
-    begins = np.concatenate([[log.begin], guess.arrest[:-1]])
-    time, slips = _simulated(model, log, np.stack([guess.start, *after]), p, begins)
-    late = np.flatnonzero(slips.rested & (begins + time < guess.onset - EARLIER * period))
+    after = [
+        trajectory.saturated[i, -1] if trajectory.saturates[i] else trajectory.slip[i, -1]
+        for i in range(trajectory.cycles - 1)
+    ]
+    begins = np.concatenate([[log.begin], trajectory.arrest[:-1]])
+    time, slips = _simulated(model, log, np.stack([trajectory.start, *after]), p, begins)
+    late = np.flatnonzero(slips.rested & (begins + time < trajectory.onset - EARLIER * period))
     if late.size == 0:
         return None
-    moved = guess_of(log, guess.start, slips, late, (begins + time)[late], grid)
-    new = {name: getattr(guess, name).copy() for name in ("onset", "saturation", "arrest", "slip", "saturated")}
+    moved = trajectory_of(log, trajectory.start, slips, late, (begins + time)[late], grid)
+    new = {name: getattr(trajectory, name).copy() for name in ("onset", "saturation", "arrest", "slip", "saturated")}
     for name, array in new.items():
         array[late] = getattr(moved, name)
-    return replace(guess, **new)
+    return replace(trajectory, **new)
 
 
 def _simulated(model: Model, log: LogData, x: Array, p: Array, begins: Array) -> tuple[Array, Slips]:

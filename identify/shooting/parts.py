@@ -71,7 +71,7 @@ def after_reageing(model: Model, state: Array, theta: Array, moment: Array, rows
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# One simulated slide as stretches of a guess: which phases it has, and the states at their shooting nodes.
+# One simulated slide as stretches of a trajectory: which phases it has, and the states at their shooting nodes.
 # ----------------------------------------------------------------------------------------------------------------------
 
 INTERVAL = 1 / 4  # of half a period: shooting intervals of a slide

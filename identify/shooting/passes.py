@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.logs.loads import calmed
-from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.shooting.onsets import turned_back, with_first_onsets, with_last_onsets
 from identify.shooting.shooting import Problem, transcribe
@@ -49,20 +49,20 @@ NEAR = 0.5  # largest row from which the exact Hessian is tried
 
 @dataclass(frozen=True)
 class Solved:
-    """The last pass: problem, grid, the guesses it was formed from, solution, the guesses moved to it, theta
-    (n_p,), the largest event shift of the last pass in samples, iterations and passes in all, seconds spent forming
-    problems."""
+    """The last pass: problem, grid, the trajectories it was formed from, solution, the trajectories moved to it, theta
+    (n_p,), the largest event shift of the last pass in samples, iterations and passes in all, seconds spent
+    transcription_seconds problems."""
 
     problem: Problem
     grid: Grid
-    formed_from: list[Guess]
+    formed_from: list[ShootingTrajectory]
     solution: Solution
-    guesses: list[Guess]
+    trajectories: list[ShootingTrajectory]
     theta: Array
     event_shift: float
     iterations: int
     passes: int
-    forming: float
+    transcription_seconds: float
 
     @cached_property
     def fitted(self) -> list[Array]:
@@ -71,31 +71,32 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class _Way:
+class _PassOptions:
     """How to solve, as `solve_in_passes` was asked."""
 
-    hopeless: float
+    cost_cutoff: float
     steps: int
     most: int
 
 
 def solve_in_passes(
     logs: list[LogData],
-    guesses: list[Guess],
+    trajectories: list[ShootingTrajectory],
     unknowns: Unknowns,
     *,
-    hopeless: float = np.inf,
+    cost_cutoff: float = np.inf,
     steps: int = 0,
     most: int = 1000,
 ) -> Solved:
-    """Solve the shooting problem from guesses until its event times stand still (or MOST_PASSES).
+    """Solve the shooting problem from trajectories until its event times stand still (or MOST_PASSES).
 
     Args:
-        hopeless: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes, at
+        cost_cutoff: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes,
+        at
             least and at most.
     """
-    way = _Way(hopeless, steps, most)
-    solved = _from_calm(logs, guesses, unknowns, way)
+    way = _PassOptions(cost_cutoff, steps, most)
+    solved = _from_calm(logs, trajectories, unknowns, way)
     for _ in range(AGAIN):
         if time_is_up():
             break
@@ -110,24 +111,27 @@ def solve_in_passes(
     return solved
 
 
-def _begun_anew(logs: list[LogData], solved: Solved, at_answer: Unknowns) -> list[Guess] | None:
+def _begun_anew(logs: list[LogData], solved: Solved, at_answer: Unknowns) -> list[ShootingTrajectory] | None:
     """The motion found, with the slips that begin too late or too early put where they begin; None where none does."""
     if not np.isfinite(solved.solution.cost):
         return None
     moved = [
-        with_first_onsets(log, guess, at_answer, COARSE) or (with_last_onsets(guess) if _fits(solved) else None)
-        for log, guess in zip(logs, solved.guesses, strict=True)
+        with_first_onsets(log, trajectory, at_answer, COARSE)
+        or (with_last_onsets(trajectory) if _fits(solved) else None)
+        for log, trajectory in zip(logs, solved.trajectories, strict=True)
     ]
-    if all(guess is None for guess in moved):
+    if all(trajectory is None for trajectory in moved):
         return None
-    return [new or old for new, old in zip(moved, solved.guesses, strict=True)]
+    return [new or old for new, old in zip(moved, solved.trajectories, strict=True)]
 
 
 def _better(other: Solved, than: Solved) -> bool:
     """Whether another motion is the one to go on with: of two that fit, the one in which no slip turns back."""
     if other.solution.success != than.solution.success:
         return other.solution.success
-    turns, turned = (any(np.any(turned_back(guess)[0]) for guess in tried.guesses) for tried in (other, than))
+    turns, turned = (
+        any(np.any(turned_back(trajectory)[0]) for trajectory in tried.trajectories) for tried in (other, than)
+    )
     if turns != turned and _fits(other) and _fits(than):
         return turned
     return other.solution.cost < than.solution.cost
@@ -137,95 +141,102 @@ def _fits(solved: Solved) -> bool:
     return 2.0 * solved.solution.cost < ALMOST * solved.problem.samples
 
 
-def _from_calm(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, way: _Way) -> Solved:
+def _from_calm(
+    logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, way: _PassOptions
+) -> Solved:
     """Solve; where a load trembles and that is lost, or the way is a long one, from the events of a calm load."""
     calm = [calmed(log) for log in logs]
     trembling = any(quiet is not log for quiet, log in zip(calm, logs, strict=True))
-    at_once = _in_passes(logs, logs, guesses, unknowns, way)
+    at_once = _in_passes(logs, logs, trajectories, unknowns, way)
     cost = at_once.solution.cost
     near = at_once.grid is not COARSE and _fits(at_once)
-    if at_once.solution.success or cost > way.hopeless or near or not trembling or time_is_up():
+    if at_once.solution.success or cost > way.cost_cutoff or near or not trembling or time_is_up():
         return at_once
-    other = _in_passes(logs, calm, guesses, unknowns, way)
+    other = _in_passes(logs, calm, trajectories, unknowns, way)
     return other if _better(other, at_once) else at_once
 
 
 def _in_passes(
     logs: list[LogData],
     calm: list[LogData],
-    guesses: list[Guess],
+    trajectories: list[ShootingTrajectory],
     unknowns: Unknowns,
-    way: _Way,
+    way: _PassOptions,
 ) -> Solved:
     """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
-    grid, tolerance, barrier = COARSE, 1e-3, 1e-4
-    iterations, forming = 0, 0.0
+    grid, tolerance, mu_init = COARSE, 1e-3, 1e-4
+    iterations, transcription_seconds = 0, 0.0
     trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     bent = False
     been, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
-    hidden = any(_interval(log, guess) < log.interval for log, guess in zip(logs, guesses, strict=True))
+    hidden = any(_interval(log, trajectory) < log.interval for log, trajectory in zip(logs, trajectories, strict=True))
     for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
         since = time.perf_counter()
         coarse = grid is COARSE
         pattern = None if solved is None else solved.problem.pattern
-        problem = transcribe(calm if coarse else logs, guesses, unknowns, grid, pattern=pattern)
-        forming += time.perf_counter() - since
-        tried = _tried(problem, tolerance, barrier, bent, trembling)
+        problem = transcribe(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
+        transcription_seconds += time.perf_counter() - since
+        tried = _tried(problem, tolerance, mu_init, bent, trembling)
         solution, bent = tried.solution, tried.bent
         iterations += tried.iterations
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-        formed_from = guesses
-        guesses = [place.read(guess, solution.x) for place, guess in zip(problem.layout.places, guesses, strict=True)]
+        formed_from = trajectories
+        trajectories = [
+            place.read(trajectory, solution.x)
+            for place, trajectory in zip(problem.layout.places, trajectories, strict=True)
+        ]
         if coarse:  # what stood in for the tremor of the load is no error of its measurement
-            guesses = [
+            trajectories = [
                 g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation), slip_deviation=np.empty(0))
-                for g, quiet, log in zip(guesses, calm, logs, strict=True)
+                for g, quiet, log in zip(trajectories, calm, logs, strict=True)
             ]
         shift = _shift_in_samples(problem, solution, logs, formed_from)
-        solved = Solved(problem, grid, formed_from, solution, guesses, theta, shift, iterations, number, forming)
+        solved = Solved(
+            problem, grid, formed_from, solution, trajectories, theta, shift, iterations, number, transcription_seconds
+        )
         unknowns = replace(unknowns, start=theta)
-        if _last(solved, way.hopeless):
+        if _last(solved, way.cost_cutoff):
             return solved
         if not coarse:
-            events = _events(guesses)
+            events = _events(trajectories)
             if any(np.max(np.abs(events - before)) < RETURNED * finest for before in been):
                 return solved  # samples change sides to and fro: the passes to come are those that were
             been.append(events)
-        fitting = fine_grid(logs, guesses, unknowns)
-        grid, tolerance, barrier = replace(fitting, steps=min(max(fitting.steps, way.steps), way.most)), 1e-8, 1e-6
+        fitting = fine_grid(logs, trajectories, unknowns)
+        grid, tolerance, mu_init = replace(fitting, steps=min(max(fitting.steps, way.steps), way.most)), 1e-8, 1e-6
     assert solved is not None
     return solved
 
 
-def _last(solved: Solved, hopeless: float) -> bool:
+def _last(solved: Solved, cost_cutoff: float) -> bool:
     """Whether no pass follows: the events stand still, or the solve is lost.
 
     Args:
-        hopeless: largest cost to go on with.
+        cost_cutoff: largest cost to go on with.
     """
     solution, fine = solved.solution, solved.grid is not COARSE
     misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
     far = misfit > LOST_MISFIT if not solution.success else solved.passes >= PASSES and misfit > ALL_BUT
     broken = not solution.success and (fine or solution.infeasibility > NEAR)
-    if solution.cost > hopeless or far or broken or not np.all(np.isfinite(solution.x)):
+    if solution.cost > cost_cutoff or far or broken or not np.all(np.isfinite(solution.x)):
         return True
     return (
         (fine and solved.event_shift < SETTLED)
         or time_is_up()
-        or not np.all([_ordered(guess) for guess in solved.guesses])
+        or not np.all([_ordered(trajectory) for trajectory in solved.trajectories])
     )
 
 
-def _events(guesses: Sequence[Guess]) -> Array:
+def _events(trajectories: Sequence[ShootingTrajectory]) -> Array:
     """When every phase of all motions ends (e,) [s]."""
-    ends = [np.concatenate([g.onset, g.arrest, [stretch.until for stretch in g.tail]]) for g in guesses]
+    ends = [np.concatenate([g.onset, g.arrest, [stretch.until for stretch in g.tail]]) for g in trajectories]
     return np.concatenate(ends)
 
 
 @dataclass(frozen=True)
-class _Tried:
+class _PassResult:
     """What one pass came to: the last solution, iterations of all, and whether it took the exact Hessian."""
 
     solution: Solution
@@ -233,7 +244,7 @@ class _Tried:
     bent: bool
 
 
-def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, trembling: bool) -> _Tried:
+def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool, trembling: bool) -> _PassResult:
     """Solve one pass with Gauss-Newton, where that creeps or wanders with the exact Hessian.
 
     Args:
@@ -242,25 +253,25 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
     """
     iterations = 0
     if bent:
-        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=PATIENCE, exact=True)
+        solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=PATIENCE, exact=True)
         if solution.success:
-            return _Tried(solution, solution.iterations, True)
+            return _PassResult(solution, solution.iterations, True)
         iterations = solution.iterations
     slips = sum(place.onset.size for place in problem.layout.places)
     for most in (PATIENCE,) if slips < MANY else (ENOUGH, BRIEF):
-        solution = solve(problem, tolerance=tolerance, barrier=barrier, iterations=most)
+        solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=most)
         iterations += solution.iterations
         follows = solution.infeasibility < FOLLOWS and 2.0 * solution.cost < ALL_BUT * problem.samples
         if solution.success or follows:
             break
     if solution.success or not solution.infeasibility < NEAR or time_is_up():
-        return _Tried(solution, iterations, False)
+        return _PassResult(solution, iterations, False)
     # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
-    crept = solution
-    near = 2.0 * crept.cost < ALMOST * problem.samples
+    stalled = solution
+    near = 2.0 * stalled.cost < ALMOST * problem.samples
     vibrating = problem.layout.unknowns.model.vibrates  # bends the rows more than anything else
     patience = (1 + (near and vibrating)) * PATIENCE
-    solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=crept.z)
+    solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=stalled.z)
     iterations += solution.iterations
     if not solution.success and solution.infeasibility < HANGS and 2.0 * solution.cost < ALMOST * problem.samples:
         # The motion hangs together and is near: what is left is the way along a valley.
@@ -268,46 +279,52 @@ def _tried(problem: Problem, tolerance: float, barrier: float, bent: bool, tremb
         iterations += solution.iterations
     if trembling and near and not solution.success:
         # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.
-        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=crept.z)
-        return _Tried(solution, iterations + solution.iterations, False)
-    return _Tried(solution, iterations, solution.success)
+        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=stalled.z)
+        return _PassResult(solution, iterations + solution.iterations, False)
+    return _PassResult(solution, iterations, solution.success)
 
 
-def fine_grid(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns) -> Grid:
+def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns) -> Grid:
     """The grid of the fine passes: as many steps as the fastest rate of the saturated slips asks for."""
     names = unknowns.names
     needed = 0.0
-    for log, guess in zip(logs, guesses, strict=True):
-        p = dict(zip(names, unknowns.values(guess.theta(unknowns.start), log.base).tolist(), strict=True))
+    for log, trajectory in zip(logs, trajectories, strict=True):
+        p = dict(zip(names, unknowns.values(trajectory.theta(unknowns.start), log.base).tolist(), strict=True))
         rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
         decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
         rate = max([rate, *(SLACK * decays).tolist()])
-        longest = np.nanmax(np.concatenate([guess.arrest - guess.saturation, (guess.arrest - guess.onset) / 2, [0.0]]))
+        longest = np.nanmax(
+            np.concatenate(
+                [trajectory.arrest - trajectory.saturation, (trajectory.arrest - trajectory.onset) / 2, [0.0]]
+            )
+        )
         needed = max(needed, rate * float(longest) / COARSE.saturated / FASTEST)
     steps = next((s for s in STEPS if s >= needed), STEPS[-1])
     return replace(COARSE, steps=steps)
 
 
-def _ordered(guess: Guess) -> bool:
+def _ordered(trajectory: ShootingTrajectory) -> bool:
     """Whether every event still follows the one before it."""
-    return bool(np.all(np.isfinite(guess.times)) and np.all(np.diff(guess.times) > 0))
+    return bool(np.all(np.isfinite(trajectory.times)) and np.all(np.diff(trajectory.times) > 0))
 
 
-def _interval(log: LogData, guess: Guess) -> float:
+def _interval(log: LogData, trajectory: ShootingTrajectory) -> float:
     """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter (not where
     half of them last no time at all: a motion that no one can settle)."""
-    slip = float(np.median(guess.slips)) if guess.slips.size else 0.0
+    slip = float(np.median(trajectory.slips)) if trajectory.slips.size else 0.0
     return min(log.interval, SAMPLE_OF_A_SLIP * slip) if slip > 0.0 else log.interval
 
 
-def _shift_in_samples(problem: Problem, solution: Solution, logs: list[LogData], guesses: list[Guess]) -> float:
+def _shift_in_samples(
+    problem: Problem, solution: Solution, logs: list[LogData], trajectories: list[ShootingTrajectory]
+) -> float:
     """Largest event offset of this pass in sample intervals of its log; where slips last no longer than samples lie
     apart, in shares of a slip: in one pass no event leaves the phases beside it."""
     worst = 0.0
-    for place, log, guess in zip(problem.layout.places, logs, guesses, strict=True):
+    for place, log, trajectory in zip(problem.layout.places, logs, trajectories, strict=True):
         index = place.events
         if index.size:
-            interval = _interval(log, guess)
+            interval = _interval(log, trajectory)
             offset = solution.x[index]
             worst = max(worst, float(np.max(np.abs(offset))) / interval)
             # A rest that vanishes halves from pass to pass, for ever, and moves nothing.

@@ -1,4 +1,4 @@
-"""From parameters and detected falls to a guess of the whole motion: simulate every cycle, place it on the data.
+"""From parameters and detected falls to a trajectory of the whole motion: simulate every cycle, place it on the data.
 
 Each cycle starts from the arrest of the one before and is shifted rigidly in time onto its fall; shapes are
 never bent. What does not join up is left to the shooting.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from data_io.arrays import thinned
 from identify.base.errors import SimulationError
-from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.model.model import ELONGATION, TIME, Model
 from identify.shooting import batch as lanes
 from identify.shooting.batch import Slips
@@ -31,9 +31,9 @@ SHIFTS = 61  # places that are tried for each slip
 
 @dataclass(frozen=True)
 class Placement:
-    """A guess per log, or None where the model does not come to rest in one of its cycles (it slides)."""
+    """A trajectory per log, or None where the model does not come to rest in one of its cycles (it slides)."""
 
-    guesses: tuple[Guess | None, ...]
+    trajectories: tuple[ShootingTrajectory | None, ...]
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class _Lanes:
 
 
 def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array], grid: Grid) -> Placement:
-    """Guess the motion of every log.
+    """ShootingTrajectory the motion of every log.
 
     Args:
         p: parameter values of each log (n_p,).
@@ -70,14 +70,14 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
         starts[number] = _begin_state(model, logs[number], side.p[lane], starts[number], float(onset[lane]))
         x[lane] = starts[number]
     slips, onset = _placed(model, logs, side, x)
-    guesses: list[Guess | None] = []
+    trajectories: list[ShootingTrajectory | None] = []
     for number, (log, falling) in enumerate(zip(logs, falls, strict=True)):
         mine = np.flatnonzero(side.log == number)
         if not falling.size or not np.all(slips.rested[mine]):
-            guesses.append(None)
+            trajectories.append(None)
             continue
-        guesses.append(guess_of(log, starts[number], slips, mine, onset[mine], grid))
-    return Placement(tuple(guesses))
+        trajectories.append(trajectory_of(log, starts[number], slips, mine, onset[mine], grid))
+    return Placement(tuple(trajectories))
 
 
 def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:
@@ -225,8 +225,10 @@ def _shift(waves: Waves, samples: _Samples, onset: Array) -> Array:
     return np.asarray(np.clip(np.where(np.isfinite(move), move, 0.0), -limit, limit))
 
 
-def guess_of(log: LogData, start: Array, slips: Slips, mine: NDArray[np.int64], onset: Array, grid: Grid) -> Guess:
-    """The guess of a log from its slips.
+def trajectory_of(
+    log: LogData, start: Array, slips: Slips, mine: NDArray[np.int64], onset: Array, grid: Grid
+) -> ShootingTrajectory:
+    """The trajectory of a log from its slips.
 
     Args:
         start: state at the begin (n_x,); slips: of many logs, of which `mine` (c,) are this log's; onset: (c,) [s].
@@ -249,7 +251,9 @@ def guess_of(log: LogData, start: Array, slips: Slips, mine: NDArray[np.int64], 
     ends = np.isfinite(saturation)
     first[:, -1] = np.where(ends[:, None], picked.at_saturation, picked.at_arrest)
     second[:, -1] = picked.at_arrest
-    return Guess(start, onset, onset + saturation, onset + arrest, np.zeros_like(onset), first, second, log.own)
+    return ShootingTrajectory(
+        start, onset, onset + saturation, onset + arrest, np.zeros_like(onset), first, second, log.own
+    )
 
 
 def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: float) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import Family, Layout
 from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
@@ -209,11 +209,12 @@ class Problem:
 
 def transcribe(
     logs: list[LogData],
-    guesses: list[Guess],
+    trajectories: list[ShootingTrajectory],
     unknowns: Unknowns,
     grid: Grid,
     *,
     pattern: Pattern | None = None,
 ) -> Problem:
-    """The multiple-shooting problem of several logs around their guesses; see `lay_out`, and `Problem` for pattern."""
-    return Problem(logs, lay_out(logs, guesses, unknowns, grid), pattern=pattern)
+    """The multiple-shooting problem of several logs around their trajectories; see `lay_out`, and `Problem` for
+    pattern."""
+    return Problem(logs, lay_out(logs, trajectories, unknowns, grid), pattern=pattern)

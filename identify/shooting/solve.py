@@ -66,7 +66,7 @@ class Solution:
     multipliers: Array
 
 
-class _Port(ca.Callback):
+class _NlpCallback(ca.Callback):
     """One function of the problem as CasADi sees it; the problem itself holds the numbers."""
 
     def __init__(
@@ -110,7 +110,7 @@ class _Port(ca.Callback):
         return 0
 
 
-def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
+def _ports(problem: Problem, exact: bool) -> dict[str, _NlpCallback]:
     """The four functions IPOPT asks for."""
     n, m = problem.layout.size, problem.layout.rows
     jacobian, hessian = problem.pattern.sparsities
@@ -138,15 +138,17 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _Port]:
         return (point.hessian.data * on_cost[0],)
 
     return {
-        "nlp": _Port("nlp", xp, [("f", one), ("g", rows)], nlp),
-        "grad_f": _Port("grad_f", xp, [("f", one), ("grad_f_x", vector)], grad_f),
-        "jac_g": _Port("jac_g", xp, [("g", rows), ("jac_g_x", jacobian)], jac_g),
-        "hess_lag": _Port("hess_lag", [*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", hessian)], hess),
+        "nlp": _NlpCallback("nlp", xp, [("f", one), ("g", rows)], nlp),
+        "grad_f": _NlpCallback("grad_f", xp, [("f", one), ("grad_f_x", vector)], grad_f),
+        "jac_g": _NlpCallback("jac_g", xp, [("g", rows), ("jac_g_x", jacobian)], jac_g),
+        "hess_lag": _NlpCallback(
+            "hess_lag", [*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", hessian)], hess
+        ),
     }
 
 
 def _not_begun(problem: Problem) -> Solution:
-    """Of a guess whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
+    """Of a trajectory whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
     return Solution(
         problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, np.zeros(problem.layout.rows)
     )
@@ -172,7 +174,7 @@ def solve(
     problem: Problem,
     *,
     tolerance: float = 1e-8,
-    barrier: float = 1e-4,
+    mu_init: float = 1e-4,
     iterations: int = 60,
     exact: bool = False,
     start: Array | None = None,
@@ -181,13 +183,14 @@ def solve(
 
     Args:
         tolerance: on the scaled optimality conditions.
-        barrier: IPOPT's first barrier parameter: small from a good start.
+        mu_init: IPOPT's first mu_init parameter: small from a good start.
         iterations: give up after this many.
         exact: with the exact Hessian instead of Gauss-Newton: dearer per iteration, but it does not creep along
             ridges; only near a solution.
 
     Returns:
-        what the solver gave back; a failure with infinite cost where the events of the guess do not follow each other.
+        what the solver gave back; a failure with infinite cost where the events of the trajectory do not follow each
+        other.
     """
     layout = problem.layout
     first = problem.start if start is None else start
@@ -200,7 +203,7 @@ def solve(
         "hess_lag": ports["hess_lag"],
         "ipopt.tol": tolerance,
         "ipopt.acceptable_obj_change_tol": STANDSTILL / max(1.0, problem.samples / 2),
-        "ipopt.mu_init": barrier,
+        "ipopt.mu_init": mu_init,
         "ipopt.max_iter": iterations,
     }
     if math.isfinite(left := seconds_left()):

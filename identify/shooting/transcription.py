@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, Guess, LogData, Stretch
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory, Stretch
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED
 from identify.shooting.blocks import BlockKind
@@ -25,11 +25,13 @@ class Footing:
     """The place in one log: the node before with its values, the offset of its time, since when, the normal force, and
     whether the contact re-aged there. Every block that is put ends in the next place."""
 
-    def __init__(self, collector: Collector, number: int, log: LogData, guess: Guess, grid: Grid) -> None:
-        self.c, self.number, self.log, self.guess, self.grid = collector, number, log, guess, grid
+    def __init__(
+        self, collector: Collector, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
+    ) -> None:
+        self.c, self.number, self.log, self.trajectory, self.grid = collector, number, log, trajectory, grid
         model = collector.model
         self.n_x = len(model.states)
-        p = collector.unknowns.values(guess.theta(collector.unknowns.start), log.base)
+        p = collector.unknowns.values(trajectory.theta(collector.unknowns.start), log.base)
         k, m = (p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
         force = 0.1 * log.mean_normal_force
         by_unit = {"m": force / k, "m/s": force / np.sqrt(k * m), "N": force}
@@ -42,7 +44,7 @@ class Footing:
         self.held = () if model.clamped is None else (model.clamped,)
         self.own = np.full(len(model.parameters), KNOWN)
         self.strength_at = model.parameter_names.index("mu_s")
-        self.node, self.value, self.offset = np.full(self.n_x, KNOWN), guess.start, NO_OFFSET
+        self.node, self.value, self.offset = np.full(self.n_x, KNOWN), trajectory.start, NO_OFFSET
         self.load, self.load_value = NO_OFFSET, ZERO
         self.since, self.reaged = log.begin, False
 
@@ -60,7 +62,7 @@ class Footing:
     def _own_unknown(self, i: int) -> int:
         """A new unknown for parameter i."""
         u, one = self.c.unknowns, np.array([i])
-        start = self.guess.theta(u.start)[one]
+        start = self.trajectory.theta(u.start)[one]
         mean, sd = (np.array([x]) for x in u.own_prior(i, float(start[0])))
         return int(self.c.add(start, u.spread[one], u.lower[one], u.upper[one], mean=mean, sd=sd)[0])
 
@@ -105,7 +107,7 @@ class Footing:
         if not self.reaged or parts == 1:
             return
         moment = self._cut(constants, (0.0, 0.0))[0]
-        theta = self.guess.theta(self.c.unknowns.start)[self.c.source]
+        theta = self.trajectory.theta(self.c.unknowns.start)[self.c.source]
         value = after_reageing(self.c.model, self.value, theta, moment, self.rest_rows)
         node = self.c.state(value, self.size, (SPEED,))
         self.c.put(
@@ -142,7 +144,7 @@ class Footing:
         """The constants of the intervals of a slide, with the normal force as a straight line over each: the tremor of
         a finger goes through half a period while a slip lasts. Written as lines from the start of the slide.
 
-        A guess whose events coincide has a slide of no length: its normal force is level, not undefined."""
+        A trajectory whose events coincide has a slide of no length: its normal force is level, not undefined."""
         since = (span[1] - span[0]) * shares(intervals)
         forces = self.log.normal_force.at(span[0] + since)
         width = since[1:] - since[:-1]
@@ -208,7 +210,7 @@ class Footing:
     def _rates(self, state: Array, at: float) -> Array:
         """Derivatives of the rates of all states with respect to the states (n_x, n_x) [1/s per unit]."""
         unknowns, model = self.c.unknowns, self.c.model
-        p = unknowns.values(self.guess.theta(unknowns.start), self.log.base)
+        p = unknowns.values(self.trajectory.theta(unknowns.start), self.log.base)
         return rate_slopes(model, state, p, np.array([self.log.speed_at(at), self.log.normal_force.at(at), 1.0, at]))
 
     def _pace_of_bound(self, state: Array, at: float) -> float:
@@ -247,30 +249,32 @@ def _kind(kind: str, reaged: bool) -> BlockKind:
 class _LogWalk(Footing):
     """Walks along one log and notes where its events, loads and nodes stand among the unknowns."""
 
-    def __init__(self, collector: Collector, number: int, log: LogData, guess: Guess, grid: Grid) -> None:
-        super().__init__(collector, number, log, guess, grid)
-        self.events = {name: np.full(guess.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
-        self.loads = np.full(guess.parts, KNOWN)
+    def __init__(
+        self, collector: Collector, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
+    ) -> None:
+        super().__init__(collector, number, log, trajectory, grid)
+        self.events = {name: np.full(trajectory.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
+        self.loads = np.full(trajectory.parts, KNOWN)
         self.loads_in_slips: list[int] = []
-        self.strengths, self.shared = np.full(guess.parts if log.strength_sd > 0.0 else 0, KNOWN), self.own
-        self.sliding_deviation = guess.sliding_deviation
+        self.strengths, self.shared = np.full(trajectory.parts if log.strength_sd > 0.0 else 0, KNOWN), self.own
+        self.sliding_deviation = trajectory.sliding_deviation
         self.tail: list[StretchPlaces] = []
-        self.slip = np.full(guess.slip.shape, KNOWN)
-        self.saturated = np.full(guess.saturated.shape, KNOWN)
+        self.slip = np.full(trajectory.slip.shape, KNOWN)
+        self.saturated = np.full(trajectory.saturated.shape, KNOWN)
 
     def walk(self) -> Places:
         """Note everything of this log."""
         self._own()
         self.shared = self.own
         start = self._begin()
-        for cycle in range(self.guess.cycles):
+        for cycle in range(self.trajectory.cycles):
             self._load(cycle, self.log.expected[0])
             self._stick(cycle)
             self._slide(cycle)
-        if self.guess.tail:
+        if self.trajectory.tail:
             self._tail()
         else:
-            self._last_rest(self.guess.cycles)
+            self._last_rest(self.trajectory.cycles)
         events = self.events
         return Places(
             start,
@@ -289,20 +293,20 @@ class _LogWalk(Footing):
     def _begin(self) -> Indices:
         """The state the record starts from: elongation free, the other states with a weak prior."""
         start = np.full(self.n_x, KNOWN)
-        first = self.guess.tail[0] if self.guess.tail and not self.guess.cycles else None
+        first = self.trajectory.tail[0] if self.trajectory.tail and not self.trajectory.cycles else None
         begins_steady = first is not None and first.steady
         if not begins_steady:
-            start[[0]] = self.c.add(self.guess.start[[0]], self.size[[0]])
+            start[[0]] = self.c.add(self.trajectory.start[[0]], self.size[[0]])
         if first is not None and first.kind in ("slip", "saturated"):
-            start[[SPEED]] = self.c.add(self.guess.start[[SPEED]], self.size[[SPEED]])
+            start[[SPEED]] = self.c.add(self.trajectory.start[[SPEED]], self.size[[SPEED]])
         known = self.held if first is not None and first.kind == "saturated" else ()
         extra = [] if begins_steady else [i for i in range(2, self.n_x) if i not in known]
         if extra:
             bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
-            mean = np.where(bounded, 0.5, self.guess.start[extra])
+            mean = np.where(bounded, 0.5, self.trajectory.start[extra])
             sd = np.where(bounded, 0.5, self.size[extra])
-            start[extra] = self.c.add(self.guess.start[extra], self.size[extra], mean=mean, sd=sd)
-        self.node, self.value, self.offset = start, self.guess.start, NO_OFFSET
+            start[extra] = self.c.add(self.trajectory.start[extra], self.size[extra], mean=mean, sd=sd)
+        self.node, self.value, self.offset = start, self.trajectory.start, NO_OFFSET
         return start
 
     def _load(self, cycle: int, expected: float) -> None:
@@ -311,11 +315,11 @@ class _LogWalk(Footing):
         A slow log tells its periods to a millisecond, which is a millionth of the load: no measured load is
         that good, and a fit that took it as exact would answer with wrong friction.
         """
-        sd, mean = self.log.onset_load_sd_at(self.guess.loaded_at[[cycle]]), np.array([expected])
+        sd, mean = self.log.onset_load_sd_at(self.trajectory.loaded_at[[cycle]]), np.array([expected])
         if sd[0] > 0.0:
-            self.loads[cycle] = self.c.add(self.guess.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
+            self.loads[cycle] = self.c.add(self.trajectory.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
         self.load = np.array([self.loads[cycle]])
-        self.load_value = self.guess.deviation[[cycle]] if sd[0] > 0.0 else ZERO
+        self.load_value = self.trajectory.deviation[[cycle]] if sd[0] > 0.0 else ZERO
         if self.strengths.size:
             self._strength(cycle)
 
@@ -323,8 +327,8 @@ class _LogWalk(Footing):
         """The static friction of this stick, and of the slip after it: about that of all, scattered."""
         at, unknowns, sd = self.strength_at, self.c.unknowns, np.array([self.log.strength_sd])
         shared = int(np.where(self.shared >= 0, self.shared, self.c.theta)[self.c.source[at]])
-        mean = self.guess.theta(unknowns.start)[[self.c.source[at]]]
-        value = self.guess.strength[[part]] if self.guess.strength.size else mean
+        mean = self.trajectory.theta(unknowns.start)[[self.c.source[at]]]
+        value = self.trajectory.strength[[part]] if self.trajectory.strength.size else mean
         self.strengths[part] = self.c.add(value, sd, mean=mean if shared < 0 else ZERO, sd=sd, about=shared)[0]
         self.own = self.shared.copy()
         self.own[at] = self.strengths[part]
@@ -338,8 +342,8 @@ class _LogWalk(Footing):
         kind: BlockKind = "slip"
         if self.log.tremor_sd > 0.0:
             kind = "slip_trembling"
-            self._swing(cycle, float(self.guess.arrest[cycle]))
-        self._part(kind, cycle, self.slip, self.guess.slip[cycle], span, end, ((), known_at_end))
+            self._swing(cycle, float(self.trajectory.arrest[cycle]))
+        self._part(kind, cycle, self.slip, self.trajectory.slip[cycle], span, end, ((), known_at_end))
         self.load, self.load_value = self.load[-1:], self.load_value[-1:]
 
     def _swing(self, part: int, at: float) -> None:
@@ -352,27 +356,33 @@ class _LogWalk(Footing):
 
     def _middle(self, cycle: int) -> float:
         """When the slip saturates, or its end where it never does [s]."""
-        return float(self.guess.saturation[cycle] if self.guess.saturates[cycle] else self.guess.arrest[cycle])
+        return float(
+            self.trajectory.saturation[cycle] if self.trajectory.saturates[cycle] else self.trajectory.arrest[cycle]
+        )
 
     def _stick(self, cycle: int) -> None:
         """The stick before a slip: continuity and the onset guard."""
-        on = float(self.guess.onset[cycle])
+        on = float(self.trajectory.onset[cycle])
         index = self.c.event(self.tick, on - self.since, self._middle(cycle) - on)
-        self.slip[cycle, 0] = self._rest_until(cycle, on, index, self.guess.slip[cycle, 0])
+        self.slip[cycle, 0] = self._rest_until(cycle, on, index, self.trajectory.slip[cycle, 0])
         self.events["onset"][cycle] = index
 
     def _slide(self, cycle: int) -> None:
         """The slip: until the bounded state is at its bound, then until the mass rests."""
-        on, arrest, middle = float(self.guess.onset[cycle]), float(self.guess.arrest[cycle]), self._middle(cycle)
-        following = self.guess.onset[cycle + 1] if cycle + 1 < self.guess.cycles else self.log.end
+        on, arrest, middle = (
+            float(self.trajectory.onset[cycle]),
+            float(self.trajectory.arrest[cycle]),
+            self._middle(cycle),
+        )
+        following = self.trajectory.onset[cycle + 1] if cycle + 1 < self.trajectory.cycles else self.log.end
         room = float(following) - arrest
-        if self.guess.saturates[cycle] and self.held:
+        if self.trajectory.saturates[cycle] and self.held:
             index = self.c.event(self.tick, middle - on, arrest - middle)
             self.events["saturation"][cycle] = index
             self._falling(cycle, (on, middle), index, self.held)
             index = self.c.event(self.tick, arrest - middle, room)
             both = (*self.held, SPEED)
-            nodes, known = self.guess.saturated[cycle], (self.held, both)
+            nodes, known = self.trajectory.saturated[cycle], (self.held, both)
             self._part("saturated", cycle, self.saturated, nodes, (middle, arrest), index, known)
             self.reaged = True
         else:
@@ -398,8 +408,8 @@ class _LogWalk(Footing):
 
     def _tail(self) -> None:
         """What follows the last cycle: rests and slides as they come."""
-        stretches, units = self.guess.tail, self.guess.units
-        swings, slips = self.guess.own_slips, self.guess.slip_parts
+        stretches, units = self.trajectory.tail, self.trajectory.units
+        swings, slips = self.trajectory.own_slips, self.trajectory.slip_parts
         for i, (unit, stretch) in enumerate(zip(units, stretches, strict=True)):
             if i == 0 or unit != units[i - 1]:
                 self._load(unit, self.log.expected[0] if unit in slips else 0.0)
@@ -472,13 +482,13 @@ class _LogWalk(Footing):
         self.since, self.reaged = stretch.until, saturated
 
 
-def lay_out(logs: list[LogData], guesses: list[Guess], unknowns: Unknowns, grid: Grid) -> Layout:
-    """Lay out the multiple-shooting problem of several logs around their guesses."""
+def lay_out(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, grid: Grid) -> Layout:
+    """Lay out the multiple-shooting problem of several logs around their trajectories."""
     free = np.flatnonzero(unknowns.free)
     collector = Collector(unknowns.model, unknowns, free)
     places = tuple(
-        _LogWalk(collector, number, log, guess, grid).walk()
-        for number, (log, guess) in enumerate(zip(logs, guesses, strict=True))
+        _LogWalk(collector, number, log, trajectory, grid).walk()
+        for number, (log, trajectory) in enumerate(zip(logs, trajectories, strict=True))
     )
     families = collector.families()
     joined = [

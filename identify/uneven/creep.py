@@ -73,7 +73,7 @@ def _profiled(objective: Objective, theta: Array) -> tuple[Array, float]:
         posterior, gradient, scores = objective.slope(theta)
         if posterior > value:
             best, value = theta, posterior
-            information = scores.T @ scores + objective.firmness
+            information = scores.T @ scores + objective.tightness
             step = np.linalg.solve(information[np.ix_(others, others)], gradient[others])
             if 0.5 * float(step @ gradient[others]) < GAIN:
                 break

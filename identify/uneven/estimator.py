@@ -56,7 +56,7 @@ class Objective:
         law: tuple[str, ...] = LAW,
     ) -> None:
         self.records, self.start, self.law, self.passes = tuple(records), start, law, 0
-        self.firmness = np.eye(start.size) / WEAK**2
+        self.tightness = np.eye(start.size) / WEAK**2
         self.place([Nodes.wide(sticks) for sticks in records] if nodes is None else nodes)
 
     def place(self, nodes: Sequence[Nodes]) -> None:
@@ -117,7 +117,7 @@ def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
     objective.narrow(theta)
     converged, in_time, until = False, True, now() + SEARCH_SHARE * seconds_left()
     _, _, scores = objective.slope(theta)
-    inverse = np.linalg.inv(scores.T @ scores + objective.firmness)
+    inverse = np.linalg.inv(scores.T @ scores + objective.tightness)
     for _ in range(ROUNDS):
         found = minimize(
             lambda at: tuple(-value for value in objective.slope(at)[:2]),
@@ -155,7 +155,7 @@ def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float
     information = 0.5 * (information + information.T)
     values, vectors = np.linalg.eigh(information * np.outer(sd, sd))
     inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-3)) @ vectors.T * np.outer(sd, sd)
-    middle = _long_run(scores - scores.mean(axis=0)) + objective.firmness
+    middle = _long_run(scores - scores.mean(axis=0)) + objective.tightness
     sandwich = inverse @ middle @ inverse
     scale = np.maximum(1.0, np.sqrt(np.diag(sandwich) / np.diag(inverse)))
     return inverse * np.outer(scale, scale), scores, value - objective.prior(theta)[0]

@@ -19,7 +19,7 @@ from identify.diagnosis.hypotheses import GROSS, SLIGHT, found_and_stated
 from identify.diagnosis.nested import fit_beside, fit_model
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock, judged, solve_from
-from identify.estimation.search import HOPELESS, search
+from identify.estimation.search import COST_CUTOFF, search
 from identify.estimation.starts import features_of, starts_of
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
@@ -165,11 +165,13 @@ def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
     logs, unknowns = _prepared(freed, case.records)
     features, bases = features_of(logs)
     own = fit_features(unknowns, features, bases, candidates(unknowns, features, bases))
-    assert own[0].cost > HOPELESS
-    found = list(starts_of(logs, unknowns, "data", 0, False, HOPELESS, Clock()))
+    assert own[0].cost > COST_CUTOFF
+    found = list(starts_of(logs, unknowns, "data", 0, False, COST_CUTOFF, Clock()))
     truth = case.rig["stiffness"] / freed.rig.stiffness
     assert np.exp(found[0][unknowns.names.index("stiffness")]) == pytest.approx(truth, rel=0.05)
-    assert not list(starts_of(logs, unknowns, "data", 0, True, HOPELESS, Clock()))  # cycles that differ have no start
+    assert not list(
+        starts_of(logs, unknowns, "data", 0, True, COST_CUTOFF, Clock())
+    )  # cycles that differ have no start
 
 
 @pytest.fixture(scope="module")
@@ -186,13 +188,13 @@ def _astray(attempt):
 
 @pytest.mark.slow
 def test_a_better_answer_that_was_met_on_the_way_is_handed_back(right):
-    """What is set free may explain nothing but lead the search out of another valley, in which logs are left out."""
+    """What is set free may explain nothing but lead the search out of another optimum, in which logs are left out."""
     scene, records, logs, unknowns, answer = right
     alone = solve_from(logs, [1], replace(unknowns, start=answer.solved.theta), Clock())
     cause = diagnose(scene, records, logs, unknowns, _astray(alone))
     assert cause is not None and cause.better is not None
     assert cause.better.logs == (0, 1) and cause.better.gate.status is Status.CONVERGED
-    # another valley lies farther off
+    # another optimum lies farther off
     np.testing.assert_allclose(cause.better.solved.theta, answer.solved.theta, atol=0.02)
 
 

@@ -122,22 +122,22 @@ def test_the_error_of_the_steps_is_what_finer_steps_change():
     sd = np.sqrt(np.diag(found.covariance))
     assert max(abs(share) for share in found.discretisation.values()) < 0.1
     logs = solved.problem.logs
-    start = replace(unknowns, start=solved.theta).softened()
-    coarse = _solved_with(logs, solved.guesses, start, 2)
-    fine = _solved_with(logs, solved.guesses, start, 12)
+    start = replace(unknowns, start=solved.theta).with_weak_priors()
+    coarse = _solved_with(logs, solved.trajectories, start, 2)
+    fine = _solved_with(logs, solved.trajectories, start, 12)
     change = (coarse.theta - fine.theta)[unknowns.free] / sd
     told = discretisation_error(coarse) / sd
     assert np.max(np.abs(change)) > 5e-3  # there is something to tell
     assert told == pytest.approx(change, abs=0.3 * np.max(np.abs(change)))
 
 
-def _solved_with(logs, guesses, unknowns, steps):
+def _solved_with(logs, trajectories, unknowns, steps):
     import identify.shooting.passes as passes
 
     wanted = passes.fine_grid
     passes.fine_grid = lambda *_: replace(passes.COARSE, slip=8, steps=steps) if steps != 2 else passes.Grid(8, 8, 2)
     try:
-        return solve_in_passes(logs, guesses, unknowns)
+        return solve_in_passes(logs, trajectories, unknowns)
     finally:
         passes.fine_grid = wanted
 

@@ -128,7 +128,7 @@ def test_a_preview_draws_and_stops(tmp_path, monkeypatch, capsys):
 
 
 def test_a_preview_compares_the_start_as_far_as_it_is_placed():
-    """A slip that the end of the log cuts is on no data: the guess of it says nothing of the start."""
+    """A slip that the end of the log cuts is on no data: the trajectory of it says nothing of the start."""
     rig, noise = dict(RIG) | {"drive_speed": 5e-3}, 4e-3
     scene = Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": [{"path": "a.csv"}]})
     time = np.arange(1500) / 1000.0
@@ -138,10 +138,10 @@ def test_a_preview_compares_the_start_as_far_as_it_is_placed():
     cycles = whole.segmentation.cycles
     rows = time < cycles.fall[-1]
     (seen,) = preview(scene, [Record(time[rows], np.ones(np.count_nonzero(rows)), force[rows])]).logs
-    drawn = np.isfinite(seen.guess)
+    drawn = np.isfinite(seen.trajectory)
     assert seen.onset.size == cycles.count - 1
     assert seen.arrest[-1] < seen.time[drawn][-1] < cycles.onset[-1], "through the last whole slip, not beyond"
-    assert np.sqrt(np.mean((seen.guess - seen.force)[drawn] ** 2)) < 2 * noise
+    assert np.sqrt(np.mean((seen.trajectory - seen.force)[drawn] ** 2)) < 2 * noise
 
 
 @pytest.mark.parametrize(

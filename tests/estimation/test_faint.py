@@ -55,7 +55,7 @@ def hidden() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
     return logs(tuple(HIDDEN.items()), tuple(HIDDEN_RIG.items()), (FAINT, FAST, FASTEST))
 
 
-def by_a_hair() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
+def near_grazing() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
     return logs(tuple(BY_A_HAIR.items()), tuple(HAIR_RIG.items()), (SLOW, FAST))
 
 
@@ -80,7 +80,7 @@ def test_a_faint_log_joins_as_the_model_follows_it() -> None:
     assert others is not None and others.gate.status is Status.CONVERGED
     joined = join(others, prepared, [0], unknowns, Clock())
     assert joined.logs == (0, 1, 2) and joined.gate.status is Status.CONVERGED
-    assert joined.solved.guesses[0].arrests == slips[0] > 2 * prepared[0].falls.size
+    assert joined.solved.trajectories[0].arrests == slips[0] > 2 * prepared[0].falls.size
     # Two fast logs hardly tell contacts that age slowly from slips that are long; hundreds of small ones do.
     assert error(others, unknowns, "D") > 0.1 > 0.02 > error(joined, unknowns, "D")
 
@@ -132,8 +132,8 @@ def test_a_solver_that_fails_on_such_a_rest_is_no_end(monkeypatch: pytest.Monkey
 
 
 def test_rests_shorter_than_a_slip_is_placed_exactly_are_followed() -> None:
-    prepared, unknowns, slips = by_a_hair()
+    prepared, unknowns, slips = near_grazing()
     placed = place_on(prepared, [1], unknowns)
     assert [number for number, _, _ in placed] == [1]
-    _, log, guess = placed[0]
-    assert log.manner.name == "course" and guess.cycles == 0 and guess.arrests == slips[1]
+    _, log, trajectory = placed[0]
+    assert log.manner.name == "course" and trajectory.cycles == 0 and trajectory.arrests == slips[1]

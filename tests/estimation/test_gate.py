@@ -24,8 +24,8 @@ def _fit(change=lambda data: data, falls=lambda falls: falls):
     logs = [case.simulated(case.PAIR, *speed) for speed in (case.MIDDLE, case.FAST)]
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     data = change([case.log_data(log, unknowns, noise_seed=seed) for seed, log in enumerate(logs)])
-    guesses = case.placed(unknowns, logs, data, COARSE, falls=falls([log.falls for log in logs]))
-    return solve_in_passes(data, guesses, unknowns.softened())
+    trajectories = case.placed(unknowns, logs, data, COARSE, falls=falls([log.falls for log in logs]))
+    return solve_in_passes(data, trajectories, unknowns.with_weak_priors())
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +65,8 @@ def test_misfit_of_a_cycle_is_that_of_its_samples(right):
     """Counted sample by sample: from arrest to arrest, what follows the last slip with the last cycle."""
     gate, problem = pass_gate(right, NAMES, EXACT), right.problem
     fitted = problem.fitted(right.solution.z)[0]
-    log, guess = problem.logs[0], right.guesses[0]
-    edges = np.concatenate([[log.begin], guess.arrest[:-1], [log.end + 1e-9]])
+    log, trajectory = problem.logs[0], right.trajectories[0]
+    edges = np.concatenate([[log.begin], trajectory.arrest[:-1], [log.end + 1e-9]])
     for i, (first, last) in enumerate(pairwise(edges)):
         mine = (log.time >= first) & (log.time < last)
         square = float(np.sum(((log.force - fitted)[mine] / case.NOISE) ** 2))
@@ -99,8 +99,8 @@ def test_a_normal_force_moved_further_than_its_measurement_allows_is_refused():
     solved = _fit(lambda data: [replace(d, normal_force_sd=1e-3) for d in data])
     assert pass_gate(solved, NAMES, EXACT).status is Status.CONVERGED
     for off in ([7.0, 0.0, 0.0, 0.0, 0.0, 0.0], [-4.0, -4.0, -3.0, 3.0, 4.0, 4.0]):
-        strained = replace(solved.guesses[0], deviation=1e-3 * np.array(off))
-        gate = pass_gate(replace(solved, guesses=[strained, solved.guesses[1]]), NAMES, EXACT)
+        strained = replace(solved.trajectories[0], deviation=1e-3 * np.array(off))
+        gate = pass_gate(replace(solved, trajectories=[strained, solved.trajectories[1]]), NAMES, EXACT)
         assert gate.status is Status.MODEL_MISFIT
         assert "standard errors of its measured course" in gate.message
 

@@ -28,7 +28,7 @@ def fitted():
     data = [case.log_data(log, unknowns, noise_seed=seed) for seed, log in enumerate(logs)]
     solved = solve_in_passes(data, case.placed(unknowns, logs, data, COARSE), unknowns)
     assert solved.solution.success
-    cycles = [guess.cycles for guess in solved.guesses]
+    cycles = [trajectory.cycles for trajectory in solved.trajectories]
     known = influence(solved.problem, solved.solution.z, cycles)
     return replace(unknowns, start=solved.theta), solved, known, cycles
 
@@ -54,8 +54,8 @@ def test_moves_of_samples_are_those_of_a_refit(fitted):
     change = 1e-4 * random.standard_normal(solved.problem.logs[0].time.size)
     first = solved.problem.logs[0]
     logs = [replace(first, force=first.force + change), solved.problem.logs[1]]
-    again = solve(Problem(logs, solved.problem.layout), start=solved.solution.z, barrier=1e-8)
-    settled = solve(solved.problem, start=solved.solution.z, barrier=1e-8)
+    again = solve(Problem(logs, solved.problem.layout), start=solved.solution.z, mu_init=1e-8)
+    settled = solve(solved.problem, start=solved.solution.z, mu_init=1e-8)
     expected = change @ moves[0]
     found = (again.x - settled.x)[:6]
     np.testing.assert_allclose(found / size, expected / size, atol=0.02 * np.max(np.abs(expected / size)))
@@ -77,9 +77,9 @@ def test_what_the_fit_takes_out_of_a_cycle_is_that_of_dense_algebra(fitted):
     hat = slopes @ inverse @ slopes.T
     mine = slopes @ inverse @ null[:6].T  # (samples, 6)
     times = [log.time for log in problem.logs]
-    guess = solved.guesses[1]
+    trajectory = solved.trajectories[1]
     first = times[0].size
-    inside = np.flatnonzero((times[1] > guess.arrest[1]) & (times[1] <= guess.arrest[2])) + first
+    inside = np.flatnonzero((times[1] > trajectory.arrest[1]) & (times[1] <= trajectory.arrest[2])) + first
     block = mine[inside]
     expected = block.T @ hat[np.ix_(inside, inside)] @ block
     size = np.sqrt(np.diag(known.covariance))
@@ -104,7 +104,7 @@ def test_warm_solves_are_those_of_the_solver(fitted):
     at = target * problem.layout.scale[held]
     lower[held], upper[held] = at - 1e-9, at + 1e-9
     boxed = Problem(problem.logs, replace(problem.layout, lower=lower, upper=upper), problem.moments)
-    by_solver = solve(boxed, start=found.z, barrier=1e-8)
+    by_solver = solve(boxed, start=found.z, mu_init=1e-8)
     assert found.cost == pytest.approx(by_solver.cost, abs=2e-4)
     assert 2 * (found.cost - best.cost) == pytest.approx(0.25, rel=0.05)
     assert warm.settle(best.z, held=(held, best.z[held] + 1e4)) is None, "far away is no neighbourhood"

@@ -38,7 +38,7 @@ def test_a_better_answer_of_fewer_logs_is_refused(monkeypatch: pytest.MonkeyPatc
         return found, alone
 
     monkeypatch.setattr(answering, "looked_into", of_one_log)
-    monkeypatch.setattr(examined, "lowest_valley", lambda attempt, *_: (attempt, []))  # how sure it is plays no part
+    monkeypatch.setattr(examined, "lowest_optimum", lambda attempt, *_: (attempt, []))  # how sure it is plays no part
     _, refused = identification.find(scene, records, clock=Clock(), progress=to_nobody)
     assert met and refused.status is Status.MODEL_MISFIT
     assert "does not stick-slip as log_2.csv does" in refused.message

@@ -118,12 +118,12 @@ def test_a_place_at_which_the_solver_finds_no_end_is_met_with_what_is_farthest_o
     place = line.point(line.best, index, value)
     solved, asked = type(line.ground).solved, []
 
-    def without_end(ground, theta, guesses, what):
+    def without_end(ground, theta, trajectories, what):
         asked.append(what)
-        return None if what == profile_ground.FREE else solved(ground, theta, guesses, what)
+        return None if what == profile_ground.FREE else solved(ground, theta, trajectories, what)
 
     monkeypatch.setattr(type(line.ground), "solved", without_end)
-    met = line.settled(place.theta, place.guesses)
+    met = line.settled(place.theta, place.trajectories)
     assert asked[0] == profile_ground.FREE and len(asked) == 2
     assert met is not None and met.held == asked[1] and met.cost == pytest.approx(place.cost, abs=0.05)
 
@@ -135,12 +135,12 @@ def test_where_the_answer_does_not_settle_with_coarser_steps_than_its_own_the_wa
     asked = []
     settle, free = profile_ground.Ground.home, profile_ground.Ground.solved
 
-    def home(ground, theta, guesses):
+    def home(ground, theta, trajectories):
         asked.append(ground.grid.steps)
-        return settle(ground, theta, guesses) if ground.grid.steps == own else None
+        return settle(ground, theta, trajectories) if ground.grid.steps == own else None
 
-    def by_solver(ground, theta, guesses, held):
-        return free(ground, theta, guesses, held) if ground.grid.steps == own else None
+    def by_solver(ground, theta, trajectories, held):
+        return free(ground, theta, trajectories, held) if ground.grid.steps == own else None
 
     coarse = ProfileLine.at(attempt.prepared, solved, unknowns, size, noise_of(attempt))
     assert coarse.ground.grid.steps == profile_ground.STEPS and coarse.seen  # what settles coarsely is walked coarsely

@@ -113,14 +113,14 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
     p = np.array([(pair | rig)[n] for n in unknowns.names])
     at = replace(unknowns, start=unknowns.theta(p, data.base))
     found = follow(unknowns.model, data, p, begins_sliding=False)
-    problem = transcribe([data], [found.guess], at, COARSE)
+    problem = transcribe([data], [found.trajectory], at, COARSE)
     assert found.end == data.end
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost < 1.5 * problem.samples
     # As many unknowns as rows, but for the parameters, the load of each part, elongation and gamma at the begin.
-    assert problem.layout.size - problem.layout.rows == int(unknowns.free.sum()) + found.guess.parts + 2
+    assert problem.layout.size - problem.layout.rows == int(unknowns.free.sum()) + found.trajectory.parts + 2
     other = replace(data, programme=Drive(data.programme.starts, tuple(1.5 * v for v in data.programme.speeds)))
     wrong = follow(unknowns.model, other, p, begins_sliding=False)
-    problem = transcribe([other], [wrong.guess], at, COARSE)
+    problem = transcribe([other], [wrong.trajectory], at, COARSE)
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost > 3 * problem.samples
 
 
@@ -128,8 +128,8 @@ def test_the_derivatives_of_a_course_are_those_of_differences():
     (prepared,), unknowns = _prepared(_kind(KINDS[6].logs[0], pair=MILD, rig=STIFF))
     p = np.array([(MILD | STIFF)[n] for n in unknowns.names])
     at = replace(unknowns, start=unknowns.theta(p, prepared.data.base))
-    guess = follow(unknowns.model, prepared.data, p, begins_sliding=False).guess
-    problem = transcribe([prepared.data], [guess], at, COARSE)
+    trajectory = follow(unknowns.model, prepared.data, p, begins_sliding=False).trajectory
+    problem = transcribe([prepared.data], [trajectory], at, COARSE)
     kinds = {family.block.kind for family in problem.layout.families}
     assert {"hold_reaged", "steady_saturated", "stick", "saturated", "slip"} <= kinds
     z, random = problem.start, np.random.default_rng(1)
@@ -246,7 +246,7 @@ def test_a_slip_that_was_missed_or_invented_is_mended(change):
     spoiled = [replace(prepared[0], falls=wrong), prepared[1]]
     found, _ = search.search(spoiled, unknowns)
     assert found.gate.status is Status.CONVERGED
-    assert found.solved.guesses[0].cycles == right.solved.guesses[0].cycles
+    assert found.solved.trajectories[0].cycles == right.solved.trajectories[0].cycles
     # The steps of the fine grid may differ; the loosest parameter has a standard error of 0.2.
     np.testing.assert_allclose(found.solved.theta, right.solved.theta, atol=0.01)
 
@@ -286,13 +286,13 @@ def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_f
     prepared, unknowns = _prepared(kind)
     attempt, _ = search.search(prepared, unknowns)
     change = Change(moved=gain, remembered=gain * gain / clear)
-    place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.guesses, 0.0, FREE, change)
+    place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.trajectories, 0.0, FREE, change)
     walked = Profiles({}, place, gain=gain)
     assert walked.clear == pytest.approx(clear)
     monkeypatch.setattr(room, "profile", lambda *_, **__: walked)
-    monkeypatch.setattr(room, "lowest_valley", lambda answer, *_: (answer, []))  # the walk is what is looked at
+    monkeypatch.setattr(room, "lowest_optimum", lambda answer, *_: (answer, []))  # the walk is what is looked at
     lost = replace(attempt, gate=replace(attempt.gate, status=Status.SOLVER_FAILED, solver="Restoration_Failed"))
-    monkeypatch.setattr(room, "resolve_firmly", lambda *_, **__: lost)
+    monkeypatch.setattr(room, "solve_again_with_priors", lambda *_, **__: lost)
     tried = []
 
     def anew(_answer, _unknowns, theta):

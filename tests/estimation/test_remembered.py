@@ -93,10 +93,10 @@ def test_noise_as_large_as_in_the_sticks_may_scatter_more_from_cycle_to_cycle(co
     new = np.sqrt(1.0 - correlation**2) * random.standard_normal(count + 200)
     force = WHITE * lfilter([1.0], [1.0, -correlation], new)[200:]
     data = SimpleNamespace(time=np.arange(count) * 1e-3, force=force, weight=np.full(count, WHITE**-2), noise=WHITE)
-    guess = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
+    trajectory = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
     pieces = np.array_split((force / WHITE) ** 2, 10)
     squares, counts = np.array([p.sum() for p in pieces]), np.array([float(p.size) for p in pieces])
-    known = remembered([data], [guess], [np.zeros(count)], [not stated], squares, counts, np.zeros(10, int))
+    known = remembered([data], [trajectory], [np.zeros(count)], [not stated], squares, counts, np.zeros(10, int))
     if stated or correlation == 0.0:
         assert known is None
         return

@@ -13,7 +13,7 @@ from identify.estimation import attempt
 from identify.estimation.attempt import Clock
 from identify.estimation.sequence import hardly, is_clear
 from identify.identification import find
-from identify.logs.log_data import Guess, Stretch
+from identify.logs.log_data import ShootingTrajectory, Stretch
 from identify.model.model import assemble
 from identify.shooting.parts import SlideParts
 from identify.simulation.simulate import run
@@ -48,7 +48,7 @@ def off(record: Record) -> tuple[float, list[str]]:
     """By how many standard errors t_cr is off, the only one that is searched, and what ends each saturated part."""
     found = searched(record, PAIR, RIG, SPEED, {"t_cr": BELIEVED})
     error = found.attempt.solved.theta[MODEL.parameter_names.index("t_cr")] - np.log(PAIR["t_cr"])
-    ends = [stretch.ended_by for stretch in found.attempt.solved.guesses[0].tail if stretch.kind == "saturated"]
+    ends = [stretch.ended_by for stretch in found.attempt.solved.trajectories[0].tail if stretch.kind == "saturated"]
     return float(error / np.sqrt(found.covariance[0, 0])), ends
 
 
@@ -85,7 +85,7 @@ def test_of_two_sequences_that_agree_with_their_answers_the_better_one_is_found(
     errors, excess = [], []
     for alone in (False, True):
         if alone:
-            monkeypatch.setattr(attempt, "by_a_hair", lambda *_: [])
+            monkeypatch.setattr(attempt, "near_grazing", lambda *_: [])
         found = searched(record, OTHER, OTHER_RIG, 0.015, {"a": 1500.0, "delta_mu_k": -0.0628})
         index = MODEL.parameter_names.index("a")  # the last of the two that are searched
         errors.append((found.attempt.solved.theta[index] - np.log(OTHER["a"])) / np.sqrt(found.covariance[-1, -1]))
@@ -95,10 +95,12 @@ def test_of_two_sequences_that_agree_with_their_answers_the_better_one_is_found(
 
 
 def test_sequences_differ_by_a_hair_only_where_contacts_re_age_or_rests_are_short() -> None:
-    def course(*stretches: tuple[str, float, str]) -> Guess:
+    def course(*stretches: tuple[str, float, str]) -> ShootingTrajectory:
         tail = tuple(Stretch(kind, until, ended, np.zeros((2, 3))) for kind, until, ended in stretches)
         none = np.empty(0)
-        return Guess(np.zeros(3), none, none, none, none, np.empty((0, 9, 3)), np.empty((0, 5, 3)), tail=tail)
+        return ShootingTrajectory(
+            np.zeros(3), none, none, none, none, np.empty((0, 9, 3)), np.empty((0, 5, 3)), tail=tail
+        )
 
     log = SimpleNamespace(rig=SimpleNamespace(half_period=0.05))
     slides = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 2.0, "onset"), ("slip", 2.1, "time"))

@@ -1,4 +1,4 @@
-"""Answers from other starts, where a vibrating drive leaves the misfit many valleys. The truth is the simulation."""
+"""Answers from other starts, where a vibrating drive leaves the misfit many optima. The truth is the simulation."""
 
 from __future__ import annotations
 
@@ -68,6 +68,6 @@ def test_starts_lie_around_a_neighbour_where_there_is_no_answer(monkeypatch):
     there[a] += 3.0  # friction that weakens twenty times as fast
     for attempt, centre in ((failed, there), (first.attempt, here)):
         tried.clear()
-        assert room.shaken(attempt, first.prepared, first.unknowns, around=there) is attempt
+        assert room.multistart_around(attempt, first.prepared, first.unknowns, around=there) is attempt
         near = [abs(start[a] - centre[a]) for start in tried[-len(room.NEAR) :]]
         assert len(near) == len(room.NEAR) and float(np.median(near)) < 0.5

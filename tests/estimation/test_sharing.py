@@ -91,7 +91,7 @@ def test_groups_are_recovered(grouped):
 
 def test_unknowns_left_over_are_the_shared_parameters_and_those_of_the_groups(grouped):
     problem = grouped.attempt.solved.problem
-    loads = sum(guess.cycles for guess in grouped.attempt.solved.guesses)
+    loads = sum(trajectory.cycles for trajectory in grouped.attempt.solved.trajectories)
     assert problem.layout.size - problem.layout.rows == 6 + 1 + 3 + 2 * 4 + loads
 
 

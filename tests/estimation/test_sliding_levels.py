@@ -10,7 +10,7 @@ from experiments.record_kinds import MILD, STIFF, Kind, Log
 from identify import fit
 from identify.estimation.hints import WHITE, hints, levels, steady, what_is_held
 from identify.estimation.residual_autocorrelation import colour
-from identify.logs.log_data import Guess, LogData, Stretch
+from identify.logs.log_data import LogData, ShootingTrajectory, Stretch
 from identify.simulation.drive import Drive, NormalForce
 from tests.support import shooting_case as case
 
@@ -22,7 +22,7 @@ def _motion(*stretches):
     """Of stretches given as kind and end."""
     empty = np.empty((0, 1, 3))
     tail = tuple(Stretch(kind, until, "time", np.zeros((2, 3))) for kind, until in stretches)
-    return Guess(np.zeros(3), NONE, NONE, NONE, NONE, empty, empty, tail=tail)
+    return ShootingTrajectory(np.zeros(3), NONE, NONE, NONE, NONE, empty, empty, tail=tail)
 
 
 def _log(parts, noise, load_sd=0.0):
@@ -42,19 +42,19 @@ def _white(count, seed=0):
     return NOISE * np.random.default_rng(seed).standard_normal(count)
 
 
-def _said(log, guess, noise=WHITE):
-    return what_is_held([log], [guess], [noise])
+def _said(log, trajectory, noise=WHITE):
+    return what_is_held([log], [trajectory], [noise])
 
 
 def test_steps_of_the_speed_hold_one_level_each():
     """Their mean, at the last speed, is the friction of nothing."""
     log = _log([(0.6, 1.0), (0.4, 2.0)], _white(10000))
-    guess = _motion(("slip", 0.5), ("steady", 4.0), ("steady", 10.0), ("slip", 10.5), ("steady_saturated", 20.0))
-    assert steady(log.data, guess) == [(0.5, 10.0, 1e-3), (10.5, 20.0, 2e-3)]
-    one, two = levels(log.data, guess)
+    trajectory = _motion(("slip", 0.5), ("steady", 4.0), ("steady", 10.0), ("slip", 10.5), ("steady_saturated", 20.0))
+    assert steady(log.data, trajectory) == [(0.5, 10.0, 1e-3), (10.5, 20.0, 2e-3)]
+    one, two = levels(log.data, trajectory)
     assert (one.coefficient, two.coefficient) == (pytest.approx(0.6, abs=2e-4), pytest.approx(0.4, abs=2e-4))
     assert one.error == pytest.approx(NOISE / LOAD / np.sqrt(4750.0), rel=0.05), "the step is no scatter"
-    said = _said(log, guess)
+    said = _said(log, trajectory)
     assert "0.6 ± 7e-05 at 1 mm/s (log_1.csv) and 0.4 ± 7e-05 at 2 mm/s (log_1.csv), and how it follows a step" in said
     assert "nothing else" not in said and said.startswith("sliding throughout") and "sticks and slips" in said
 
@@ -85,12 +85,12 @@ def test_a_log_that_ends_in_a_hold_does_not_slide_throughout():
 
 def test_the_error_of_a_level_is_its_scatter_over_many_draws():
     """Of noise with a memory it is four times what its number of samples says."""
-    guess, means, errors = _motion(("steady", 10.0)), [], []
+    trajectory, means, errors = _motion(("steady", 10.0)), [], []
     for seed in range(60):
         new, noise = _white(5000, seed), np.zeros(5000)
         for i in range(1, noise.size):
             noise[i] = 0.9 * noise[i - 1] + np.sqrt(0.19) * new[i]
-        (level,) = levels(_log([(0.6, 1.0)], noise).data, guess, colour(noise))
+        (level,) = levels(_log([(0.6, 1.0)], noise).data, trajectory, colour(noise))
         means.append(level.coefficient)
         errors.append(level.error)
     assert np.mean(errors) == pytest.approx(np.sqrt(19.0) * NOISE / LOAD / np.sqrt(5000.0), rel=0.15)

@@ -16,7 +16,7 @@ from identify.base.errors import SceneError
 from identify.base.outcome import Status
 from identify.base.wording import START_VALUES
 from identify.estimation.attempt import Clock, solve_from
-from identify.estimation.known_early import told_early
+from identify.estimation.known_early import prefit_warnings
 from identify.examples import SCENE, TRUTH
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_drives, with_records
@@ -102,7 +102,7 @@ def test_a_stiffness_that_is_advised_as_a_start_is_not_doubted_again():
     def early(*settings):
         scene, records = with_records(with_drives(Scene.from_toml(SCENE, settings))[0], None)
         unknowns = from_scene(scene)
-        return told_early([prepare(scene, *of_log, unknowns) for of_log in zip(scene.logs, records, strict=True)])
+        return prefit_warnings([prepare(scene, *of_log, unknowns) for of_log in zip(scene.logs, records, strict=True)])
 
     (sentence,) = early('rig.stiffness="1720 N/m"')
     (advised,) = re.findall(r"\[parameters\] (stiffness = \{.*?\})", sentence)

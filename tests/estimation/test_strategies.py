@@ -15,7 +15,7 @@ from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
 from identify.base.outcome import Status
 from identify.estimation import search
-from identify.estimation.strategies import STRATEGIES, Strategy, attempted, is_due, tracing
+from identify.estimation.strategies import STRATEGIES, Strategy, may_run, run_strategy, tracing
 from identify.examples import FOLDER
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
@@ -58,11 +58,11 @@ def test_limits_nest_and_are_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_due_when_the_time_is_up_is_noted_and_not_tried() -> None:
     with tracing() as trace, time_limit(0.0):
-        assert attempted(Strategy.JOINED, lambda: pytest.fail("it was tried")) is None
-        assert not is_due(Strategy.JOINED)
+        assert run_strategy(Strategy.JOINED, lambda: pytest.fail("it was tried")) is None
+        assert not may_run(Strategy.JOINED)
     assert trace.not_tried == [Strategy.JOINED.title] and trace.trials == []
     with tracing([Strategy.JOINED]) as trace:
-        assert attempted(Strategy.JOINED, lambda: pytest.fail("it is switched off")) is None
+        assert run_strategy(Strategy.JOINED, lambda: pytest.fail("it is switched off")) is None
     assert trace.not_tried == []
 
 

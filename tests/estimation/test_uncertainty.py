@@ -28,8 +28,8 @@ def _quiet(log, unknowns, seed=None, **options):
     return replace(data, force=log.force + QUIET * case.NOISE * noise, weight=data.weight / QUIET**2)
 
 
-def _information(data, guesses, unknowns, grid):
-    problem = transcribe(data, guesses, unknowns, grid)
+def _information(data, trajectories, unknowns, grid):
+    problem = transcribe(data, trajectories, unknowns, grid)
     return information(*problem.with_all_parameters(unknowns, problem.start))
 
 
@@ -52,9 +52,9 @@ def test_covariance_agrees_with_the_dense_null_space(load_sd):
     unknowns = replace(unknowns, prior_sd=sd)
     logs = _logs()
     data = [case.log_data(log, unknowns, load_sd=load_sd) for log in logs]
-    guesses = case.placed(unknowns, logs, data, SMALL)
-    covariance = _information(data, guesses, unknowns, SMALL).covariance()
-    problem = transcribe(data, guesses, unknowns, SMALL)
+    trajectories = case.placed(unknowns, logs, data, SMALL)
+    covariance = _information(data, trajectories, unknowns, SMALL).covariance()
+    problem = transcribe(data, trajectories, unknowns, SMALL)
     point = problem.evaluate(problem.start, derivatives=True)
     upper, jacobian = point.hessian.toarray(), point.jacobian.toarray()
     hessian = upper + np.triu(upper, 1).T
@@ -75,14 +75,16 @@ def test_covariance_agrees_with_the_dense_null_space(load_sd):
 def test_covariance_is_that_of_repeated_draws_of_the_noise():
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     logs, repeats = _logs(), 25
-    guesses = case.placed(unknowns, logs, [case.log_data(log, unknowns) for log in logs], COARSE)
+    trajectories = case.placed(unknowns, logs, [case.log_data(log, unknowns) for log in logs], COARSE)
     off, solved, data = [], None, []
     for repeat in range(repeats):
         data = [_quiet(log, unknowns, (100 + repeat, i)) for i, log in enumerate(logs)]
-        solved = solve_in_passes(data, guesses, unknowns)
+        solved = solve_in_passes(data, trajectories, unknowns)
         assert solved.solution.success
         off.append((solved.theta - unknowns.start)[unknowns.free])
-    covariance = _information(data, solved.guesses, replace(unknowns, start=solved.theta), solved.grid).covariance()
+    covariance = _information(
+        data, solved.trajectories, replace(unknowns, start=solved.theta), solved.grid
+    ).covariance()
     deviations = np.array(off)
     # Mean squared joint distance: chi^2 with 6 * 25 degrees of freedom over 25; 4 standard deviations of it.
     distance = np.einsum("ki,ij,kj->k", deviations, np.linalg.inv(covariance), deviations)
@@ -99,11 +101,11 @@ def test_covariance_is_that_of_repeated_draws_of_the_noise():
 def test_rig_sensitivity_agrees_with_a_refit(fitted, quantity):
     unknowns, data, solved = fitted
     column, wrong = unknowns.names.index(quantity), 0.001
-    known = _information(data, solved.guesses, unknowns, solved.grid)
+    known = _information(data, solved.trajectories, unknowns, solved.grid)
     expected = wrong * known.shift(column)
     base = data[0].base.copy()
     base[column] *= np.exp(wrong)
-    again = solve_in_passes([replace(d, base=base) for d in data], solved.guesses, unknowns)
+    again = solve_in_passes([replace(d, base=base) for d in data], solved.trajectories, unknowns)
     moved = (again.theta - solved.theta)[unknowns.free]
     size = np.sqrt(np.diag(known.covariance()))
     largest = float(np.max(np.abs(expected / size)))
@@ -113,9 +115,9 @@ def test_rig_sensitivity_agrees_with_a_refit(fitted, quantity):
 
 def test_information_adds_up(fitted):
     unknowns, data, solved = fitted
-    known = _information(data, solved.guesses, unknowns, solved.grid)
+    known = _information(data, solved.trajectories, unknowns, solved.grid)
     prior = replace(unknowns, prior_sd=np.where(unknowns.free, 0.1, np.inf))
-    with_prior = _information(data, solved.guesses, prior, solved.grid)
+    with_prior = _information(data, solved.trajectories, prior, solved.grid)
     np.testing.assert_allclose(known.total, known.data)
     assert np.all(np.linalg.eigvalsh(known.total) > -1e-6 * np.linalg.norm(known.total))
     added = np.diag(with_prior.total - known.total)
@@ -126,7 +128,7 @@ def test_information_adds_up(fitted):
 
 def test_information_wants_every_parameter(fitted):
     unknowns, data, solved = fitted
-    problem = transcribe(data, solved.guesses, unknowns, solved.grid)
+    problem = transcribe(data, solved.trajectories, unknowns, solved.grid)
     with pytest.raises(ValueError, match="every parameter"):
         information(problem, problem.start)
 
@@ -136,8 +138,8 @@ def test_what_the_data_cannot_tell_gets_no_small_error():
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     logs = [case.simulated(case.PAIR, case.SLOW[0], case.SLOW[1], 20.0)]
     data = [case.log_data(logs[0], unknowns, load_sd=1e-4)]
-    guesses = case.placed(unknowns, logs, data, COARSE)
-    known = _information(data, guesses, unknowns, COARSE)
+    trajectories = case.placed(unknowns, logs, data, COARSE)
+    known = _information(data, trajectories, unknowns, COARSE)
     told = {e.name: e for e in _told(unknowns, known.covariance())}
     for name in ("a", "delta_mu_k", "D", "mu_k0", "t_cr"):
         assert told[name].verdict == "not identifiable"
@@ -152,7 +154,7 @@ def test_what_the_data_cannot_tell_gets_no_small_error():
 
 def test_a_direction_without_any_information_gets_a_huge_variance(fitted):
     unknowns, data, solved = fitted
-    known = _information(data, solved.guesses, unknowns, solved.grid)
+    known = _information(data, solved.trajectories, unknowns, solved.grid)
     total = known.total.copy()
     lost = unknowns.names.index("a")
     total[lost], total[:, lost] = 0.0, 0.0

@@ -31,7 +31,7 @@ def test_the_log_joins_by_its_level(monkeypatch: pytest.MonkeyPatch) -> None:
     assert known is not None and known.gate.status is Status.CONVERGED
     found = join(known, prepared, [SLOWEST], unknowns, Clock())
     assert found.gate.status is Status.CONVERGED and found.logs == (SLOWEST, *CYCLING)
-    assert found.prepared[0].manner.name == "sliding" and found.solved.guesses[0].arrests == 0
+    assert found.prepared[0].manner.name == "sliding" and found.solved.trajectories[0].arrests == 0
 
 
 def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,19 +39,19 @@ def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.Monke
     assert place_on(prepared, [SLOWEST], unknowns) == []
     monkeypatch.setattr(following, "SHOWN", 0.0)
     monkeypatch.setattr(following, "SURE", 0.0)
-    [(_, cut, guess)] = place_on(prepared, [SLOWEST], unknowns)
-    assert guess.arrests > 100 and cut.data.end < 0.5 * prepared[SLOWEST].data.end
+    [(_, cut, trajectory)] = place_on(prepared, [SLOWEST], unknowns)
+    assert trajectory.arrests > 100 and cut.data.end < 0.5 * prepared[SLOWEST].data.end
 
 
 @pytest.mark.slow
 def test_a_train_of_slips_that_show_together_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of 251 slips stands out by two standard deviations, and this log alone tells t_cr."""
     prepared, unknowns = case(15)
-    [(_, _, guess)] = place_on(prepared, [1], unknowns)
-    assert guess.arrests == 251
+    [(_, _, trajectory)] = place_on(prepared, [1], unknowns)
+    assert trajectory.arrests == 251
     monkeypatch.setattr(following, "MOST_STRETCHES", 400)  # not to the end
-    [(_, _, guess)] = place_on(prepared, [1], unknowns)
-    assert 100 < guess.arrests < 251
+    [(_, _, trajectory)] = place_on(prepared, [1], unknowns)
+    assert 100 < trajectory.arrests < 251
     monkeypatch.setattr(following, "TRAIN", float("inf"))
-    [(_, _, guess)] = place_on(prepared, [1], unknowns)
-    assert guess.arrests == 3  # the first ones show by themselves
+    [(_, _, trajectory)] = place_on(prepared, [1], unknowns)
+    assert trajectory.arrests == 3  # the first ones show by themselves

@@ -13,9 +13,9 @@ from identify.estimation import certainty as sureness
 from identify.estimation import other_optima as room
 from identify.estimation import search
 from identify.estimation.agreement import noise_of
-from identify.estimation.attempt import Clock, resolve, solve_from
+from identify.estimation.attempt import Clock, solve_again, solve_from
 from identify.estimation.covariance import information
-from identify.estimation.other_optima import other_valleys, within
+from identify.estimation.other_optima import optima_about, within
 from identify.estimation.profile import profile
 from identify.estimation.residual_autocorrelation import Colour, Remembering
 from identify.estimation.starts import ranked
@@ -58,7 +58,7 @@ def pair():
     held[i] += 5.0 * np.sqrt(covariance[place, place])
     sd[i] = 1e-6
     mean = np.where(np.isfinite(sd), held, unknowns.prior_mean)
-    early = resolve(right, replace(unknowns, start=held, prior_mean=mean, prior_sd=sd))
+    early = solve_again(right, replace(unknowns, start=held, prior_mean=mean, prior_sd=sd))
     assert early.gate.status is Status.CONVERGED, "its curve fits: the gate alone does not see it"
     return right, early, unknowns, covariance
 
@@ -134,9 +134,9 @@ def astray():
 
 @pytest.fixture(scope="module")
 def doubled(astray):
-    """The same, and the valleys about it."""
+    """The same, and the optima about it."""
     made, wrong, unknowns = astray
-    return made, wrong, unknowns, other_valleys(wrong, unknowns, 0, noise_of(wrong))
+    return made, wrong, unknowns, optima_about(wrong, unknowns, 0, noise_of(wrong))
 
 
 def _off(theta, made, unknowns, name):
@@ -147,23 +147,23 @@ def _off(theta, made, unknowns, name):
 
 @pytest.mark.slow
 def test_a_start_thrown_about_the_datas_own_start_ends_in_the_other_valley(doubled):
-    made, wrong, unknowns, valleys = doubled
+    made, wrong, unknowns, optima = doubled
     assert _off(wrong.solved.theta, made, unknowns, "t_cr") > 2.0
     assert any(
-        all(_off(valley.solved.theta, made, unknowns, name) < 0.15 for name in ("mu_s", "mu_k0", "D", "t_cr"))
-        for valley in valleys
+        all(_off(optimum.solved.theta, made, unknowns, name) < 0.15 for name in ("mu_s", "mu_k0", "D", "t_cr"))
+        for optimum in optima
     )
 
 
 @pytest.mark.slow
 def test_other_valleys_are_of_the_same_samples_and_inside_the_joint_region_the_lowest_first(doubled):
-    _, wrong, unknowns, valleys = doubled
-    costs = [valley.solved.solution.cost for valley in valleys]
+    _, wrong, unknowns, optima = doubled
+    costs = [optimum.solved.solution.cost for optimum in optima]
     assert costs and costs == sorted(costs)
     assert costs[-1] < wrong.solved.solution.cost + 0.5 * chi2.ppf(0.95, np.count_nonzero(unknowns.free))
-    for valley in valleys:
-        assert valley.gate.status is Status.CONVERGED and valley.logs == wrong.logs
-        assert valley.solved.problem.samples == wrong.solved.problem.samples
+    for optimum in optima:
+        assert optimum.gate.status is Status.CONVERGED and optimum.logs == wrong.logs
+        assert optimum.solved.problem.samples == wrong.solved.problem.samples
 
 
 def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(astray, monkeypatch):
@@ -175,12 +175,12 @@ def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(astray, mon
 
     first, lower, beside, above, beyond = (at(cost) for cost in (100.0, 97.0, 99.0, 101.0, 109.0))
     looks, own = [[lower, beside, beyond], [above]], []
-    monkeypatch.setattr(room, "other_valleys", lambda *_, **how: own.append(how["own"]) or looks.pop(0))
-    answer, others = room.lowest_valley(first, unknowns, 0, noise_of(first))
+    monkeypatch.setattr(room, "optima_about", lambda *_, **how: own.append(how["own"]) or looks.pop(0))
+    answer, others = room.lowest_optimum(first, unknowns, 0, noise_of(first))
     assert answer is lower and own == [True, False], "about the data's own start once"
     assert {id(other) for other in others} == {id(first), id(beside), id(above)}, "109 is outside the joint region"
     looks = [[beside]]
-    assert room.lowest_valley(at(99.02), unknowns, 0, noise_of(first))[1] == [beside], (
+    assert room.lowest_optimum(at(99.02), unknowns, 0, noise_of(first))[1] == [beside], (
         "hardly lower: no place to move to"
     )
 
@@ -207,10 +207,8 @@ def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     i, truth = unknowns.names.index("mu_k0"), made.truth["mu_k0"]
     covariance, ends = _covariance(wrong, unknowns), []
     solved, noise = wrong.solved, noise_of(wrong)
-    for valleys in ([], [valley.solved for valley in found]):
-        walked = profile(
-            wrong.prepared, solved, unknowns, covariance, lambda *_: None, noise, only=[i], valleys=valleys
-        )
+    for optima in ([], [optimum.solved for optimum in found]):
+        walked = profile(wrong.prepared, solved, unknowns, covariance, lambda *_: None, noise, only=[i], optima=optima)
         ends.append([side.end for side in walked.ends["mu_k0"]])
     assert ends[0][0] > truth + 0.02, "who does not look for it claims what is wrong"
     assert ends[1][0] < truth - 0.005 and truth < ends[1][1]
@@ -222,10 +220,10 @@ def test_a_place_on_a_ridge_without_end_counts_and_takes_nobodys_place(astray, m
     _, wrong, unknowns = astray
     solution = replace(wrong.solved.solution, cost=wrong.solved.solution.cost - 1.0, success=False)
     gate = replace(wrong.gate, status=Status.SOLVER_FAILED, solver="Maximum_Iterations_Exceeded")
-    crept = replace(wrong, solved=replace(wrong.solved, solution=solution), gate=gate)
-    monkeypatch.setattr(room, "solve_or_hold", lambda *_: crept)
-    answer, others = room.lowest_valley(wrong, unknowns, 0, noise_of(wrong))
+    stalled = replace(wrong, solved=replace(wrong.solved, solution=solution), gate=gate)
+    monkeypatch.setattr(room, "solve_or_hold", lambda *_: stalled)
+    answer, others = room.lowest_optimum(wrong, unknowns, 0, noise_of(wrong))
     assert answer is wrong and others and all(other.gate.status is Status.SOLVER_FAILED for other in others)
-    misfit = replace(crept, gate=replace(gate, chi2_per_sample=1.6))
+    misfit = replace(stalled, gate=replace(gate, chi2_per_sample=1.6))
     monkeypatch.setattr(room, "solve_or_hold", lambda *_: misfit)
-    assert room.lowest_valley(wrong, unknowns, 0, noise_of(wrong))[1] == [], "what does not fit says nothing"
+    assert room.lowest_optimum(wrong, unknowns, 0, noise_of(wrong))[1] == [], "what does not fit says nothing"

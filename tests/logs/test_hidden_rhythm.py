@@ -108,10 +108,13 @@ def test_a_frequency_beyond_half_the_sampling_rate_is_known_by_its_alias() -> No
 
 def test_where_the_drive_vibrates_nothing_is_made_of_it() -> None:
     plain, records = logs()
-    shaken = plain.as_document()
-    shaken["effects"] = [*shaken["effects"], "excitation"]
-    shaken["parameters"] |= {"excitation_amplitude": {"fixed": "1 µm"}, "excitation_frequency": {"fixed": "8.4 Hz"}}
-    for scene, seen in ((plain, True), (Scene.from_document(shaken, Path()), False)):
+    multistart_around = plain.as_document()
+    multistart_around["effects"] = [*multistart_around["effects"], "excitation"]
+    multistart_around["parameters"] |= {
+        "excitation_amplitude": {"fixed": "1 µm"},
+        "excitation_frequency": {"fixed": "8.4 Hz"},
+    }
+    for scene, seen in ((plain, True), (Scene.from_document(multistart_around, Path()), False)):
         made = prepare(scene, scene.logs[0], records[0], from_scene(scene))
         assert (made.manner.rhythm is not None) == seen
 
@@ -131,10 +134,10 @@ def test_an_answer_that_slides_through_slips_that_the_noise_hides_is_refused(mon
     assert level is not None and level.manner.rhythm is None
     slides = pair | rig | {"mu_s": 0.2720, "mu_k0": 0.2719, "D": 8.2e-6, "t_cr": 4.8}
     start = unknowns.theta(np.array([slides[name] for name in unknowns.names]), unknowns.base(rig))
-    found = solve_from([level], [0], replace(unknowns, start=start).softened(), Clock())
+    found = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors(), Clock())
     assert found is not None and found.gate.status is Status.MODEL_MISFIT
     assert "where this answer slides, slow.csv swings by 0.0" in found.gate.message
     assert found.solved.theta[unknowns.names.index("mu_k0")] > 1.2 * pair["mu_k0"]
     monkeypatch.setattr(gate, "swing_left", lambda *_: None)
-    accepted = solve_from([level], [0], replace(unknowns, start=start).softened(), Clock())
+    accepted = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors(), Clock())
     assert accepted is not None and accepted.gate.status is Status.CONVERGED

@@ -19,7 +19,7 @@ from identify.estimation.attempt import Clock, solve_from
 from identify.identification import find, fit
 from identify.logs import loads
 from identify.logs.loads import as_far_as_told, calmed, smooth
-from identify.logs.log_data import Guess, LogData, Pull
+from identify.logs.log_data import LogData, Pull, ShootingTrajectory
 from identify.logs.prepare import UNEQUAL, prepare
 from identify.logs.segment import segment
 from identify.logs.slips import noise_on_lines
@@ -133,7 +133,7 @@ def test_the_true_values_of_an_in_vivo_twin_describe_its_records():
     misfits = []
     for data in (whole, [replace(log, tremor_sd=0.0) for log in whole]):
         values = [unknowns.values(truth, log.base) for log in data]
-        placed = [g for g in place(unknowns.model, data, values, falls, COARSE).guesses if g is not None]
+        placed = [g for g in place(unknowns.model, data, values, falls, COARSE).trajectories if g is not None]
         solved = solve_in_passes(data, placed, nothing)
         assert solved.solution.success
         misfits.append(
@@ -170,13 +170,13 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
     for tremor in (0.0, 5e-3):
         data = [replace(log, tremor_sd=tremor)]
         values = [unknowns.values(unknowns.start, log.base)]
-        guesses = [g for g in place(unknowns.model, data, values, [falls], COARSE).guesses if g is not None]
-        solved = solve_in_passes(data, guesses, unknowns)
-        costs[tremor], (guess,) = solved.solution.cost, solved.guesses
-    found = guess.slip_deviation
+        trajectories = [g for g in place(unknowns.model, data, values, [falls], COARSE).trajectories if g is not None]
+        solved = solve_in_passes(data, trajectories, unknowns)
+        costs[tremor], (trajectory,) = solved.solution.cost, solved.trajectories
+    found = trajectory.slip_deviation
     assert found[2] == pytest.approx(swing, abs=1e-3)
     assert np.max(np.abs(np.delete(found, 2))) < 1e-3
-    assert np.max(np.abs(guess.deviation)) < 1e-3
+    assert np.max(np.abs(trajectory.deviation)) < 1e-3
     prior = 0.5 * (swing / 5e-3) ** 2
     assert costs[5e-3] < prior + 0.5
     assert costs[0.0] > costs[5e-3] + 20.0, "a load that is one number per cycle cannot say it"
@@ -368,10 +368,10 @@ def test_every_slip_of_a_course_has_a_load_of_its_own(monkeypatch, own):
     base = log.data.base
     values = np.array([truth[name] for name in unknowns.names])
     if not own:
-        monkeypatch.setattr(Guess, "own_slips", [])
+        monkeypatch.setattr(ShootingTrajectory, "own_slips", [])
     found = solve_from([log], [0], replace(unknowns, start=unknowns.theta(values, base)), Clock())
     assert (found.gate.status is Status.CONVERGED) == own
-    assert (found.solved.guesses[0].slip_deviation.size > 10) == own
+    assert (found.solved.trajectories[0].slip_deviation.size > 10) == own
 
 
 @pytest.mark.parametrize("counted", [True, pytest.param(False, marks=pytest.mark.slow)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identify.estimation.goodness_of_fit import inconsistency
-from identify.logs.log_data import Guess
+from identify.logs.log_data import ShootingTrajectory
 from identify.model.model import SPEED
 from tests.support import shooting_case as case
 
@@ -13,7 +13,7 @@ LOG = case.simulated(case.PAIR, *case.MIDDLE)
 DATA = case.log_data(LOG, UNKNOWNS)
 
 
-def motion(*, saturates: bool, slip: float, after: float) -> Guess:
+def motion(*, saturates: bool, slip: float, after: float) -> ShootingTrajectory:
     """Two slips alike, whose slowest node before and after the saturation has these speeds [m/s]."""
     nodes = np.zeros((2, 9, 3))
     nodes[:, :, 0] = np.linspace(4e-4, 2.5e-4, 9)
@@ -23,11 +23,11 @@ def motion(*, saturates: bool, slip: float, after: float) -> Guess:
     nodes[1, 4, SPEED], later[1, 4, SPEED] = slip, after
     onset = np.array([0.5, 0.8])
     saturation = onset + 0.02 if saturates else np.full(2, np.nan)
-    return Guess(nodes[0, 0], onset, saturation, onset + 0.05, np.zeros(2), nodes, later)
+    return ShootingTrajectory(nodes[0, 0], onset, saturation, onset + 0.05, np.zeros(2), nodes, later)
 
 
-def said(guess: Guess) -> str | None:
-    return inconsistency([DATA], [guess], UNKNOWNS, UNKNOWNS.start, ["log"])
+def said(trajectory: ShootingTrajectory) -> str | None:
+    return inconsistency([DATA], [trajectory], UNKNOWNS, UNKNOWNS.start, ["log"])
 
 
 @pytest.mark.parametrize("saturates", [False, True])

@@ -18,20 +18,20 @@ def held_at(room: float | None) -> Solved:
     where it likes)."""
     log = case.simulated(case.PAIR, *case.MIDDLE)
     data = case.log_data(log, UNKNOWNS, noise_seed=4)
-    guesses = case.placed(UNKNOWNS, [log], [data], COARSE)
-    problem = transcribe([data], guesses, UNKNOWNS, COARSE)
-    solution = solve(problem, tolerance=1e-8, barrier=1e-6)
+    trajectories = case.placed(UNKNOWNS, [log], [data], COARSE)
+    problem = transcribe([data], trajectories, UNKNOWNS, COARSE)
+    solution = solve(problem, tolerance=1e-8, mu_init=1e-6)
     if room is not None:
         event = int(problem.layout.places[0].events[4])
         wanted = solution.x[event] - room
         problem.layout.upper[event] = wanted
         problem.layout.lower[event] = wanted - 1e-3
-        solution = solve(problem, tolerance=1e-8, barrier=1e-6)
+        solution = solve(problem, tolerance=1e-8, mu_init=1e-6)
     assert solution.success
     theta = UNKNOWNS.start.copy()
     theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-    found = [place.read(g, solution.x) for place, g in zip(problem.layout.places, guesses, strict=True)]
-    return Solved(problem, COARSE, guesses, solution, found, theta, 0.0, 1, 1, 0.0)
+    found = [place.read(g, solution.x) for place, g in zip(problem.layout.places, trajectories, strict=True)]
+    return Solved(problem, COARSE, trajectories, solution, found, theta, 0.0, 1, 1, 0.0)
 
 
 def test_an_answer_that_nothing_holds_hangs_on_nothing() -> None:

@@ -9,8 +9,8 @@ import identify.shooting.passes as room
 from data_io import Record
 from identify import Scene
 from identify.base.outcome import Status
-from identify.estimation.attempt import Clock, resolve, solve_from
-from identify.logs.log_data import Guess
+from identify.estimation.attempt import Clock, solve_again, solve_from
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import SPEED, assemble
@@ -45,16 +45,18 @@ def trembling():
     return solve_from([prepared], [0], unknowns, Clock()), unknowns, motion.onsets
 
 
-def begun_early(guess: Guess, cycle: int, early: float) -> Guess:
+def begun_early(trajectory: ShootingTrajectory, cycle: int, early: float) -> ShootingTrajectory:
     """The motion with one onset earlier [s]: the mass stands until it moved before."""
-    onset, slip, last = guess.onset.copy(), guess.slip.copy(), guess.slip.shape[1] - 1
-    end = guess.saturation[cycle] if guess.saturates[cycle] else guess.arrest[cycle]
+    onset, slip, last = trajectory.onset.copy(), trajectory.slip.copy(), trajectory.slip.shape[1] - 1
+    end = trajectory.saturation[cycle] if trajectory.saturates[cycle] else trajectory.arrest[cycle]
     onset[cycle] -= early
-    place = (np.linspace(onset[cycle], end, last + 1) - guess.onset[cycle]) / (end - guess.onset[cycle]) * last
-    nodes = [np.interp(place, np.arange(last + 1), column) for column in guess.slip[cycle].T]
+    place = (
+        (np.linspace(onset[cycle], end, last + 1) - trajectory.onset[cycle]) / (end - trajectory.onset[cycle]) * last
+    )
+    nodes = [np.interp(place, np.arange(last + 1), column) for column in trajectory.slip[cycle].T]
     slip[cycle] = np.stack(nodes, axis=1)
     slip[cycle, place < 0.0, SPEED] = 0.0
-    return replace(guess, onset=onset, slip=slip)
+    return replace(trajectory, onset=onset, slip=slip)
 
 
 @pytest.mark.parametrize("cycle", [1, 2])
@@ -62,32 +64,32 @@ def begun_early(guess: Guess, cycle: int, early: float) -> Guess:
 def test_an_onset_at_an_earlier_dip_is_put_where_the_slip_begins(trembling, cycle, early, monkeypatch):
     right, unknowns, onsets = trembling
     assert right.gate.status is Status.CONVERGED
-    placed = replace(right.solved, guesses=[begun_early(right.solved.guesses[0], cycle, early)])
+    placed = replace(right.solved, trajectories=[begun_early(right.solved.trajectories[0], cycle, early)])
     start = replace(unknowns, start=right.solved.theta)
-    found = resolve(replace(right, solved=placed), start)
+    found = solve_again(replace(right, solved=placed), start)
     assert found.gate.status is Status.CONVERGED
-    np.testing.assert_allclose(found.solved.guesses[0].onset, onsets, atol=4e-3)
-    assert not np.any(turned_back(found.solved.guesses[0])[0])
+    np.testing.assert_allclose(found.solved.trajectories[0].onset, onsets, atol=4e-3)
+    assert not np.any(turned_back(found.solved.trajectories[0])[0])
     monkeypatch.setattr(room, "with_last_onsets", lambda _guess: None)  # who leaves it there
-    left = resolve(replace(right, solved=placed), start)
+    left = solve_again(replace(right, solved=placed), start)
     assert left.gate.status is Status.WRONG_EVENT_COUNT and "runs backwards" in left.gate.message
-    assert left.solved.guesses[0].onset[cycle] < onsets[cycle] - 0.02
+    assert left.solved.trajectories[0].onset[cycle] < onsets[cycle] - 0.02
 
 
 def test_a_slip_begins_anew_where_its_speed_rises_through_zero(trembling):
-    guess = trembling[0].solved.guesses[0]
-    assert with_last_onsets(guess) is None and not np.any(turned_back(guess)[0])
-    slip, n = guess.slip.copy(), guess.slip.shape[1] - 1
+    trajectory = trembling[0].solved.trajectories[0]
+    assert with_last_onsets(trajectory) is None and not np.any(turned_back(trajectory)[0])
+    slip, n = trajectory.slip.copy(), trajectory.slip.shape[1] - 1
     slip[1, :, SPEED] = 0.05 * np.linspace(-1.0, n - 1.0, n + 1)  # zero at the second node
     slip[1, 0, SPEED] = 0.0
     slip[1, 1, SPEED] = -0.05
-    back = replace(guess, slip=slip)
+    back = replace(trajectory, slip=slip)
     mended = with_last_onsets(back)
     assert turned_back(back)[0][1].sum() == 1 and mended is not None
-    end = guess.saturation[1] if guess.saturates[1] else guess.arrest[1]
+    end = trajectory.saturation[1] if trajectory.saturates[1] else trajectory.arrest[1]
     share = (1.0 + 0.05 / (0.05 + slip[1, 2, SPEED])) / n
-    assert mended.onset[1] == pytest.approx(guess.onset[1] + share * (end - guess.onset[1]))
+    assert mended.onset[1] == pytest.approx(trajectory.onset[1] + share * (end - trajectory.onset[1]))
     assert np.all(mended.slip[1, 1:, SPEED] > 0.0) and mended.slip[1, 0, SPEED] == 0.0
     np.testing.assert_array_equal(mended.slip[1, -1], slip[1, -1])
     np.testing.assert_array_equal(mended.slip[[0, 2]], slip[[0, 2]])
-    np.testing.assert_array_equal(mended.arrest, guess.arrest)
+    np.testing.assert_array_equal(mended.arrest, trajectory.arrest)

@@ -59,6 +59,6 @@ def test_a_rest_that_vanishes_halves_for_ever_and_counts_as_settled(shift, settl
     reach = np.array([1.0, shift * interval])
     layout = SimpleNamespace(places=[place], upper=reach, lower=-reach)
     solution = SimpleNamespace(x=np.array([0.0, -shift * interval]))
-    log, guess = SimpleNamespace(interval=interval), SimpleNamespace(slips=np.empty(0))
-    moved = passes._shift_in_samples(SimpleNamespace(layout=layout), solution, [log], [guess])
+    log, trajectory = SimpleNamespace(interval=interval), SimpleNamespace(slips=np.empty(0))
+    moved = passes._shift_in_samples(SimpleNamespace(layout=layout), solution, [log], [trajectory])
     assert (moved < passes.SETTLED) == settles

@@ -25,13 +25,15 @@ def _made(per: str | None = None, tremor: float = 0.0):
         replace(case.log_data(log, unknowns, noise_seed=i), tremor_sd=tremor, normal_force_sd=tremor)
         for i, log in enumerate(logs)
     ]
-    guesses = case.placed(unknowns, logs, data, SMALL)
+    trajectories = case.placed(unknowns, logs, data, SMALL)
     if per is not None:
         unknowns = replace(unknowns, per=tuple(per if name == "mu_s" else None for name in unknowns.names))
-        guesses = [replace(g, own=np.where(unknowns.own, unknowns.start, np.nan)) if g.own.size else g for g in guesses]
-    problem = transcribe(data, guesses, unknowns, SMALL)
+        trajectories = [
+            replace(g, own=np.where(unknowns.own, unknowns.start, np.nan)) if g.own.size else g for g in trajectories
+        ]
+    problem = transcribe(data, trajectories, unknowns, SMALL)
     z = problem.start + 1e-3 * np.random.default_rng(5).standard_normal(problem.layout.size)
-    return data, guesses, unknowns, problem, z
+    return data, trajectories, unknowns, problem, z
 
 
 def _same(one: Problem, other: Problem, z) -> None:
@@ -46,10 +48,10 @@ def _same(one: Problem, other: Problem, z) -> None:
 @pytest.mark.parametrize("tremor", [0.0, 1e-3], ids=["calm", "trembling"])
 @pytest.mark.parametrize("per", [None, "log"], ids=["shared", "own"])
 def test_every_parameter_is_where_a_walk_would_put_it(per, tremor):
-    data, guesses, unknowns, problem, z = _made(per, tremor)
+    data, trajectories, unknowns, problem, z = _made(per, tremor)
     assert not np.all(unknowns.free)
     again, at = problem.with_all_parameters(unknowns, z)
-    walked = lay_out(data, guesses, replace(unknowns, free=np.ones(len(unknowns.names), bool)), SMALL)
+    walked = lay_out(data, trajectories, replace(unknowns, free=np.ones(len(unknowns.names), bool)), SMALL)
     for name in ("free", "scale", "start", "lower", "upper", "events", "prior_mean", "prior_sd"):
         np.testing.assert_array_equal(getattr(again.layout, name), getattr(walked, name), err_msg=name)
     for mine, theirs in zip(again.layout.places, walked.places, strict=True):
@@ -61,7 +63,7 @@ def test_every_parameter_is_where_a_walk_would_put_it(per, tremor):
 
 def test_a_wide_prior_of_the_search_is_no_information_on_what_a_log_has_for_itself():
     _, _, unknowns, problem, z = _made("log")
-    soft, _ = problem.with_all_parameters(unknowns.softened(), z)
+    soft, _ = problem.with_all_parameters(unknowns.with_weak_priors(), z)
     plain, _ = problem.with_all_parameters(unknowns, z)
     own = [int(i) for place in plain.layout.places for i in place.own if i >= len(unknowns.names)]
     assert len(own) == 1
@@ -71,9 +73,9 @@ def test_a_wide_prior_of_the_search_is_no_information_on_what_a_log_has_for_itse
 
 
 def test_finer_steps_are_those_of_a_finer_grid():
-    data, guesses, unknowns, problem, z = _made()
+    data, trajectories, unknowns, problem, z = _made()
     finer = problem.with_finer_steps()
-    walked = transcribe(data, guesses, unknowns, replace(SMALL, steps=4))
+    walked = transcribe(data, trajectories, unknowns, replace(SMALL, steps=4))
     _same(finer, walked, z)
     coarse, fine = (p.evaluate(z, derivatives=False) for p in (problem, finer))
     assert np.max(np.abs(coarse.rows - fine.rows)) > 1e-9, "more steps change nothing"

@@ -34,8 +34,8 @@ def _problem(
     unknowns = case.search_space(pair, free)
     data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd, tremor_sd=tremor_sd) for log in logs]
     data = [replace(log, strength_sd=strength_sd) for log in data]
-    guesses = case.placed(unknowns, logs, data, grid)
-    return transcribe(data, guesses, unknowns, grid), logs
+    trajectories = case.placed(unknowns, logs, data, grid)
+    return transcribe(data, trajectories, unknowns, grid), logs
 
 
 def _somewhere(problem, size=1e-3, seed=3):
@@ -235,8 +235,8 @@ def test_the_same_motion_about_other_event_times_has_the_same_rows_and_cost():
     unknowns.start[problem.layout.free] = x[: problem.layout.free.size]
     logs = [case.simulated(case.PAIR, *s) for s in (case.SLOW, case.MIDDLE)]
     before = case.placed(case.search_space(case.PAIR, case.FRICTION), logs, problem.logs, SMALL)
-    guesses = [place.read(guess, x) for place, guess in zip(problem.layout.places, before, strict=True)]
-    again = transcribe(problem.logs, guesses, unknowns, SMALL)
+    trajectories = [place.read(trajectory, x) for place, trajectory in zip(problem.layout.places, before, strict=True)]
+    again = transcribe(problem.logs, trajectories, unknowns, SMALL)
     assert np.max(np.abs(again.start - z)) > 0.0
     a, b = problem.evaluate(z, derivatives=False), again.evaluate(again.start, derivatives=False)
     np.testing.assert_allclose(a.rows, b.rows, atol=1e-9)
@@ -248,30 +248,30 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
     logs = [case.simulated(pair, *speed) for speed in (case.SLOW, case.MIDDLE, case.FAST)]
     unknowns = case.search_space(pair, case.FRICTION)
     data = [case.log_data(log, unknowns) for log in logs]
-    guesses = case.placed(unknowns, logs, data, FINE)
+    trajectories = case.placed(unknowns, logs, data, FINE)
     for _ in range(2):
-        layout = lay_out(data, guesses, unknowns, FINE)
+        layout = lay_out(data, trajectories, unknowns, FINE)
         # Without the weak prior of gamma at the begin, which is 0 here: the data are exact.
         problem = Problem(data, replace(layout, prior_sd=np.full(layout.size, np.inf)))
         solution = solve(problem)
-        guesses = [place.read(g, solution.x) for place, g in zip(layout.places, guesses, strict=True)]
+        trajectories = [place.read(g, solution.x) for place, g in zip(layout.places, trajectories, strict=True)]
     assert solution.success
     assert solution.infeasibility < 1e-9
     assert solution.cost < 1e-3
-    for log, guess in zip(logs, guesses, strict=True):
-        assert np.max(np.abs(guess.onset - log.truth.onsets[: log.cycles])) < 1e-6
-        assert np.max(np.abs(guess.arrest - log.truth.arrests)) < 1e-6
-        assert np.count_nonzero(guess.saturates) == log.truth.saturations.size
-        if np.any(guess.saturates):
-            assert np.max(np.abs(guess.saturation[guess.saturates] - log.truth.saturations)) < 1e-6
+    for log, trajectory in zip(logs, trajectories, strict=True):
+        assert np.max(np.abs(trajectory.onset - log.truth.onsets[: log.cycles])) < 1e-6
+        assert np.max(np.abs(trajectory.arrest - log.truth.arrests)) < 1e-6
+        assert np.count_nonzero(trajectory.saturates) == log.truth.saturations.size
+        if np.any(trajectory.saturates):
+            assert np.max(np.abs(trajectory.saturation[trajectory.saturates] - log.truth.saturations)) < 1e-6
     np.testing.assert_allclose(solution.x[:6], unknowns.start[unknowns.free], atol=1e-4)
 
 
 def test_the_passes_end_where_the_noise_is():
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
-    guesses = case.placed(unknowns, logs, problem.logs, COARSE)
-    solved = solve_in_passes(problem.logs, guesses, unknowns)
+    trajectories = case.placed(unknowns, logs, problem.logs, COARSE)
+    solved = solve_in_passes(problem.logs, trajectories, unknowns)
     assert solved.solution.success
     assert solved.solution.infeasibility < 1e-9
     assert solved.event_shift < 0.5
@@ -283,24 +283,24 @@ def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
     # It ended a fit with CasADi's own error: "Ill-posed problem detected".
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
-    guesses = case.placed(unknowns, logs, problem.logs, COARSE)
-    late = guesses[0].arrest.copy()
-    late[0] = guesses[0].onset[1] + 0.5
-    solved = solve_in_passes(problem.logs, [replace(guesses[0], arrest=late), guesses[1]], unknowns)
+    trajectories = case.placed(unknowns, logs, problem.logs, COARSE)
+    late = trajectories[0].arrest.copy()
+    late[0] = trajectories[0].onset[1] + 0.5
+    solved = solve_in_passes(problem.logs, [replace(trajectories[0], arrest=late), trajectories[1]], unknowns)
     assert not solved.solution.success and solved.solution.cost == np.inf
     assert solved.solution.words == "Events_Out_Of_Order"
-    assert solve_in_passes(problem.logs, guesses, unknowns).solution.success
+    assert solve_in_passes(problem.logs, trajectories, unknowns).solution.success
 
 
 def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
     # Its normal force was 0/0 as well, with a warning of numpy's for the user.
     problem, logs = _problem(load_sd=1e-4)
-    guesses = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE)
-    cycle = int(np.flatnonzero(guesses[1].saturates)[0])
-    pinched = guesses[1].saturation.copy()
-    pinched[cycle] = guesses[1].arrest[cycle]
-    guesses[1] = replace(guesses[1], saturation=pinched)
-    solution = solve(transcribe(problem.logs, guesses, problem.layout.unknowns, COARSE))
+    trajectories = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE)
+    cycle = int(np.flatnonzero(trajectories[1].saturates)[0])
+    pinched = trajectories[1].saturation.copy()
+    pinched[cycle] = trajectories[1].arrest[cycle]
+    trajectories[1] = replace(trajectories[1], saturation=pinched)
+    solution = solve(transcribe(problem.logs, trajectories, problem.layout.unknowns, COARSE))
     assert not solution.success and solution.cost == np.inf
     assert solution.words == "Events_Out_Of_Order"
     assert not recwarn.list
@@ -319,8 +319,8 @@ def test_a_wrong_model_does_not_fit(wrong):
     base[model.parameter_names.index("mass")] *= 1.2 if wrong == "mass" else 1.0
     factor = 1.1 if wrong == "drive speed" else 1.0
     data = [replace(d, base=base, drive_speed=factor * d.drive_speed) for d in data]
-    guesses = case.placed(unknowns, logs, data, COARSE)
-    solved = solve_in_passes(data, guesses, unknowns.softened())
+    trajectories = case.placed(unknowns, logs, data, COARSE)
+    solved = solve_in_passes(data, trajectories, unknowns.with_weak_priors())
     if wrong == "nothing":
         assert solved.solution.cost < 2.0
     else:

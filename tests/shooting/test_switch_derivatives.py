@@ -46,9 +46,9 @@ def _solved(pair, log):
     unknowns = case.search_space(pair, case.FRICTION)
     logs = [case.simulated(pair, *log)]
     data = [case.log_data(log, unknowns) for log in logs]
-    guesses = case.placed(unknowns, logs, data, GRID)
+    trajectories = case.placed(unknowns, logs, data, GRID)
     for _ in range(2):  # the second time about the event times found, so that every sample lies in its own cell
-        problem = transcribe(data, guesses, unknowns, GRID)
+        problem = transcribe(data, trajectories, unknowns, GRID)
         layout, place = problem.layout, problem.layout.places[0]
         begin = place.start[place.start != KNOWN]
         follows = np.setdiff1d(np.arange(layout.free.size, layout.size), begin)
@@ -60,8 +60,8 @@ def _solved(pair, log):
             step = sla.spsolve(point.jacobian[:, follows].tocsc(), -point.rows)
             x[follows] += step * layout.scale[follows]
         assert np.max(np.abs(problem.evaluate(x / layout.scale, derivatives=False).rows)) < 1e-11
-        guesses = [place.read(guesses[0], x)]
-    return problem, x, follows, guesses[0]
+        trajectories = [place.read(trajectories[0], x)]
+    return problem, x, follows, trajectories[0]
 
 
 def _moved(problem, x, follows):

@@ -62,44 +62,49 @@ def _case():
 def _placed():
     unknowns, log, p, onsets, arrests = _case()
     falls = onsets + 0.5 * (arrests - onsets)
-    (guess,) = place(unknowns.model, [log], [p], [falls], COARSE).guesses
-    assert guess is not None
-    return guess
+    (trajectory,) = place(unknowns.model, [log], [p], [falls], COARSE).trajectories
+    assert trajectory is not None
+    return trajectory
 
 
 def test_slips_are_placed_where_they_are_seen_past_the_trembles_before_them():
     _, _, _, onsets, arrests = _case()
-    guess = _placed()
-    assert guess.onset == pytest.approx(onsets, abs=HALF_PERIOD)
-    assert guess.arrest == pytest.approx(arrests, abs=HALF_PERIOD)
+    trajectory = _placed()
+    assert trajectory.onset == pytest.approx(onsets, abs=HALF_PERIOD)
+    assert trajectory.arrest == pytest.approx(arrests, abs=HALF_PERIOD)
 
 
 def test_a_tremble_that_counts_as_a_slip_is_no_fall_that_is_seen(monkeypatch):
     # Negative control: as it was before trembles counted as rest.
     monkeypatch.setattr(lanes, "TREMBLING", 0.0)
-    guess = _placed()
-    assert np.min(guess.arrest - guess.onset) < 0.02 < np.min(_case()[4] - _case()[3])
+    trajectory = _placed()
+    assert np.min(trajectory.arrest - trajectory.onset) < 0.02 < np.min(_case()[4] - _case()[3])
 
 
 @lru_cache(maxsize=1)
 def _solved():
     unknowns, log, *_ = _case()
-    solved = solve_in_passes([log], [_placed()], unknowns.softened())
+    solved = solve_in_passes([log], [_placed()], unknowns.with_weak_priors())
     assert solved.solution.success
     return solved
 
 
 def _late():
     """The solved motion with its second slip a period of the drive late."""
-    guess = _solved().guesses[0]
-    shift = (np.arange(guess.cycles) == 1) / VIBRATION["excitation_frequency"]
-    return replace(guess, onset=guess.onset + shift, saturation=guess.saturation + shift, arrest=guess.arrest + shift)
+    trajectory = _solved().trajectories[0]
+    shift = (np.arange(trajectory.cycles) == 1) / VIBRATION["excitation_frequency"]
+    return replace(
+        trajectory,
+        onset=trajectory.onset + shift,
+        saturation=trajectory.saturation + shift,
+        arrest=trajectory.arrest + shift,
+    )
 
 
 def test_a_slip_that_begins_a_period_too_late_is_put_where_the_grip_is_first_overcome():
     unknowns, log, _, onsets, _ = _case()
     at_answer = replace(unknowns, start=_solved().theta)
-    right = _solved().guesses[0]
+    right = _solved().trajectories[0]
     assert right.onset == pytest.approx(onsets, abs=3e-3)
     assert with_first_onsets(log, right, at_answer, COARSE) is None
     mended = with_first_onsets(log, _late(), at_answer, COARSE)
@@ -120,12 +125,12 @@ def test_nothing_is_moved_where_nothing_vibrates():
 def test_a_solve_that_ends_with_a_late_slip_goes_on_from_where_it_begins(monkeypatch):
     unknowns, log, *_ = _case()
     unknowns = replace(unknowns, start=_solved().theta)
-    solved = solve_in_passes([log], [_late()], unknowns.softened())
+    solved = solve_in_passes([log], [_late()], unknowns.with_weak_priors())
     assert solved.solution.success
     # Slips begin so gently that a period more or less hardly shows: what counts is that the noise is reached.
     assert solved.solution.cost < _solved().solution.cost + 10.0
     monkeypatch.setattr(passes, "AGAIN", 0)  # negative control
-    left = solve_in_passes([log], [_late()], unknowns.softened())
+    left = solve_in_passes([log], [_late()], unknowns.with_weak_priors())
     assert left.solution.cost > _solved().solution.cost + 100.0
 
 
@@ -176,4 +181,4 @@ def test_a_slip_that_never_ends_does_not_keep_the_others_from_being_moved(monkey
     monkeypatch.setattr(lanes, "break_away", with_one_that_slides_on)
     mended = with_first_onsets(log, late, replace(unknowns, start=_solved().theta), COARSE)
     assert mended is not None
-    assert np.all(np.isfinite(mended.slip)) and mended.onset == pytest.approx(_solved().guesses[0].onset, abs=2e-3)
+    assert np.all(np.isfinite(mended.slip)) and mended.onset == pytest.approx(_solved().trajectories[0].onset, abs=2e-3)

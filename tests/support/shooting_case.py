@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.effects import MAIN
-from identify.logs.log_data import Grid, Guess, LogData
+from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS, Model, assemble
 from identify.shooting.placing import place
@@ -119,9 +119,11 @@ FRICTION = tuple(PAIR)
 
 def placed(
     unknowns: Unknowns, logs: list[Log], data: list[LogData], grid: Grid, *, falls: list[Array] | None = None
-) -> list[Guess]:
+) -> list[ShootingTrajectory]:
     """The motion at the start values of the search, placed on the falls of the logs (default the true ones)."""
     p = [unknowns.values(unknowns.start, d.base) for d in data]
-    guesses = place(unknowns.model, data, p, falls or [log.falls for log in logs], grid).guesses
-    assert all(guess is not None for guess in guesses), "the start does not stick-slip in one of the logs"
-    return [guess for guess in guesses if guess is not None]
+    trajectories = place(unknowns.model, data, p, falls or [log.falls for log in logs], grid).trajectories
+    assert all(trajectory is not None for trajectory in trajectories), (
+        "the start does not stick-slip in one of the logs"
+    )
+    return [trajectory for trajectory in trajectories if trajectory is not None]
