@@ -1,4 +1,4 @@
-"""Sums and products of floats with their rounding errors (Dekker, Knuth): for differences of nearly equal numbers."""
+"""Linear algebra to be trusted: sums with their rounding errors (Dekker, Knuth), factors of optimality conditions."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ PlacedLog = tuple[
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
-TIGHTNESSES = (8.0, 3.0, 1.0)  # tightness of the priors that hold what the data do not tell
+TIGHTNESSES = (3.0, 8.0)  # tried in turn: tightness of the priors that hold what the data do not tell
 PRIOR_SCHEDULE = (
     20.0,
     13.0,
@@ -297,7 +297,7 @@ def solve_again_with_priors(
     theta that hold what the data do not tell, as loose as they can be."""
     attempt = replace(attempt, solved=replace(attempt.solved, trajectories=motion))
     moved = solve_again(attempt, replace(unknowns, start=theta))
-    for tightness in TIGHTNESSES[::-1]:
+    for tightness in TIGHTNESSES:
         if not stalled(moved):
             break
         tried = solve_again(attempt, replace(unknowns, start=theta).with_weak_priors(tightness))

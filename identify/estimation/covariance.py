@@ -1,4 +1,6 @@
-"""A covariance that holds what a curved likelihood allows: widened until every likely point lies within it.
+"""How well the parameters are known: information, covariance, intervals and verdicts.
+
+First, a covariance that holds what a curved likelihood allows: widened until every likely point lies within it.
 
 Where the likelihood is no paraboloid, the covariance of its curvature at the answer leaves out points that the data
 find as likely. Profiles walk to such points; the covariance is widened along the way to each, and no further.

@@ -1,8 +1,9 @@
-"""Slips that were missed or invented: found by the steps of the force against the placed start, put in or taken out.
+"""Slips that were missed or invented, put in or taken out; and logs that join an answer of others.
 
-A missed slip leaves the force a whole drop below the curve from there on, an invented one above it; the next slip mends
-it. What a change is worth is told by placing the log again: no solve is spent on a wrong number of events. Many slips
-may be missed, each between its own neighbours: all that look so are changed at once, and each is judged there.
+Such slips are found by the steps of the force against the placed start. A missed slip leaves the force a whole drop
+below the curve from there on, an invented one above it; the next slip mends it. What a change is worth is told by
+placing the log again: no solve is spent on a wrong number of events. Many slips may be missed, each between its own
+neighbours: all that look so are changed at once, and each is judged there.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Where the residuals of neighbouring samples lean to one side.
+"""Does an answer count: the goodness-of-fit tests of a solution, and the gate over all of them.
+
+First, where the residuals of neighbouring samples lean to one side; then swings that a sliding answer leaves; then the
+inequalities of its mode sequence; last the gate.
 
 A wrong answer can keep the sum of squares of a long cycle within its noise and still miss a slip altogether, by a few
 standard deviations of many neighbouring samples. Sums over windows of all lengths show that: noise cancels in them.

@@ -1,7 +1,7 @@
 """Other answers of the same model: starts redrawn around one, each placed on the data and solved.
 
 Where the drive vibrates, or a finger moves, every slip begins in one of the periods. A motion holds on to those it was
-placed in, so that the misfit has a optimum for every way of placing it, and several of them may pass as noise.
+placed in, so that the misfit has an optimum for every way of placing it, and several of them may pass as noise.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def _by_features(
 THROWN = 16  # starts about each place
 SOLVED = 3  # of each kind, those that fit best before they are solved
 ALIKE = chi_square(LEVEL, 1)  # what the data object to an answer at most that a single parameter could as well have
-LOWER = 0.1  # by which chi^2 must fall for a optimum to be a lower one
+LOWER = 0.1  # by which chi^2 must fall for an optimum to be a lower one
 LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
 FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coefficient: half as far
 

@@ -1,4 +1,4 @@
-"""The measured normal force as the model takes it: its course, as many knots as it needs, or its mean."""
+"""The normal force as the model takes it: its course or its mean; where a trembling one lets a slip begin."""
 
 from __future__ import annotations
 

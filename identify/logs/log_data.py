@@ -1,4 +1,4 @@
-"""A trajectory of the whole motion behind one log: event times and states at the shooting nodes."""
+"""What a fit takes of one log, and the trajectory behind it: event times and states at the shooting nodes."""
 
 from __future__ import annotations
 
@@ -251,8 +251,3 @@ class ShootingTrajectory:
     def slid_at(self) -> Array:
         """When the deviation of its own counts in each of them (s,) [s]."""
         return np.append(self.arrest, [self.tail[i].until for i in self.own_slips])
-
-    @property
-    def course(self) -> tuple[tuple[bool, ...], tuple[tuple[str, str], ...]]:
-        """Which phases follow each other: per cycle whether it saturates, then kind and end of every stretch."""
-        return tuple(self.saturates.tolist()), tuple((stretch.kind, stretch.ended_by) for stretch in self.tail)

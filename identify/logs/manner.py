@@ -1,4 +1,4 @@
-"""How a log moves, from its data: in cycles of stick and slip, steadily, or in a course of its own (holds, speeds)."""
+"""How a log moves (in cycles, steadily, in a course of its own), and the part of it that the estimator takes."""
 
 from __future__ import annotations
 

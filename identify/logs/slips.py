@@ -1,4 +1,4 @@
-"""Which falls of a force are slips, and which samples stick, slip or slide."""
+"""Local fits to a force record; which falls are slips, and which samples stick, slip or slide."""
 
 from __future__ import annotations
 

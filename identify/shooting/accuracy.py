@@ -1,4 +1,4 @@
-"""How finely a fit integrates: levels by name, or a target of one's own; and the table of what each level costs."""
+"""How finely a fit integrates and what that costs; and what a user asks of a fit beyond its values (`FitOptions`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shooting blocks as functions of numbers: `block_equations` of one kind, mapped over many instances at once.
+"""The shooting blocks: their equations from the composed model, and as functions of numbers over many instances.
 
 A block takes its slots (local unknowns) and constants; what it returns is said there.
 """

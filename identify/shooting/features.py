@@ -1,4 +1,4 @@
-"""Drift-free features of a stick-slip log: what one settled cycle of it looks like.
+"""The force of one simulated cycle, and drift-free features of a log: what one settled cycle of it looks like.
 
 Per log the period, and the mean waveform folded around the fall, every cycle shifted onto the mean by its
 own samples. A level that drifts and a normal force that relaxes leave them alone.

@@ -114,7 +114,7 @@ class SlideParts:
                 ended = last
             if ended == "arrest":
                 nodes[-1, SPEED] = 0.0
-            kept = {"clearance": "saturation", "release": "release"}.get(ended, ended)
+            kept = "saturation" if ended == "clearance" else ended
             out.append(Stretch(mode, end, kept, nodes))  # type: ignore[arg-type]
             since = end
         return out

@@ -1,7 +1,7 @@
-"""Where the nonzeros of a shooting problem are: from the dense derivatives of its blocks to its sparse matrices.
+"""Samples compressed into exact sums; and where the nonzeros of a shooting problem are.
 
-It depends on which unknowns and rows each block meets, not on steps, samples or values: problems that differ in
-nothing else share it.
+The pattern leads from the dense derivatives of its blocks to its sparse matrices. It depends on which unknowns and rows
+each block meets, not on steps, samples or values: problems that differ in nothing else share it.
 """
 
 from __future__ import annotations

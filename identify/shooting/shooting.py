@@ -1,6 +1,6 @@
 """The multiple-shooting problem as numbers: objective, rows and their derivatives, ready for any solver.
 
-The samples are compressed exactly (see `compression`). Hessian: Gauss-Newton.
+The samples are compressed exactly (`pattern.Moments`). Hessian: Gauss-Newton.
 """
 
 from __future__ import annotations

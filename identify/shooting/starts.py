@@ -1,9 +1,9 @@
-"""Starts where no log repeats its cycles: from the levels of peaks and sliding, a grid over what they do not tell."""
+"""Starts from the data alone: many small fits of one settled cycle; from levels where no log repeats its cycles."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -112,8 +112,7 @@ def _levels(logs: Sequence[Prepared]) -> tuple[Array, Array]:
                 speeds.append(speed)
                 levels.append(float(np.median(data.force[mine] / data.normal_force.at(data.time[mine]))))
     if not speeds:
-        data = replace(logs[0].data)
-        return np.array([data.drive_speed]), np.array([float(np.median(_coefficient(logs[0])))])
+        return np.array([logs[0].data.drive_speed]), np.array([float(np.median(_coefficient(logs[0])))])
     return np.array(speeds), np.array(levels)
 
 
