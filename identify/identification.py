@@ -45,6 +45,7 @@ from identify.uneven.answer import UnevenEstimator
 
 Array = NDArray[np.float64]
 
+CHOICE_SHARE = 0.5  # of the time limit, for the comparison of effects that are to be chosen
 PLAIN_SHARE = 0.75  # of the time limit, where cycles differ: what the estimator of uneven records needs is left
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
 
@@ -81,18 +82,22 @@ def fit(
     told = noticed_once(progress or to_nobody)
     choice: Choice | None = None
     scene, drives = with_drives(scene, records)
-    stated = scene
+    stated, left = scene, scene.time_limit  # [s]
     if estimator is None and asks_for_uneven(scene):
         scene, estimator = scene.with_effects([e for e in scene.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
     if scene.effects == "auto":
         scene, records = with_records(scene, records)
-        since = time.perf_counter()
-        choice = choose_from_data(scene, records, told)
+        since, before = time.perf_counter(), now()
+        with time_limit(CHOICE_SHARE * left):
+            choice = choose_from_data(scene, records, told)
+        left -= now() - before
         scene = scene.with_effects(choice.effects)
         clock.add("choose", since)
     starts = starts or _default_starts(scene)
     task = _set_up(scene, records, clock, told, asked, seed)
-    with time_limit(task.scene.time_limit), tracing() as trace:
+    with time_limit(left), tracing() as trace:
+        if choice is not None and choice.unfinished:
+            trace.not_tried.append("comparison of effects")
         if estimator is None:
             prepared, findings = plain_or_uneven(task, starts, clock, told)
         else:

@@ -41,10 +41,12 @@ class Reason:
 
 @dataclass(frozen=True)
 class Choice:
-    """The effects of a model, in the order of their table, and a reason per effect that was looked at."""
+    """The effects of a model, in the order of their table, and a reason per effect that was looked at; unfinished: the
+    time was up before the fits had decided all of them."""
 
     effects: tuple[str, ...]
     reasons: tuple[Reason, ...]
+    unfinished: bool = False
 
 
 def as_listed(

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.progress import Progress
 from identify.diagnosis.compared_models import ComparedModels
 from identify.diagnosis.fitted import Fitted, fits
@@ -92,6 +93,18 @@ ROUNDS = 3  # of adding, exchanging and leaving out
 LAST = ("contact_ageing",)  # what the start needs is asked once the others are settled
 
 
+NO_TIME = "the time limit ended the comparison before it was asked whether the data need it: a longer --time-limit"
+
+
+class _OutOfTimeError(Exception):
+    """No other model is fitted."""
+
+
+def _in_time() -> None:
+    if time_is_up():
+        raise _OutOfTimeError
+
+
 class Selection:
     """A walk through the subsets of effects: `kept` is the best one so far, `best` its fit."""
 
@@ -102,12 +115,21 @@ class Selection:
         self.notes: dict[str, str] = {}
         self._statistics: dict[str, float] = {}  # of the effects kept, at the last model that had them
         self._firm = False  # whether other starts are tried
+        self.unfinished = False  # whether the time was up before
         self._found: dict[tuple[frozenset[str], tuple[int, ...]], Fitted] = {}  # what they led to, by effects and logs
         self._nearby: dict[frozenset[str], Fitted] = {}  # fitted from the best one, by effects
         self._alone: dict[frozenset[str], Fitted] = {}  # fitted from the data alone
 
     def run(self, sure: Sequence[str]) -> None:
-        """Walk from what the logs plainly show to the best subset."""
+        """Walk from what the logs plainly show to the best subset, or as far as the time suffices."""
+        try:
+            self._walk(sure)
+        except _OutOfTimeError:
+            self.unfinished = True
+            for effect in (e for e in self._models.asked if e not in self.gains):
+                self.notes.setdefault(effect, NO_TIME)
+
+    def _walk(self, sure: Sequence[str]) -> None:
         self._begin(list(sure))
         self._toggle()
         self._rounds()
@@ -158,6 +180,7 @@ class Selection:
 
     def _shaken(self, kept: Sequence[str], fitted: Fitted) -> Fitted:
         """The best answer that other starts lead to; looked for once per model, as long as the same logs take part."""
+        _in_time()
         key = frozenset(kept), fitted.logs
         known = self._found.get(key)
         if known is None or fitted.excess < known.excess:
@@ -190,6 +213,7 @@ class Selection:
         for effect in list(self.kept):
             if searched(self.best, effect):
                 continue
+            _in_time()
             other = fit_larger(self.best, self._models.of([e for e in self.kept if e != effect]), self._models.records)
             if other.searched == self.best.searched and better(other, self.best) > CLEARER:
                 self.gains[effect] = Gain(statistic(self.best, other), 0.0, float("nan"))
@@ -202,6 +226,7 @@ class Selection:
             self._told(f"with {', '.join(rest)}", 0.3)
             fitted = {}
             for effect in rest:
+                _in_time()
                 kept = [*self.kept, effect]
                 hope = promise(self.best, self._models.of(kept), self._models.records)
                 self.gains[effect] = Gain(max(hope, 0.0), ENOUGH, float("nan"))
@@ -220,6 +245,7 @@ class Selection:
     def _join(self) -> None:
         """Let logs join that took no part: their motion may not be that of a model which lacks an effect, or has one
         too many."""
+        _in_time()
         joined = fit_joined(self.best)
         if joined is not self.best:
             self._told("with all logs", 0.4)
@@ -275,6 +301,7 @@ class Selection:
         """The best model without some of its effects; fitted once."""
         kept = [e for e in self.kept if e not in losers]
         if (key := frozenset(kept)) not in self._nearby:
+            _in_time()
             self._told(f"without {', '.join(losers)}", 0.6)
             fitted = fit_smaller(self.best, self._models.of(kept), self._models.records)
             if self._firm and fitted.attempt is not None and PLAUSIBLE < statistic(self.best, fitted) < PLAIN:
@@ -285,12 +312,14 @@ class Selection:
     def _from_best(self, kept: Sequence[str]) -> Fitted:
         """Another model from the motion of the best one; fitted once."""
         if (key := frozenset(kept)) not in self._nearby:
+            _in_time()
             self._nearby[key] = fit_larger(self.best, self._models.of(kept), self._models.records)
         return self._nearby[key]
 
     def _from_data(self, kept: Sequence[str]) -> Fitted:
         """Another model from the data alone; fitted once."""
         if (key := frozenset(kept)) not in self._alone:
+            _in_time()
             self._alone[key] = self._models.simulated(kept)
         return self._alone[key]
 
