@@ -112,9 +112,11 @@ def fit(
     curves = _curves(prepared, findings)
     result = document(scene, prepared, findings, clock, began, seed, choice)
     result["provenance"]["scene"] = stated.as_document() if stated.effects != "auto" else scene.as_document()
-    timing, processor = result["timing_s"], time.process_time() - worked
-    solving = (timing["build"] + timing["solve"]) / timing["total"] / max(len(findings.trace.trials), 1)
-    spent = FitSeconds(processor, (Mapped.total - in_functions) / timing["total"], solving * processor)
+    if findings.status is Status.CONVERGED:
+        processor, taken = time.process_time() - worked, result["timing_s"]["total"]
+        solving = (result["timing_s"]["build"] + result["timing_s"]["solve"]) / max(len(findings.trace.trials), 1)
+        spent = FitSeconds(processor, (Mapped.total - in_functions) / taken, solving / taken * processor)
+        result["accuracy"] = accuracy_document(findings, asked.accuracy, spent)
     if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
         told("effects compared", 0.95)
         whole = len(prepared) == len(scene.logs)
@@ -122,8 +124,6 @@ def fit(
         result["effects_table"] = worth_document(
             worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
         )
-    if findings.status is Status.CONVERGED:
-        result["accuracy"] = accuracy_document(findings, asked.accuracy, spent)
     result["next_logs"] = next_log_document(advice)
     if drives:
         result["notes"] = [*drives, *result["notes"]]

@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from identify import examples, identification
+from identify.base.outcome import Status
 from identify.cli import main as cli
 from identify.cli import verify
+from identify.diagnosis.findings import Findings
 from identify.report import stored_result
 from identify.scene import Scene
 from tests.support.fake_fit import failed, fake_fit
@@ -77,11 +79,11 @@ def test_starts_are_recorded(monkeypatch, asked, recorded):
     """The scene gives no start, so that the data's are taken if nobody says."""
     searched = []
 
-    def find(*_, starts, **_more):
+    def plain(task, starts, *_):
         searched.append(starts)
-        return [], SimpleNamespace(unknowns=None, attempt=None, status=None, estimated=None)
+        return [], Findings(Status.NO_CYCLES, "", task.unknowns, None, None, None, [], {}, {})
 
-    monkeypatch.setattr(identification, "find", find)
+    monkeypatch.setattr(identification, "plain_or_uneven", plain)
     monkeypatch.setattr(identification, "document", lambda *_: {"provenance": {}})
     result = identification.fit(Scene.from_toml(examples.SCENE_AT_50_HZ), starts=asked).result
     assert (result["provenance"]["starts"], searched) == (recorded, [recorded])

@@ -2,7 +2,6 @@
 
 import io
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from identify.base.errors import FitError
 from identify.base.outcome import Status
 from identify.cli.common import Terminal
 from identify.cli.fit import fit_and_report
+from identify.diagnosis.findings import Findings
 from identify.logs.scene_records import with_drives, with_records
 from identify.report.finished import Fit
 from identify.studies.job import BatchError
@@ -126,8 +126,8 @@ def test_steps_as_a_user_reads_them_agree():
 
 
 def test_a_fit_says_what_it_took_and_the_scene_of_its_result_holds_it(monkeypatch):
-    found = SimpleNamespace(unknowns=None, attempt=None, status=Status.NO_CYCLES)
-    monkeypatch.setattr(identification, "find", lambda *_arguments, **_named: ([], found))
+    found = Findings(Status.NO_CYCLES, "", None, None, None, None, [], {}, {})
+    monkeypatch.setattr(identification, "plain_or_uneven", lambda *_arguments: ([], found))
     monkeypatch.setattr(identification, "_curves", lambda *_arguments: ())
     made = {"notes": ["another"], "provenance": {}}
     monkeypatch.setattr(identification, "document", lambda scene, *_rest: made | {"scene": scene.as_document()})
