@@ -23,9 +23,7 @@ _EXACT: Final = 1e-3  # of the rounding step by which stamps may miss its multip
 _NEAR: Final = 0.05  # of a tick by which differences of stamps may miss its multiples: its decimals are rounded too
 _LEVELS: Final = 12  # different intervals that a rounded even clock has at most; one that jitters has many
 _STAMPS: Final = 20  # different stamps from which the line through rows that share them tells where each belongs
-_ODD: Final = (
-    3  # intervals unlike the usual one from which they are those of a rounding: fewer are rows lost or repeated
-)
+_ODD: Final = 3  # intervals unlike the usual one that a rounding makes at least; fewer are rows lost or repeated
 _WITHIN: Final = 1.25  # rounding steps that the line through an even clock may miss its stamps by, from end to end
 
 

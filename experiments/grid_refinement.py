@@ -27,7 +27,7 @@ ROUNDS = 3  # of assigning samples to steps anew: the event times stand still th
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit on one grid: seconds of transcription_seconds and solving, unknowns, theta of the free parameters (f,)."""
+    """A fit on one grid: seconds of transcribing and solving, unknowns, theta of the free parameters (f,)."""
 
     grid: Grid
     seconds: float

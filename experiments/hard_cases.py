@@ -51,10 +51,9 @@ def _shaken(values: dict[str, float], t: mp.mpf) -> mp.mpf:
     return values["stiffness"] * (mp.mpf(1e-3) * t + moved) - values["mu_s"]
 
 
-def _crept_up(speed: float, multistart_around: dict[str, float]) -> HardCase:
-    """A drive that creeps up on the onset, multistart_around all the while: the first crest that reaches the grip lets
-    go."""
-    f, amplitude = multistart_around["excitation_frequency"], multistart_around["excitation_amplitude"]
+def _crept_up(speed: float, shaken: dict[str, float]) -> HardCase:
+    """A drive that creeps up on the onset, shaken all the while: the first crest that reaches the grip lets go."""
+    f, amplitude = shaken["excitation_frequency"], shaken["excitation_amplitude"]
     reached = (mp.mpf(PAIR["mu_s"]) / K - amplitude) / speed
     crest = (mp.ceil(reached * f - mp.mpf(0.25)) + mp.mpf(0.25)) / f
 
@@ -68,10 +67,8 @@ def _crept_up(speed: float, multistart_around: dict[str, float]) -> HardCase:
         t = mp.findroot(lambda t: pull(values, t), (crest - mp.mpf(0.1) / f, crest), solver="anderson", tol=1e-25)
         return Answer(np.array([float(t)]), NONE, NONE, NONE, complete=False)
 
-    scene = Scene(multistart_around, speed, float(crest) + 1e-2, effects=("inertia", "excitation"))
-    return HardCase(
-        "drive multistart_around at 1 kHz for an hour while it creeps up on the onset", scene, truth, ROOT, 1e-13
-    )
+    scene = Scene(shaken, speed, float(crest) + 1e-2, effects=("inertia", "excitation"))
+    return HardCase("drive shaken at 1 kHz for an hour while it creeps up on the onset", scene, truth, ROOT, 1e-13)
 
 
 def _moistened(values: dict[str, float], t: mp.mpf) -> mp.mpf:
@@ -82,7 +79,7 @@ def _moistened(values: dict[str, float], t: mp.mpf) -> mp.mpf:
 
 def _sticks() -> list[HardCase]:
     slow, late = 1e-4 / 60, FIRST / 1e-3
-    multistart_around = {"excitation_amplitude": 2e-6, "excitation_frequency": 1e4, "excitation_phase": 0.0}
+    shaken = {"excitation_amplitude": 2e-6, "excitation_frequency": 1e4, "excitation_phase": 0.0}
     return [
         _integrated("sticks of minutes, slips of milliseconds", {}, slow, 2000.0),
         _integrated("drive towards zero: 1 nm/s", {}, 1e-9, 1e6),
@@ -94,8 +91,8 @@ def _sticks() -> list[HardCase]:
         _integrated("onset exactly at the stop of the drive", NO_DAMPER, ((0.0, 1e-3), (late * (1 + 1e-9), 0.0)), 1.0),
         _integrated("slips within one sample (20 per second)", {}, 1e-3, 20.0),
         HardCase(
-            "onset in a crossing of microseconds: drive multistart_around at 10 kHz",
-            Scene(multistart_around, 1e-3, 0.43, effects=("inertia", "excitation")),
+            "onset in a crossing of microseconds: drive shaken at 10 kHz",
+            Scene(shaken, 1e-3, 0.43, effects=("inertia", "excitation")),
             first_onset(_shaken, 2e-6, begin=0.41),
             ROOT,
             1e-10,
@@ -210,7 +207,7 @@ def _refusals() -> list[HardCase]:
         ),
         _refused("alpha = -1.5: the slip runs away", _alpha(-1.5).scene, "friction pushes .* left its range"),
         _refused(
-            "drive multistart_around for ever just below the onset",
+            "drive shaken for ever just below the onset",
             Scene(
                 {"excitation_amplitude": 1e-5, "excitation_frequency": 1e4, "excitation_phase": 0.0},
                 1e-12, 1e9, effects=("inertia", "excitation"),

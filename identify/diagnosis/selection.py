@@ -60,8 +60,8 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     selection = Selection(ComparedModels(scene, tuple(whole), asked, starts), told)
     selection.run([look.effect for look in looks if look.asked and look.sure])
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *selection.kept))
-    told_of = tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes))
-    return Choice(effects, told_of, selection.unfinished)
+    decided = tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes))
+    return Choice(effects, decided, selection.unfinished)
 
 
 def _with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[Rhythm], left: Array) -> Scene:

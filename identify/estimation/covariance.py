@@ -3,7 +3,8 @@
 First, a covariance that holds what a curved likelihood allows: widened until every likely point lies within it.
 
 Where the likelihood is no paraboloid, the covariance of its curvature at the answer leaves out points that the data
-find as likely. Profiles walk to such points; the covariance is widened along the way to each, and no further.
+find as likely. Profiles walk to such points; the covariance is widened until it holds each, where that takes least of
+the variances, and no further.
 """
 
 from __future__ import annotations

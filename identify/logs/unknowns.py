@@ -32,7 +32,7 @@ RIG_REACH = 1.1  # of the logarithm: a rig quantity with a tolerance stays withi
 class Unknowns:
     """The search space, all arrays (n_p,) in the order of the model's parameters.
 
-    `start` is theta at the first trajectory and the value of what is not free; `lower`, `upper` bound theta;
+    `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
     `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none);
     `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);

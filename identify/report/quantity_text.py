@@ -187,7 +187,7 @@ UNLIKE = 1.5  # times: an interval so much longer or shorter than the error has 
 def shown_error(entry: Mapping[str, Any]) -> float | None:
     """The standard error of a parameter's entry in its unit; None where it is null, and where the interval beside it
     says otherwise: there the profile was followed to where the misfit does rise, and a reader who sees "0.620 ± 0.008"
-    beside "0.618 to 0.631" has to trajectory which of them holds."""
+    beside "0.618 to 0.631" has to guess which of them holds."""
     error, normal = finite(entry.get("standard_error")), _normal(entry)
     if not error or normal is None:
         return error

@@ -51,7 +51,7 @@ NEAR = 0.5  # largest row from which the exact Hessian is tried
 class Solved:
     """The last pass: problem, grid, the trajectories it was formed from, solution, the trajectories moved to it, theta
     (n_p,), the largest event shift of the last pass in samples, iterations and passes in all, seconds spent
-    transcription_seconds problems."""
+    forming problems."""
 
     problem: Problem
     grid: Grid
@@ -92,8 +92,7 @@ def solve_in_passes(
 
     Args:
         cost_cutoff: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes,
-        at
-            least and at most.
+            at least and at most.
     """
     way = _PassOptions(cost_cutoff, steps, most)
     solved = _from_calm(logs, trajectories, unknowns, way)

@@ -11,7 +11,7 @@ and every folder of a group appears whole, by one rename, or not at all.
                                only where a fit was made
     DIR/.*                     the lock, and what is being written; nothing to read
 
-<folder> is the group's name where that is a harmless file name, else made from it: read it, never trajectory it.
+<folder> is the group's name where that is a harmless file name, else made from it: read it, never guess it.
 
 batch.json: {"schema": 1, "kind": "batch", "status": "running" | "done" | "failures" | "stopped", "message": sentence,
     "source": path of the manifest or folder, "scene": path, "set": [KEY=VALUE, …], "numerics": version,

@@ -108,13 +108,13 @@ def test_a_frequency_beyond_half_the_sampling_rate_is_known_by_its_alias() -> No
 
 def test_where_the_drive_vibrates_nothing_is_made_of_it() -> None:
     plain, records = logs()
-    multistart_around = plain.as_document()
-    multistart_around["effects"] = [*multistart_around["effects"], "excitation"]
-    multistart_around["parameters"] |= {
+    shaken = plain.as_document()
+    shaken["effects"] = [*shaken["effects"], "excitation"]
+    shaken["parameters"] |= {
         "excitation_amplitude": {"fixed": "1 µm"},
         "excitation_frequency": {"fixed": "8.4 Hz"},
     }
-    for scene, seen in ((plain, True), (Scene.from_document(multistart_around, Path()), False)):
+    for scene, seen in ((plain, True), (Scene.from_document(shaken, Path()), False)):
         made = prepare(scene, scene.logs[0], records[0], from_scene(scene))
         assert (made.manner.rhythm is not None) == seen
 

@@ -51,7 +51,7 @@ def _first(a: Any, phi: Any) -> Any:
 
 
 def slip(alpha: Any, overshoot: Any, near: Any = None) -> dict[str, Any]:
-    """Every number of a slip that sticks again, and the angle `eps` it ends at (a trajectory of it saves the
+    """Every number of a slip that sticks again, and the angle `eps` it ends at (a guess of it saves the
     halvings)."""
     a, A = mp.mpf(alpha), mp.mpf(overshoot)
     w, phi = mp.sqrt((1 - a) * (1 + a)), 2 * a + A
