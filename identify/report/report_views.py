@@ -192,7 +192,7 @@ def _interval(interval: Any, factor: float, places: int) -> str:
 
 def _tiles(result: Mapping[str, Any]) -> tuple[Tile, ...]:
     gate, fit = result.get("gate") or {}, result.get("fit") or {}
-    tiles = [Tile(name, value, spread) for name, value, spread in distribution_lines(result)]
+    tiles = [Tile(name, value, f"{spread} in nine of ten cycles") for name, value, spread in distribution_lines(result)]
     if "chi2_per_sample" in gate:
         tiles.append(Tile("misfit", number(finite(gate["chi2_per_sample"]), 4), "χ² per sample; 1 is pure noise"))
     worst = gate.get("worst_cycle") or {}

@@ -32,7 +32,9 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str]:
         yield wrapped(meaning, "  ")
     yield ""
     if is_uneven(result):
-        yield columns([["", "median (95 % interval)", "spread"], *(list(line) for line in distribution_lines(result))])
+        yield columns(
+            [["", "median (95 % interval)", "nine of ten cycles"], *(list(line) for line in distribution_lines(result))]
+        )
         yield ""
         yield from (wrapped(line, "  ") for line in (odd_slips(result), NOT_FOR) if line)
         yield ""

@@ -12,7 +12,7 @@ NOT_FOR = (
     "extrapolated, not supported by these records."
 )
 LABELS = {"static_peak": "static peak", "drop": "drop", "period": "period"}
-BASES = {"static_peak": ", over the load", "drop": ", over the load", "period": ""}
+BASES = {"static_peak": " of the load", "drop": " of the load", "period": ""}
 
 
 def is_uneven(result: Mapping[str, Any]) -> bool:
@@ -29,7 +29,7 @@ def headline(result: Mapping[str, Any]) -> str:
     low, high = (number(finite(end), 2) for end in strength["interval"])
     spread = f", and scatters by {100 * scatter['value']:.0f} % from stick to stick" if scatter["value"] else ""
     peak = (result.get("distributions") or {}).get("static_peak", {}).get("quantiles")
-    at = f" above a level that wanders (static peaks {_range(peak, '')})" if peak else ""
+    at = f" above a level that wanders (static peaks {_range(peak, '')} in nine of ten cycles)" if peak else ""
     return (
         f"Friction differs from cycle to cycle: a stick holds {number(strength['value'], 3)} ({low} to {high}) of the "
         f"load{at}{spread}."
@@ -48,7 +48,7 @@ def distribution_lines(result: Mapping[str, Any]) -> Iterator[tuple[str, str, st
 
 def _range(quantiles: Mapping[str, Any], unit: str) -> str:
     low, high = (quantity(finite(quantiles[q]["value"]), unit, 2) for q in ("5", "95"))
-    return f"{low} to {high} in nine of ten cycles"
+    return f"{low} to {high}"
 
 
 def odd_slips(result: Mapping[str, Any]) -> str:
