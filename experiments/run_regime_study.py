@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.regime_records import KINDS, Drawn, drawn
 from identify import Scene
 from identify.base.errors import FitError
-from identify.cli.inspection import Rig, inspection
+from identify.cli.inspection import StatedRig, inspection
 from identify.effects import MAIN
 from identify.logs.prepare import prepare
 from identify.logs.regime import Regime
@@ -62,9 +62,9 @@ def _slips(said: str | None) -> bool:
 def line(kind: str, seed: int) -> Line:
     """Draw one record and look at it."""
     made = drawn(kind, seed)
-    rig = Rig(made.rig["stiffness"], made.rig["drive_speed"], made.rig["mass"])
+    rig = StatedRig(made.rig["stiffness"], made.rig["drive_speed"], made.rig["mass"])
     if made.regime == "programme" or made.strokes > 1:
-        rig = Rig(rig.stiffness, None, rig.mass)  # the column tells it
+        rig = StatedRig(rig.stiffness, None, rig.mass)  # the column tells it
     alone = inspection("alone", made.record).regime
     known = inspection("with rig", made.record, rig).regime
     return Line(

@@ -23,7 +23,7 @@ from identify.app.jobs import same_code
 from identify.base.wording import speed_text
 from identify.logs.classical import table_of
 from identify.logs.log_regime import look
-from identify.logs.segment import Cycles
+from identify.logs.segment import DetectedCycles
 from identify.logs.segmented import Segmented
 from identify.report.quantity_text import quantity
 from identify.report.stored_result import plain
@@ -140,7 +140,7 @@ def row_of(name: str, size: int, log: Mapping[str, Any] | None) -> dict[str, Any
     }
 
 
-def cycles_of(cycles: Cycles) -> list[dict[str, float]]:
+def cycles_of(cycles: DetectedCycles) -> list[dict[str, float]]:
     """Sticks and slips as numbers, SI: onset and arrest [s], the forces there [N], slope of the stick [N/s]."""
     columns = {
         "onset": cycles.onset,

@@ -23,7 +23,7 @@ from identify.cli.common import (
 
 if TYPE_CHECKING:
     from data_io.thresholds import Thresholds
-    from identify.cli.inspection import Inspection, Rig
+    from identify.cli.inspection import Inspection, StatedRig
 
 NAME = "inspect"
 HELP = "what is in a log: steps, units, sampling, quality, stick and slip, the classical table"
@@ -107,8 +107,8 @@ def _unreadable(path: str, sentence: str, terminal: Terminal) -> Mapping[str, An
     return {"path": path, "quality": {"verdict": "reject", "findings": [finding], "figures": {}}}
 
 
-def _rig(arguments: Namespace) -> Rig:
-    from identify.cli.inspection import Rig
+def _rig(arguments: Namespace) -> StatedRig:
+    from identify.cli.inspection import StatedRig
 
     said = {"stiffness": ("N/m", arguments.stiffness), "drive_speed": ("m/s", arguments.drive_speed)}
     said |= {"mass": ("kg", arguments.mass)}
@@ -116,7 +116,7 @@ def _rig(arguments: Namespace) -> Rig:
         name: None if text is None else quantity(text, unit, f"--{name.replace('_', '-')}")
         for name, (unit, text) in said.items()
     }
-    return Rig(**told)
+    return StatedRig(**told)
 
 
 def _thresholds(arguments: Namespace) -> Thresholds:

@@ -20,7 +20,7 @@ from identify.logs.judgement import Judgement, judge
 from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of
 from identify.logs.regime import Known
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
-from identify.logs.slip_quality import Part
+from identify.logs.slip_quality import RecordPart
 from identify.logs.told_drive import UNTOLD, ToldDrive, told_drive
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 
@@ -58,7 +58,7 @@ class Inspection:
 
 
 @dataclass(frozen=True)
-class Rig:
+class StatedRig:
     """What the user says of the rig, to hold the log against; None: not said. stiffness [N/m], drive_speed [m/s],
     mass [kg]."""
 
@@ -73,7 +73,9 @@ class Rig:
         return Known(k, half_period=float(np.pi * np.sqrt(m / k)) if k and m else 0.0)
 
 
-def inspection(path: str, record: Record, rig: Rig = Rig(), thresholds: Thresholds = DEFAULTS) -> Inspection:
+def inspection(
+    path: str, record: Record, rig: StatedRig = StatedRig(), thresholds: Thresholds = DEFAULTS
+) -> Inspection:
     """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
     given = rig.drive_speed
     told = told_drive(record, rig.stiffness or 0.0) if given is None else ToldDrive(((0.0, given),), "given")
@@ -85,11 +87,11 @@ def inspection(path: str, record: Record, rig: Rig = Rig(), thresholds: Threshol
     return Inspection(path, record, judge(record, parts, thresholds), steps, table, told, regime)
 
 
-def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> Part:
+def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> RecordPart:
     rows = slice(seen.step.start, seen.step.stop)
     expected = stiffness * abs(speed) if stiffness is not None and speed else None
     force, load = seen.signs * record.friction_force[rows], record.normal_force[rows]
-    return Part(record.time[rows], force, seen.phases, expected, load)
+    return RecordPart(record.time[rows], force, seen.phases, expected, load)
 
 
 def _seen(record: Record, step: Step, whole: LogRegime) -> StepSeen:

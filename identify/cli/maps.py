@@ -31,7 +31,7 @@ from identify.report.report_wording import OUTCOMES
 from identify.scene.tables import nearest
 
 if TYPE_CHECKING:
-    from identify.cli.points import Point
+    from identify.cli.points import PairAtPoint
     from identify.prediction.chart import Chart
     from identify.prediction.sources import Tested
 
@@ -40,7 +40,7 @@ Range = tuple[float, float] | None
 
 
 def map_answer(
-    arguments: Namespace, terminal: Terminal, part: str, points: Sequence[Point], tested: Tested | None
+    arguments: Namespace, terminal: Terminal, part: str, points: Sequence[PairAtPoint], tested: Tested | None
 ) -> Answer:
     """Map one or two quantities around the first operating point; say it, draw it, store it.
 
@@ -88,7 +88,7 @@ def _named(name: str, site: Site) -> str:
     return name
 
 
-def _ranges(items: Sequence[str], names: Sequence[str], points: Sequence[Point]) -> list[Range]:
+def _ranges(items: Sequence[str], names: Sequence[str], points: Sequence[PairAtPoint]) -> list[Range]:
     """ "stiffness=500 N/m:5 kN/m" as SI pairs, in the order of the names; else around every operating point."""
     site = points[0].site
     found = {name: _around(name, points) for name in names}
@@ -107,7 +107,7 @@ def _ranges(items: Sequence[str], names: Sequence[str], points: Sequence[Point])
     return [found[name] for name in names]
 
 
-def _around(name: str, points: Sequence[Point]) -> Range:
+def _around(name: str, points: Sequence[PairAtPoint]) -> Range:
     spans = [around(axis(p.site, name)) for p in points]
     return min(low for low, _ in spans), max(high for _, high in spans)
 

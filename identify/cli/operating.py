@@ -11,7 +11,7 @@ from identify.base.errors import SimulationError
 from identify.base.outcome import numbers_of
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
-from identify.cli.points import Point, one_pair, operating_points, points_of, tested_range
+from identify.cli.points import PairAtPoint, one_pair, operating_points, points_of, tested_range
 from identify.prediction.intervals import OperatingPoint
 from identify.prediction.predict import predict, predictions
 from identify.prediction.probability import probability_document
@@ -24,7 +24,7 @@ from identify.scene import Scene
 # What the calculators say beyond the outlook where it is asked for: advice, and how sure the answers are.
 # ----------------------------------------------------------------------------------------------------------------------
 
-Further = Callable[[Point, Tested | None], dict[str, Any]]
+Further = Callable[[PairAtPoint, Tested | None], dict[str, Any]]
 MOST_DRAWS = 100_000
 
 
@@ -41,7 +41,7 @@ def asked_further(arguments: Namespace) -> Further:
     if draws is not None and not 1 <= draws <= MOST_DRAWS:
         raise CommandLineError(f"--draws is {draws}; expected 1 to {MOST_DRAWS}: write --draws 400")
 
-    def further(point: Point, tested: Tested | None) -> dict[str, Any]:
+    def further(point: PairAtPoint, tested: Tested | None) -> dict[str, Any]:
         from identify.prediction.probability import probability_document
         from identify.prediction.stabilising import stabilising_changes
 
@@ -93,7 +93,7 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     return Answer(document={"status": "done", "points": documents})
 
 
-def _beyond(point: Point, tested: Tested | None) -> str:
+def _beyond(point: PairAtPoint, tested: Tested | None) -> str:
     """What of an operating point the logs did not test; "" where nothing is known of that, or all was."""
     if tested is None:
         return ""
@@ -101,7 +101,7 @@ def _beyond(point: Point, tested: Tested | None) -> str:
     return tested.beyond(where | {"stiffness": point.values["stiffness"]})
 
 
-def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:
+def _outlooks(points: Sequence[PairAtPoint]) -> list[dict[str, Any]]:
     """The answers at each point, as `outlook` gives them; points of one pair share what they have in common.
 
     Raises:
@@ -116,7 +116,7 @@ def _outlooks(points: Sequence[Point]) -> list[dict[str, Any]]:
     return [{"name": p.name} | ({"group": dict(p.groups)} if p.groups else {}) | next(left[p.groups]) for p in points]
 
 
-def _of_pair(points: Sequence[Point]) -> list[dict[str, Any]]:
+def _of_pair(points: Sequence[PairAtPoint]) -> list[dict[str, Any]]:
     if points[0].untold:
         return [{"text": f"no answer: {points[0].untold}"} for _ in points]
     at = [OperatingPoint(p.values, p.drive_speed, p.normal_force, p.covariance) for p in points]
@@ -157,7 +157,7 @@ def _sticks(derived: Mapping[str, Any]) -> bool:
     return bool(derived["amplitude"]["drop"]["value"] is not None)
 
 
-def _point(scene: Scene, result: Mapping[str, Any], place: int) -> Point | None:
+def _point(scene: Scene, result: Mapping[str, Any], place: int) -> PairAtPoint | None:
     """The operating point of a log of the result (from 0), None where it has none."""
     number, groups = numbers_of(result["logs"])[place], groups_of(result, place)
     speed = abs(result["logs"][place]["drive_speed_m_per_s"] or 0.0)

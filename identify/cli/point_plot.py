@@ -20,12 +20,12 @@ from identify.simulation.sliding import sliding
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from identify.cli.points import Point
+    from identify.cli.points import PairAtPoint
 
 MM = 1e3
 
 
-def draw(point: Point, speeds: Sequence[float], part: str, path: Path) -> None:
+def draw(point: PairAtPoint, speeds: Sequence[float], part: str, path: Path) -> None:
     """Draw `part` ("stability" or "amplitude") for the pair and load of `point`; `speeds` [m/s] are marked.
 
     Raises:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def of_groups(asked: Sequence[str], points: list[Point]) -> list[Point]:
+def of_groups(asked: Sequence[str], points: list[PairAtPoint]) -> list[PairAtPoint]:
     """The points of the groups that --group names, each as VALUE or LABEL=VALUE; all of them where it names none.
 
     Raises:
@@ -60,7 +60,7 @@ def of_groups(asked: Sequence[str], points: list[Point]) -> list[Point]:
     )
 
 
-def one_pair(points: Sequence[Point], option: str) -> list[Point]:
+def one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
     """The points that have values, for an option that shows a single pair.
 
     Raises:
@@ -79,7 +79,7 @@ def one_pair(points: Sequence[Point], option: str) -> list[Point]:
     return told
 
 
-def listed_groups(points: Sequence[Point]) -> str:
+def listed_groups(points: Sequence[PairAtPoint]) -> str:
     """The groups of these points in words, each once."""
     return "; ".join(dict.fromkeys(named(p.groups) for p in points if p.groups))
 
@@ -92,7 +92,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Point:
+class PairAtPoint:
     """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
 
     covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it; groups: of the log,
@@ -127,7 +127,7 @@ class Point:
 POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
 
 
-def operating_points(arguments: Namespace) -> list[Point]:
+def operating_points(arguments: Namespace) -> list[PairAtPoint]:
     """One point per log, changed by --at; a drive speed given there makes it one point, of every group where parameters
     differ between groups.
 
@@ -165,7 +165,7 @@ def _fitted(paths: Sequence[Path]) -> tuple[dict[str, Any], Scene]:
     return pooled_result(documents, _settled(scene, documents[0]).model), scene
 
 
-def points_of(scene: Scene, document: Mapping[str, Any]) -> list[Point]:
+def points_of(scene: Scene, document: Mapping[str, Any]) -> list[PairAtPoint]:
     """The operating point of every log of a finished fit; several where a log has a programme of speeds."""
     return _points(_settled(scene, document), {}, document)
 
@@ -253,7 +253,7 @@ def _check_order(values: Mapping[str, float]) -> None:
         )
 
 
-def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[Point]:
+def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[PairAtPoint]:
     asked = [
         (n, entry, place) for n, entry in enumerate(scene.logs or (None,)) for place in _places(document, n, entry)
     ]
@@ -276,7 +276,7 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
                 names, covariance = with_tied(*known, ties_of(scene)) if known else ((), None)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT_UNITS)]
             points.append(
-                Point(
+                PairAtPoint(
                     name=name,
                     model=scene.model,
                     values=values,

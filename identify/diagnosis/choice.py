@@ -14,7 +14,7 @@ from identify.base.wording import three_figures
 from identify.effects import ALL
 from identify.logs.loads import swing
 from identify.logs.prepare import Prepared
-from identify.logs.rhythms import Rhythm
+from identify.logs.rhythms import SpectralLine
 from identify.model.model import Model, assemble
 
 
@@ -129,10 +129,10 @@ class Screen:
     starts: tuple[tuple[str, float], ...] = ()
 
 
-Look = Callable[[Sequence[Prepared], Sequence[Rhythm]], Screen]
+Look = Callable[[Sequence[Prepared], Sequence[SpectralLine]], Screen]
 
 
-def screen(prepared: Sequence[Prepared], lines: Sequence[Rhythm]) -> tuple[Screen, ...]:
+def screen(prepared: Sequence[Prepared], lines: Sequence[SpectralLine]) -> tuple[Screen, ...]:
     """One look per effect, in the order in which they are tried; lines: the rhythms of the sticks."""
     return tuple(look(prepared, lines) for look in LOOKS)
 
@@ -142,21 +142,21 @@ def _resolved(prepared: Sequence[Prepared]) -> float:
     return max((log.segmentation.samples_per_slip for log in prepared if log.segmentation.count), default=0.0)
 
 
-def _damping(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _damping(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     damped = any(log.rig.damping > 0.0 for log in prepared)
     said = "the rig has a damping" if damped else "the rig states no damping"
     return Screen("hysteresis_damping", damped, said)
 
 
-def _ageing(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _ageing(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     return Screen("contact_ageing", True, "the paper's model has it")
 
 
-def _weakening(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _weakening(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     return Screen("velocity_weakening", True, "the paper's model has it")
 
 
-def _direct(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _direct(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     samples = _resolved(prepared)
     if samples < SLIP_SAMPLES:
         return Screen("direct_effect", False, f"slips hold {samples:.2g} samples, too few to tell how they start")
@@ -167,7 +167,7 @@ def _loads(prepared: Sequence[Prepared]) -> Array:
     return np.array([log.data.mean_normal_force for log in prepared])
 
 
-def _load_dependence(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _load_dependence(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     loads = _loads(prepared)
     spread = float(np.ptp(loads) / 2 / np.mean(loads))
     within = max(swing(log.data.normal_force, log.data.begin, log.data.end) for log in prepared)
@@ -185,14 +185,14 @@ def _load_dependence(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> 
     )
 
 
-def _varying(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _varying(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     within = max(swing(log.data.normal_force, log.data.begin, log.data.end) for log in prepared)
     if within < LOAD_VARIES:
         return Screen("varying_normal_force", False, f"each log holds its normal force within {100 * within:.2g} %")
     return Screen("varying_normal_force", True, f"the normal force varies by ± {100 * within:.2g} % within a log")
 
 
-def _occlusion(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _occlusion(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     best, told = 0.0, ""
     for log in prepared:
         c = log.segmentation.cycles
@@ -216,7 +216,7 @@ def _occlusion(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen
     return Screen("occlusion", True, told)
 
 
-def _skin(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _skin(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     ratios, weights = [], []
     for log in prepared:
         slope = log.segmentation.stick_slope
@@ -242,7 +242,7 @@ def _skin(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
     return Screen("skin_compliance", True, said, sure, (("skin_stiffness", skin),))
 
 
-def _lag(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
+def _lag(prepared: Sequence[Prepared], _lines: Sequence[SpectralLine]) -> Screen:
     samples = _resolved(prepared)
     if samples < SLIP_SAMPLES:
         return Screen("sensor_lag", False, f"slips hold {samples:.2g} samples, too few to tell a lag")
@@ -250,11 +250,11 @@ def _lag(prepared: Sequence[Prepared], _lines: Sequence[Rhythm]) -> Screen:
     return Screen("sensor_lag", True, f"slips hold {samples:.3g} samples", False, (("lag_time", 0.1 * natural),))
 
 
-def _of_a_finger(line: Rhythm) -> bool:
+def _of_a_finger(line: SpectralLine) -> bool:
     return any(low <= line.frequency <= high for low, high in BANDS.values())
 
 
-def _finger(prepared: Sequence[Prepared], lines: Sequence[Rhythm]) -> Screen:
+def _finger(prepared: Sequence[Prepared], lines: Sequence[SpectralLine]) -> Screen:
     mine = [line for line in lines if _of_a_finger(line)]
     if not mine:
         return Screen("finger_motion", False, "no rhythm of a finger in the sticks")
@@ -262,7 +262,7 @@ def _finger(prepared: Sequence[Prepared], lines: Sequence[Rhythm]) -> Screen:
     return Screen("finger_motion", True, f"the sticks swing at {said}")
 
 
-def _excitation(prepared: Sequence[Prepared], lines: Sequence[Rhythm]) -> Screen:
+def _excitation(prepared: Sequence[Prepared], lines: Sequence[SpectralLine]) -> Screen:
     mine = [line for line in lines if not _of_a_finger(line)]
     if not mine:
         return Screen("excitation", False, "no vibration in the sticks")

@@ -19,7 +19,7 @@ from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
 from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
-from identify.logs.rhythms import Rhythm, rhythms
+from identify.logs.rhythms import SpectralLine, rhythms
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 from identify.scene.variant import scene_with
@@ -64,7 +64,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     return Choice(effects, decided, selection.unfinished)
 
 
-def _with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[Rhythm], left: Array) -> Scene:
+def _with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[SpectralLine], left: Array) -> Scene:
     """The scene with the noise of logs whose sticks swing said once for all models: what is estimated from the sticks
     counts the swings in where a model lacks them, and no two sums could be compared.
 

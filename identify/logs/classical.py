@@ -15,7 +15,7 @@ from data_io.signals import mean_and_drift
 from identify.base.quantiles import NORMAL
 from identify.logs.log_regime import LogRegime, look
 from identify.logs.regime import Known, Regime, Verdict
-from identify.logs.segment import SLIDING, SLIP, STICK, Cycles, Segmentation
+from identify.logs.segment import SLIDING, SLIP, STICK, DetectedCycles, Segmentation
 from identify.logs.slip_frequency import slip_frequency
 from identify.logs.strokes import Drive, Stroke
 from identify.logs.zigzag import smooth
@@ -296,7 +296,7 @@ def _steady(load: Array) -> Array:
     return np.concatenate([slow, np.full(load.size - slow.size, slow[-1])]) if slow.size < load.size else slow
 
 
-def _coefficient_reasons(cycles: Cycles) -> Reasons:
+def _coefficient_reasons(cycles: DetectedCycles) -> Reasons:
     few = "one slip has no standard deviation" if cycles.count else "no slip, no steady sliding"
     peaks = "the only slip is the first breakaway" if cycles.count else "no slip"
     return {

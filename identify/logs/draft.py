@@ -20,7 +20,7 @@ from identify.logs.judgement import judge
 from identify.logs.log_regime import LogRegime, drive_of, joined
 from identify.logs.log_regime import look as look_at
 from identify.logs.regime import Regime, Verdict
-from identify.logs.slip_quality import Part
+from identify.logs.slip_quality import RecordPart
 from identify.logs.strokes import velocity_in_head, velocity_text
 from identify.logs.told_drive import ToldDrive, told_drive
 from identify.scene.toml import to_fill_in
@@ -140,7 +140,7 @@ def look(piece: Piece) -> Told:
         tuple(stiffnesses),
         whole.noise,
         slides,
-        judge(record, [Part(record.time, signs * record.friction_force, whole)]).reason,
+        judge(record, [RecordPart(record.time, signs * record.friction_force, whole)]).reason,
     )
 
 

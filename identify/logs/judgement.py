@@ -15,7 +15,7 @@ from data_io.quality import Quality, Verdict, assess, verdict_of
 from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.values import Finding
 from identify.logs.segment import Segmentation, segment
-from identify.logs.slip_quality import Part, SlipQuality, look_at_slips
+from identify.logs.slip_quality import RecordPart, SlipQuality, look_at_slips
 from identify.logs.spectrum import Spectrum
 from identify.logs.told_drive import speed_of
 
@@ -170,7 +170,7 @@ class Judgement:
 
 def judge(
     record: Record,
-    parts: Sequence[Part],
+    parts: Sequence[RecordPart],
     thresholds: Thresholds = DEFAULTS,
     used: NDArray[np.bool_] | None = None,
 ) -> Judgement:

@@ -76,7 +76,7 @@ SEEN = 5.0  # standard errors of its course from which on a normal force is said
 
 
 @dataclass(frozen=True)
-class Course:
+class LoadSpline:
     """A measured normal force as a line over time; sd [N] by which it may be off (0: exact); tremor_sd [N], the part of
     it that lies in fast rhythms and is another one at the end of a slip than at its onset; sd_course: the sd over
     time, where it is not the same throughout."""
@@ -100,7 +100,7 @@ class _Rhythms:
 
 def as_modelled(
     record: Record, used: Bools, window: tuple[float, float], *, follows: bool, name: str, cycles: int
-) -> tuple[Course, float]:
+) -> tuple[LoadSpline, float]:
     """The normal force of a log as the model takes it: its course where the model follows it, else its mean.
 
     Args:
@@ -123,7 +123,7 @@ def as_modelled(
     return level(record.time[inside], record.normal_force[inside], name, cycles), hidden
 
 
-def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> Course:
+def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:
     """The course of a measured normal force: level, or a cubic spline fitted by least squares; and its rhythms.
 
     The number of spline segments is the one with the best information criterion: noise is averaged away, drift
@@ -144,7 +144,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     """
     t, f = _finite(time, normal_force, name)
     if np.ptp(f) == 0.0 or t.size < 16:
-        return Course(_checked(NormalForce.of(float(np.mean(f))), name))
+        return LoadSpline(_checked(NormalForce.of(float(np.mean(f))), name))
     centres, means, weights, noise = _binned(t, f)
     level = float(np.average(means, weights=weights))
     best, count = NormalForce.of(level), 1
@@ -164,11 +164,11 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     one = noise**2 / t.size
     fast = one * max(count - (t[-1] - t[0]) / CALM, 0.0)  # of a spline of short segments
     if found is None:
-        return Course(_checked(best, name), float(np.sqrt(one * max(count, cycles))), float(np.sqrt(fast)))
+        return LoadSpline(_checked(best, name), float(np.sqrt(one * max(count, cycles))), float(np.sqrt(fast)))
     variance = np.maximum(one * count + found.variance, one * cycles)
     sd = float(np.sqrt(np.median(variance)))
     over_time = NormalForce.of((found.times, np.sqrt(variance)))
-    return Course(_checked(found.force, name), sd, float(np.sqrt(fast + found.fast)), over_time)
+    return LoadSpline(_checked(found.force, name), sd, float(np.sqrt(fast + found.fast)), over_time)
 
 
 def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> _Rhythms | None:
@@ -270,7 +270,7 @@ def _within(marked: Bools, width: int) -> Bools:
     return np.asarray(counted[last] > counted[first])
 
 
-def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> Course:
+def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:
     """The mean of a measured normal force, and its standard error [N] as the white noise leaves it.
 
     Arguments and errors as `smooth`.
@@ -278,8 +278,8 @@ def level(time: Array, normal_force: Array, name: str = "the log", cycles: int =
     t, f = _finite(time, normal_force, name)
     mean = _checked(NormalForce.of(max(float(np.mean(f)), 1e-9)), name)
     if np.ptp(f) == 0.0 or t.size < 16:
-        return Course(mean)
-    return Course(mean, _binned(t, f)[3] * float(np.sqrt(max(cycles, 1) / t.size)))
+        return LoadSpline(mean)
+    return LoadSpline(mean, _binned(t, f)[3] * float(np.sqrt(max(cycles, 1) / t.size)))
 
 
 def calmed(log: LogData) -> LogData:

@@ -26,7 +26,7 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Pull:
+class StickLoading:
     """How the sticks of a log load, as its cycles show it: friction over normal force at an onset, rate of the force
     [N/s]; and how long a slip takes [s]."""
 
@@ -76,7 +76,7 @@ class LogData:
     loose: float = 0.0
     strength_sd: float = 0.0
     expected: tuple[float, float] = (0.0, 0.0)
-    pull: Pull | None = None
+    pull: StickLoading | None = None
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""

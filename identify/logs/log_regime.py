@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.logs.regime import UNKNOWN, Known, Regime, Verdict, judged
-from identify.logs.segment import SLIDING, Cycles, Segmentation
+from identify.logs.segment import SLIDING, DetectedCycles, Segmentation
 from identify.logs.strokes import Drive, Stroke, strokes
 from identify.logs.told_drive import ToldDrive
 
@@ -155,7 +155,7 @@ def joined(parts: Sequence[tuple[int, Segmentation]], rows: int) -> Segmentation
         spikes[first : first + found.phase.size] = found.spikes
     names = ("onset", "onset_force", "fall", "arrest", "arrest_force")
     seen = [found for _, found in parts]
-    cycles = Cycles(*(np.concatenate([getattr(found.cycles, name) for found in seen]) for name in names))
+    cycles = DetectedCycles(*(np.concatenate([getattr(found.cycles, name) for found in seen]) for name in names))
     return Segmentation(
         cycles=cycles,
         noise=float(np.median([found.noise for found in seen])),

@@ -13,14 +13,14 @@ from data_io.arrays import kept
 from data_io.signals import mean_and_drift
 from identify.base.errors import FitError
 from identify.logs.judgement import Judgement, judge
-from identify.logs.loads import Course, as_far_as_told, as_modelled
-from identify.logs.log_data import LogData, Pull
+from identify.logs.loads import LoadSpline, as_far_as_told, as_modelled
+from identify.logs.log_data import LogData, StickLoading
 from identify.logs.manner import FEW, Manner, manner_of, moving_pieces, window_of_course, window_of_cycles
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
 from identify.logs.segment import ENDS_LOADING, REMEDY, SLIDING, STICK, Segmentation
 from identify.logs.segmented import Account, Segmented, account, followed, segmented
-from identify.logs.slip_quality import Part
+from identify.logs.slip_quality import RecordPart
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
@@ -37,7 +37,7 @@ LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so tha
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
 SWINGS = 0.3  # times that: error of the load in fast rhythms from which on a slip has one of its own
 LONGER = 1.5  # half periods that a slip takes, its slow beginning included
-UNTOLD = Course(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
+UNTOLD = LoadSpline(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
 
@@ -214,7 +214,7 @@ def soft(scene: Scene, unknowns: Unknowns) -> bool:
 def _judged(log: Segmented, scene: Scene, unknowns: Unknowns) -> Judgement:
     """What the quality gate says of a log."""
     expected = None if soft(scene, unknowns) or not log.drive.constant else log.speed * log.rig.stiffness
-    part = Part(log.time, log.measured, log.found, expected, log.load)
+    part = RecordPart(log.time, log.measured, log.found, expected, log.load)
     return judge(log.record, [part], scene.thresholds, log.used)
 
 
@@ -228,7 +228,7 @@ def _window(log: Segmented, manner: Manner) -> tuple[float, float]:
 
 def _load(
     log: Segmented, fitted: tuple[float, float], judgement: Judgement, scene: Scene, unknowns: Unknowns
-) -> tuple[Course, float]:
+) -> tuple[LoadSpline, float]:
     """The normal force as the model takes it, and the swing that its mean hides; fitted: the window [s].
 
     Raises:
@@ -247,7 +247,7 @@ def _load(
     return course, hidden
 
 
-def _data(log: Segmented, course: Course, fitted: tuple[float, float], unknowns: Unknowns) -> LogData:
+def _data(log: Segmented, course: LoadSpline, fitted: tuple[float, float], unknowns: Unknowns) -> LogData:
     """The log as the estimator sees it; fitted: the window [s]."""
     rig, (begin, end) = log.rig, fitted
     repeatable = float(REPEATABLE * np.mean(course.force.values))
@@ -281,13 +281,13 @@ def _weight(log: Segmented) -> Array:
     return np.where(log.counted, 1.0 / max(noise, 1e-12) ** 2, 0.0)
 
 
-def _sd_over_time(course: Course, repeatable: float) -> NormalForce | None:
+def _sd_over_time(course: LoadSpline, repeatable: float) -> NormalForce | None:
     """The error of a course where it is not the same throughout, with what no contact repeats."""
     known = course.sd_course
     return None if known is None else NormalForce.of((known.times, np.hypot(known.values, repeatable)))
 
 
-def _pull(found: Segmentation, course: Course, rig: Rig, speed: float) -> Pull | None:
+def _pull(found: Segmentation, course: LoadSpline, rig: Rig, speed: float) -> StickLoading | None:
     """How the sticks load; None where no cycle was seen, or no mass is known."""
     if not found.count or found.stick_slope is None or not rig.half_period:
         return None
@@ -296,7 +296,7 @@ def _pull(found: Segmentation, course: Course, rig: Rig, speed: float) -> Pull |
     if not (rate > 0.0 and coefficient > 0.0):
         return None
     # Rig and skin together are as soft as the sticks show.
-    return Pull(coefficient, rate, LONGER * rig.half_period * float(np.sqrt(rig.stiffness * speed / rate)))
+    return StickLoading(coefficient, rate, LONGER * rig.half_period * float(np.sqrt(rig.stiffness * speed / rate)))
 
 
 def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -> tuple[Prepared, ...]:

@@ -77,7 +77,7 @@ UNKNOWN = Known()
 
 
 @dataclass(frozen=True)
-class Rhythm:
+class ForceOscillation:
     """A swing of a force that slides: frequency [Hz], range peak to valley [N]; turns: how many a period takes, None
     where the turns are not known."""
 
@@ -96,7 +96,7 @@ class Verdict:
     confidence: float
     evidence: tuple[str, ...]
     found: Segmentation
-    rhythm: Rhythm | None = None
+    rhythm: ForceOscillation | None = None
     strokes: int = 1
 
 
@@ -348,12 +348,12 @@ def _turns(frequency: float, turn: float) -> float | None:
     return 1.0 / round(many) if 0.9 < many < 3.3 and abs(many - round(many)) < 0.05 * many else None
 
 
-def _rhythm(time: Array, force: Array, turn: float) -> Rhythm | None:
+def _rhythm(time: Array, force: Array, turn: float) -> ForceOscillation | None:
     """A line in the spectrum of what slides."""
     seen = Spectrum.of(time, force)
     if seen is None or seen.periods < PERIODS or seen.share(seen.peak) < CLEAR or seen.chance > 1e-6:
         return None
-    return Rhythm(seen.peak, 2.0 * seen.amplitude(seen.peak), _turns(seen.peak, turn))
+    return ForceOscillation(seen.peak, 2.0 * seen.amplitude(seen.peak), _turns(seen.peak, turn))
 
 
 def _hump(time: Array, force: Array, clear: float = CLEAR) -> float | None:

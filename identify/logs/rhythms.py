@@ -27,7 +27,7 @@ LOWEST = 1.0  # periods that the sticks of a log must hold in all
 
 
 @dataclass(frozen=True)
-class Rhythm:
+class SpectralLine:
     """One harmonic of the force in stick: frequency [Hz]; per log amplitude [N] and phase [rad] at time 0 of
     amplitude * sin(2 pi f t + phase); statistic: fall of the sum of squares in noise variances."""
 
@@ -114,7 +114,7 @@ def _sticks(log: Prepared) -> _Sticks | None:
     return _Sticks(time, made.flat(force), weight, which, made.span, made.interval)
 
 
-def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[Rhythm, ...], Array]:
+def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[SpectralLine, ...], Array]:
     """The harmonics that stand out of the stick phases of these logs, strongest first.
 
     Returns:
@@ -122,7 +122,7 @@ def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[Rhythm, ...]
     """
     sticks = [_sticks(log) for log in logs]
     known = [s for s in sticks if s is not None]
-    found: list[Rhythm] = []
+    found: list[SpectralLine] = []
     while known and len(found) < most:
         tried = _peaks(known)
         best = max((_refined(f, known) for f in tried), key=lambda f: _together(f, known))
@@ -134,7 +134,7 @@ def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[Rhythm, ...]
             if s is not None:
                 sine, cosine = s.harmonic(best)[1]
                 amplitude[i], phase[i] = np.hypot(sine, cosine), np.arctan2(cosine, sine)
-        found.append(Rhythm(best, amplitude, phase, _together(best, known)))
+        found.append(SpectralLine(best, amplitude, phase, _together(best, known)))
         sticks = [None if s is None else s.without(best) for s in sticks]
         known = [s for s in sticks if s is not None]
     after = [1.0 if s is None else s.variance for s in sticks]

@@ -14,8 +14,8 @@ from identify.logs.slips import (
     SLIDING,
     SLIP,
     STICK,
-    Slips,
-    Trace,
+    ForceTrace,
+    JudgedFalls,
     crossing,
     judge,
     label,
@@ -30,7 +30,7 @@ from identify.logs.slips import (
 )
 from identify.logs.zigzag import WIDTH_SHARE, find_falls
 
-__all__ = ["SLIDING", "SLIP", "STICK", "Cycles", "Segmentation", "segment"]
+__all__ = ["SLIDING", "SLIP", "STICK", "DetectedCycles", "Segmentation", "segment"]
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ CLEAR = 6.0  # standard deviations of the smoothed force: of smaller falls many 
 
 
 @dataclass(frozen=True)
-class Cycles:
+class DetectedCycles:
     """One stick and the slip that ends it per entry, both complete; arrays of shape (c,), from the data only.
 
     onset: time of the force peak before the fall [s], with its force [N] from a local fit; fall: time
@@ -86,7 +86,7 @@ class Segmentation:
     fall by so little that many of them are lost in the noise.
     """
 
-    cycles: Cycles
+    cycles: DetectedCycles
     noise: float
     spikes: NDArray[np.bool_]
     phase: NDArray[np.int8]
@@ -186,7 +186,7 @@ def segment(
     sd = white if noise is None else noise
     turns = find_falls(clean, sd, None if half_period is None else half_period / interval)
     turns = turns if slips else turns.without_falls()
-    trace = Trace(time, clean, turns.smoothed, sd, turns.hysteresis)
+    trace = ForceTrace(time, clean, turns.smoothed, sd, turns.hysteresis)
     falls = judge(trace, turns)
     phase, ends_sliding = label(trace, falls)
     cycles = _cycles(trace, falls)
@@ -205,7 +205,7 @@ def segment(
     )
 
 
-def _faint(cycles: Cycles, white: float, interval: float, half_period: float | None) -> bool:
+def _faint(cycles: DetectedCycles, white: float, interval: float, half_period: float | None) -> bool:
     """Whether slips fall by less than what is surely seen of them."""
     if cycles.count == 0:
         return False
@@ -226,17 +226,19 @@ def _nothing(time: Array, holes: NDArray[np.bool_], noise: float) -> Segmentatio
     none = np.empty(0)
     phase = np.full(time.size, SLIDING, dtype=np.int8)
     interval = float(np.median(thinned_steps(time))) if time.size > 1 else 1.0
-    return Segmentation(Cycles(none, none, none, none, none), noise, holes, phase, False, True, none, None, interval)
+    return Segmentation(
+        DetectedCycles(none, none, none, none, none), noise, holes, phase, False, True, none, None, interval
+    )
 
 
-def _loading_slope(trace: Trace, slips: Slips) -> float | None:
+def _loading_slope(trace: ForceTrace, slips: JudgedFalls) -> float | None:
     if slips.kept.any():
         return slips.loading_slope
     knee = loading_knee(trace)
     return slope(trace.time, trace.force, 0, knee, trace.noise) if knee else None
 
 
-def _cycles(trace: Trace, slips: Slips) -> Cycles:
+def _cycles(trace: ForceTrace, slips: JudgedFalls) -> DetectedCycles:
     """The slips with forces from local fits and interpolated falls."""
     rows = []
     for i in np.flatnonzero(slips.kept):
@@ -249,7 +251,7 @@ def _cycles(trace: Trace, slips: Slips) -> Cycles:
         fall = slice(peak, valley + 1)
         middle = crossing(trace.time[fall], trace.force[fall], trace.coarse[fall], 0.5 * (high + low), high - low)
         rows.append((trace.time[peak], high, middle, trace.time[valley], low))
-    return Cycles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+    return DetectedCycles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
 
 
 # Whether a log without a slip ends while its first stick still loads: it was stopped too soon.

@@ -160,7 +160,7 @@ FOR_SCATTER = 4
 
 
 @dataclass(frozen=True)
-class Part:
+class RecordPart:
     """One step of a log, or what the scene leaves of it: time [s], force [N] (n,) with sliding positive, its phases;
     expected_slope: stiffness times drive speed [N/s], None where either is unknown; load [N] (n,): normal force, None
     where it counts as steady."""
@@ -189,7 +189,7 @@ class SlipQuality:
     findings: tuple[Finding, ...]
 
 
-def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
+def look_at_slips(part: RecordPart, limits: Thresholds) -> SlipQuality:
     """Measure the slips of one part and say what lies beyond the thresholds."""
     found = part.found
     lag = sharpness(part.time, part.force, found)
@@ -244,11 +244,11 @@ def look_at_slips(part: Part, limits: Thresholds) -> SlipQuality:
     )
 
 
-def _spike_count(part: Part) -> int:
+def _spike_count(part: RecordPart) -> int:
     return int(np.count_nonzero(part.found.spikes & np.isfinite(part.force)))
 
 
-def _spikes(part: Part, limits: Thresholds) -> Finding | None:
+def _spikes(part: RecordPart, limits: Thresholds) -> Finding | None:
     """Spikes are left out of the fit: a few are no reason to complain."""
     where = np.flatnonzero(part.found.spikes & np.isfinite(part.force))
     if where.size == 0:
@@ -290,7 +290,7 @@ def _few(found: Segmentation, limits: Thresholds) -> Finding | None:
     return Finding("few_cycles", severity, text)
 
 
-def _slope_error(part: Part) -> float | None:
+def _slope_error(part: RecordPart) -> float | None:
     slope = part.found.stick_slope
     if slope is None or not part.expected_slope or part.found.count == 0:
         return None
@@ -304,7 +304,7 @@ def _scatter(found: Segmentation) -> float | None:
     return float(1.4826 * np.median(np.abs(np.diff(drop))) / np.sqrt(2.0) / np.mean(drop))
 
 
-def _load_at(part: Part, times: Array) -> Array:
+def _load_at(part: RecordPart, times: Array) -> Array:
     """The load at some times (m,), over its median; ones where it counts as steady or is no load."""
     steady = np.ones(times.size)
     if part.load is None or not np.isfinite(part.load).any():
@@ -314,7 +314,7 @@ def _load_at(part: Part, times: Array) -> Array:
     return load / np.median(load) if np.all(load > 0.0) else steady
 
 
-def _drift(part: Part) -> float | None:
+def _drift(part: RecordPart) -> float | None:
     """Middles between peak and valley over the load, last third against first; the loading from rest does not count."""
     cycles = part.found.cycles
     if cycles.count < FOR_DRIFT:

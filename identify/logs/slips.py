@@ -192,7 +192,7 @@ LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading
 
 
 @dataclass(frozen=True)
-class Trace:
+class ForceTrace:
     """A force without spikes as it is looked at: time [s], force and smoothed force [N], each (n,); noise sd and
     the hysteresis of the search [N]."""
 
@@ -217,7 +217,7 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class Slips:
+class JudgedFalls:
     """The falls of a record, judged: sample indices of peaks and valleys, each (f,), and `kept` (f,): is a slip.
 
     slopes: of the rises between them [N/s], shape (f - 1,); stick_slope: the slope others are compared with;
@@ -240,11 +240,11 @@ class Slips:
         return self.slopes[self.kept[:-1] & self.kept[1:]] if self.slopes.size else self.slopes
 
 
-def judge(trace: Trace, turns: Turns) -> Slips:
+def judge(trace: ForceTrace, turns: Turns) -> JudgedFalls:
     """Sorts falls into slips and sliding: a slip falls fast, and a stick follows it."""
     peaks, valleys = _fine_turns(trace, turns)
     if peaks.size == 0:
-        return Slips(peaks, valleys, np.ones(0, bool), np.empty(0), 0.0, None, False, turns.starts_falling)
+        return JudgedFalls(peaks, valleys, np.ones(0, bool), np.empty(0), 0.0, None, False, turns.starts_falling)
     slopes, first = _slopes(trace, peaks, valleys), slope(trace.time, trace.force, 0, int(peaks[0]), trace.noise)
     typical = float(np.median(trace.coarse[peaks] - trace.coarse[valleys]))
     loading = not turns.starts_falling and trace.rise(0, int(peaks[0])) > LOADING_RISE * typical
@@ -265,17 +265,17 @@ def judge(trace: Trace, turns: Turns) -> Slips:
         else _settling(trace, peaks, valleys, slopes, first if loading else usual)
     )
     kept[settling:] = False
-    return Slips(
+    return JudgedFalls(
         peaks, valleys, kept, slopes, reference, first if loading else None, settling < peaks.size, turns.starts_falling
     )
 
 
-def _slopes(trace: Trace, peaks: Indices, valleys: Indices) -> Array:
+def _slopes(trace: ForceTrace, peaks: Indices, valleys: Indices) -> Array:
     rises = zip(valleys[:-1].tolist(), peaks[1:].tolist(), strict=True)
     return np.array([slope(trace.time, trace.force, start, stop, trace.noise) for start, stop in rises])
 
 
-def _heights(trace: Trace, peaks: Indices, valleys: Indices) -> Array:
+def _heights(trace: ForceTrace, peaks: Indices, valleys: Indices) -> Array:
     return trace.coarse[peaks[1:]] - trace.coarse[valleys[:-1]]
 
 
@@ -285,7 +285,7 @@ def _weighted_quantile(values: Array, weights: Array, share: float = 0.6) -> flo
     return float(values[order][int(np.searchsorted(total, share * total[-1]))])
 
 
-def _fine_turns(trace: Trace, turns: Turns) -> tuple[Indices, Indices]:
+def _fine_turns(trace: ForceTrace, turns: Turns) -> tuple[Indices, Indices]:
     """Peaks and valleys again, with no more smoothing than the noise asks for."""
     if turns.count == 0:
         return turns.peaks, turns.valleys
@@ -316,7 +316,7 @@ def _corner(climb: Array, within: float) -> int:
     return first if first < SHARP * (top - first) else top
 
 
-def _is_over(trace: Trace, valley: int, duration: float, reference: float) -> bool:
+def _is_over(trace: ForceTrace, valley: int, duration: float, reference: float) -> bool:
     """Whether the last slip must have come to rest within the record (in fast logs it does so after the valley)."""
     after = trace.duration(valley, trace.last)
     surely, perhaps = (share * duration for share in LAST_RISE)
@@ -327,7 +327,7 @@ def _is_over(trace: Trace, valley: int, duration: float, reference: float) -> bo
     return steep and trace.last - valley >= 8
 
 
-def _wanders(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array) -> bool:
+def _wanders(trace: ForceTrace, peaks: Indices, valleys: Indices, slopes: Array) -> bool:
     """Whether neighbouring rises differ so much in slope that no elastic sticks make them: the level of sliding
     that wanders."""
     if slopes.size < 4:
@@ -340,7 +340,7 @@ def _wanders(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array) -> b
     return not alike and scatter > max(UNLIKE[1] * middle, 3.0 * float(np.median(error)))
 
 
-def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
+def _settling(trace: ForceTrace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
     """First of the last falls after which the force never again rises like a stick; their number if there is none.
 
     One or two are no slips where steady sliding follows; several where they also fade (a rig may load more
@@ -365,7 +365,7 @@ def _settling(trace: Trace, peaks: Indices, valleys: Indices, slopes: Array, ref
     return start if fades else count
 
 
-def label(trace: Trace, slips: Slips) -> tuple[Phase, bool]:
+def label(trace: ForceTrace, slips: JudgedFalls) -> tuple[Phase, bool]:
     """Phase of every sample, int8 (n,), and whether sliding ends the record."""
     phase = np.full(trace.time.size, SLIDING, dtype=np.int8)
     if not slips.kept.any():
@@ -387,7 +387,7 @@ def label(trace: Trace, slips: Slips) -> tuple[Phase, bool]:
     return phase, slips.ends_sliding or not sticks
 
 
-def _label_rise(trace: Trace, phase: Phase, start: int, stop: int, reference: float) -> bool:
+def _label_rise(trace: ForceTrace, phase: Phase, start: int, stop: int, reference: float) -> bool:
     """Stick, or stick up to a knee and sliding from there; whether it is all stick."""
     expected = LEAST_RISE * reference * trace.duration(start, stop)
     rise = trace.coarse[start : stop + 1] - trace.coarse[start]
@@ -398,7 +398,7 @@ def _label_rise(trace: Trace, phase: Phase, start: int, stop: int, reference: fl
     return False
 
 
-def loading_knee(trace: Trace) -> int:
+def loading_knee(trace: ForceTrace) -> int:
     """Sample at which the loading of a record without slips ends; 0 where nothing was loaded."""
     width = max(3, trace.time.size // 200) | 1
     wide = smooth(trace.force, width)
@@ -413,7 +413,7 @@ def loading_knee(trace: Trace) -> int:
     return trace.last if only_rising else knee
 
 
-def _label_without_slips(trace: Trace, phase: Phase) -> None:
+def _label_without_slips(trace: ForceTrace, phase: Phase) -> None:
     """Loading from rest up to the knee, then sliding; all stick where the force only rises."""
     knee = loading_knee(trace)
     if knee:

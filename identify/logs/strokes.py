@@ -160,7 +160,7 @@ PROPORTIONAL = 0.2  # share by which the stiffness that sticks tell may differ f
 
 
 @dataclass(frozen=True)
-class Along:
+class ColumnDirection:
     """is_drive: whether a column moves along the friction, None where nothing tells; because: in words, to follow the
     name of the column or "since"."""
 
@@ -179,7 +179,7 @@ def column_speed(record: Record, name: str) -> Array:
     return np.asarray((values[high] - values[low]) / (record.time[high] - record.time[low]))
 
 
-def moves_along(record: Record, name: str, stiffness: float = 0.0) -> Along:
+def moves_along(record: Record, name: str, stiffness: float = 0.0) -> ColumnDirection:
     """Hold a column in m or m/s, without gaps, against what tells the motion along the friction.
 
     Args:
@@ -193,16 +193,18 @@ def moves_along(record: Record, name: str, stiffness: float = 0.0) -> Along:
     if stated is not None:
         meant = (*stated.speeds.values(), 1e-3 * abs(stated.value))  # a column shows it where the head is in mm/s
         if any(abs(usual / own - 1.0) < AGREES for own in meant):
-            return Along(True, "moves as fast as the head of the log says")
-        return Along(False, f"it moves at {speed_text(usual)}, not as fast as the head of the log says")
+            return ColumnDirection(True, "moves as fast as the head of the log says")
+        return ColumnDirection(False, f"it moves at {speed_text(usual)}, not as fast as the head of the log says")
     turns = _turns_with_friction(record, speed)
     if turns is not None:
         words = "turns as the friction does" if turns else "it does not turn as the friction does"
-        return Along(turns, words)
+        return ColumnDirection(turns, words)
     loads = _loads_in_proportion(record, speed, stiffness)
     if loads is not None:
-        return Along(loads, "is what the sticks load by" if loads else "the sticks do not load in proportion to it")
-    return Along(None, "nothing in the log says that it moves along the friction")
+        return ColumnDirection(
+            loads, "is what the sticks load by" if loads else "the sticks do not load in proportion to it"
+        )
+    return ColumnDirection(None, "nothing in the log says that it moves along the friction")
 
 
 def velocity_in_head(record: Record) -> StatedVelocity | None:

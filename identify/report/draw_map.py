@@ -18,7 +18,7 @@ from data_io.atomic import atomic_path
 from identify.prediction.chart import Boundary, Chart
 from identify.prediction.chart_bands import KnownCovariance, bands, closed_plane, region
 from identify.prediction.sources import Tested
-from identify.report.map_parts import FONT, View, amplitudes, falls, regions, ticks_in_powers
+from identify.report.map_parts import FONT, MapView, amplitudes, falls, regions, ticks_in_powers
 from identify.report.style import drawing_style
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
     marks = marks or Marks()
     figure = Figure(figsize=SIZE, layout="constrained")
     axes = figure.add_subplot()
-    view = View(chart.plane.x, chart.plane.y)
+    view = MapView(chart.plane.x, chart.plane.y)
     _axes(axes, chart, view)  # first: contours are labelled where they lie on the page
     legend: list[Any] = regions(axes, chart, view)
     if part == "amplitude":  # the fall covers the colours of what sticks
@@ -84,7 +84,7 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
 
 
 def _boundary(
-    axes: Axes, chart: Chart, boundary: Boundary, view: View, colour: str, words: str, known: KnownCovariance | None
+    axes: Axes, chart: Chart, boundary: Boundary, view: MapView, colour: str, words: str, known: KnownCovariance | None
 ) -> list[Any]:
     lines = boundary.lines()
     for points, _ in lines:
@@ -99,7 +99,7 @@ def _boundary(
     return legend
 
 
-def _closed_forms(axes: Axes, chart: Chart, view: View) -> list[Any]:
+def _closed_forms(axes: Axes, chart: Chart, view: MapView) -> list[Any]:
     """Boundaries of the closed forms: dashed where they hold, dotted where a V_max is too large for them."""
     closed = closed_plane(chart.plane)
     if closed is None:
@@ -130,7 +130,7 @@ def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return out
 
 
-def _untested(axes: Axes, chart: Chart, view: View, tested: Tested | None) -> list[Any]:
+def _untested(axes: Axes, chart: Chart, view: MapView, tested: Tested | None) -> list[Any]:
     """The outline of the tested range: what lies outside is most of many a map, and stays readable."""
     if tested is None:
         return []
@@ -153,7 +153,7 @@ def _untested(axes: Axes, chart: Chart, view: View, tested: Tested | None) -> li
     return [Line2D([], [], color=TESTED, lw=0.9, ls="-.", label="tested inside; beyond: extrapolated")]
 
 
-def _points(axes: Axes, chart: Chart, view: View, marks: Marks) -> list[Any]:
+def _points(axes: Axes, chart: Chart, view: MapView, marks: Marks) -> list[Any]:
     x, y = view.axes
     here = view.shown(np.array([[x.place(x.value), y.place(y.value)]]))[0]
     spans = chart.plane.x_values[[0, -1]], chart.plane.y_values[[0, -1]]
@@ -186,7 +186,7 @@ def _within(point: tuple[float, float], spans: tuple[Array, Array]) -> bool:
     return all(s[0] - r <= v <= s[1] + r for v, s, r in zip(point, spans, reach, strict=True))
 
 
-def _axes(axes: Axes, chart: Chart, view: View) -> None:
+def _axes(axes: Axes, chart: Chart, view: MapView) -> None:
     axes.grid(False)
     for which, (q, places) in enumerate(zip(view.axes, (chart.plane.x_places, chart.plane.y_places), strict=True)):
         axis = axes.xaxis if which == 0 else axes.yaxis

@@ -50,7 +50,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class View:
+class ForceView:
     """The signals of a stretch of a log, thinned for drawing; `fitted` and `residual` are None without a fit, `raw`
     where nothing was corrected."""
 
@@ -75,7 +75,7 @@ class View:
         return table
 
 
-def view(curves: LogCurves, start: int, stop: int, stretches: int) -> View:
+def view(curves: LogCurves, start: int, stop: int, stretches: int) -> ForceView:
     """The samples [start, stop) of a log in so many stretches."""
     time = curves.time[start:stop]
 
@@ -83,7 +83,7 @@ def view(curves: LogCurves, start: int, stop: int, stretches: int) -> View:
         return envelope(time, values[start:stop], stretches)
 
     fitted = bool(np.isfinite(curves.fitted_force[start:stop]).any())
-    return View(
+    return ForceView(
         measured=thin(curves.friction_force),
         normal=thin(curves.normal_force),
         fitted=thin(curves.fitted_force) if fitted else None,
@@ -144,7 +144,12 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
 
 
 def _fill_column(
-    axes: list[Axes], seen: View, curves: LogCurves, accepted: bool, title: str, span: tuple[float, float] | None = None
+    axes: list[Axes],
+    seen: ForceView,
+    curves: LogCurves,
+    accepted: bool,
+    title: str,
+    span: tuple[float, float] | None = None,
 ) -> None:
     overview = span is None
     low, high = span or (float(curves.time[0]), float(curves.time[-1]))
@@ -266,7 +271,7 @@ def _cuts(axes: Axes, curves: LogCurves, low: float, high: float, labelled: bool
             )
 
 
-def _caption(whole: View, fitted: bool, accepted: bool, curves: LogCurves) -> str:
+def _caption(whole: ForceView, fitted: bool, accepted: bool, curves: LogCurves) -> str:
     parts = []
     if curves.raw_force is not None:
         parts.append("Behind the measured force: as it was read, before it was corrected.")

@@ -27,7 +27,7 @@ FONT = 7.5
 NARROW = 30.0  # ratio of the ends of an axis up to which it has numbers between the decades
 
 
-class View:
+class MapView:
     """Coordinates of the plane as numbers on the axes, in units of handy size."""
 
     def __init__(self, x: Axis, y: Axis) -> None:
@@ -51,7 +51,7 @@ class View:
         return f"{q.label} [{unit}]" if unit else q.label
 
 
-def region_path(boundary: Boundary, view: View) -> Path | None:
+def region_path(boundary: Boundary, view: MapView) -> Path | None:
     """The region inside a boundary."""
     loops = [np.vstack([points, points[:1]]) for points in (view.shown(loop.points) for loop in boundary.loops)]
     if not loops:
@@ -86,7 +86,7 @@ LEGENDS = {Outcome.BISTABLE.value: "both: depends on the start"}  # words of the
 LEAST_LABELLED = 0.03  # share of the map from which a region is labelled inside
 
 
-def regions(axes: Axes, chart: Chart, view: View) -> list[Any]:
+def regions(axes: Axes, chart: Chart, view: MapView) -> list[Any]:
     """Colours by outcome: what sticks, what slides unstably, and where both or neither is so."""
     x, y = (view.line(i, places) for i, places in enumerate((chart.plane.x_places, chart.plane.y_places)))
     colour = {name: colour for name, (colour, _) in REGIONS.items()}
@@ -119,7 +119,7 @@ def _cells(axes: Axes, chart: Chart, x: Array, y: Array, word: str, colour: str)
         axes.pcolormesh(x, y, shown, shading="nearest", cmap=ListedColormap([colour]), vmin=0, vmax=1, zorder=0.6)
 
 
-def _named(axes: Axes, chart: Chart, view: View) -> list[Any]:
+def _named(axes: Axes, chart: Chart, view: MapView) -> list[Any]:
     """Words inside large regions; patches for the legend for small ones."""
     legend: list[Any] = []
     places = chart.plane.x_places, chart.plane.y_places
@@ -183,7 +183,7 @@ def _continued(values: Array) -> Array:
     return np.asarray(values[tuple(nearest)])
 
 
-def _contours(axes: Axes, chart: Chart, view: View, name: str, colour: str, behind: str) -> Scale | None:
+def _contours(axes: Axes, chart: Chart, view: MapView, name: str, colour: str, behind: str) -> Scale | None:
     """Labelled contours of a quantity of the orbit; the unit they are told in, None where there is nothing to draw."""
     values = chart.figures[name]
     inside = region_path(chart.sticking, view)
@@ -227,7 +227,7 @@ def _without_scraps(path: Path) -> Path:
     return Path(points[rows].reshape(-1, 2), codes[rows])
 
 
-def falls(axes: Axes, chart: Chart, view: View) -> list[Any]:
+def falls(axes: Axes, chart: Chart, view: MapView) -> list[Any]:
     """Contours of the fall of the force; what they add to the legend."""
     scale = _contours(axes, chart, view, "peak_to_valley", "0.45", "white")
     return (
@@ -235,7 +235,7 @@ def falls(axes: Axes, chart: Chart, view: View) -> list[Any]:
     )
 
 
-def amplitudes(figure: Figure, axes: Axes, chart: Chart, view: View) -> list[Any]:
+def amplitudes(figure: Figure, axes: Axes, chart: Chart, view: MapView) -> list[Any]:
     """The fall of the force as colours, the period as lines."""
     fall = chart.figures["peak_to_valley"]
     if not np.any(np.isfinite(fall)):

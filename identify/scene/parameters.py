@@ -10,7 +10,7 @@ from identify.base.errors import SceneError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
-from identify.scene.tables import Table, share
+from identify.scene.tables import TomlTable, share
 from identify.scene.values import ParameterSpec, Tie
 
 SEARCHED = ("start", "prior", "per", "tie")  # what makes a given parameter one that is searched
@@ -49,7 +49,7 @@ def read_parameters(
                     f"[parameters] names {p.name}, which belongs to the effect {effect.name}; add it to effects or "
                     f"drop {p.name}"
                 )
-    table = Table.of(value, "[parameters]", known, "[parameters] mu_s = { start = 0.6 }")
+    table = TomlTable.of(value, "[parameters]", known, "[parameters] mu_s = { start = 0.6 }")
     specs = {}
     for name, p in known.items():
         if name in table.data:
@@ -97,12 +97,14 @@ def _parameter(value: Any, p: Parameter) -> ParameterSpec:
     example = (
         f'{p.name} = {{ start = "{p.default:g} {p.unit}" }}' if p.unit else f"{p.name} = {{ start = {p.default} }}"
     )
-    table = Table.of(
+    table = TomlTable.of(
         value, f"[parameters] {p.name}", ("start", "lower", "upper", "fixed", "prior", "per", "tie"), example
     )
     if p.name in RIG_PARAMETERS and "fixed" in table.data:
         raise SceneError(f"{table.where} is fixed, but its value stands in [rig]; drop the line to keep it there")
-    prior = Table.of(table.data.get("prior", {}), table.place("prior"), ("mean", "sd"), "prior = { mean = …, sd = … }")
+    prior = TomlTable.of(
+        table.data.get("prior", {}), table.place("prior"), ("mean", "sd"), "prior = { mean = …, sd = … }"
+    )
     if len(prior.data) == 1:
         raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
     lower, upper = table.quantity("lower", p.unit), table.quantity("upper", p.unit)
@@ -125,7 +127,7 @@ def _parameter(value: Any, p: Parameter) -> ParameterSpec:
     )
 
 
-def _tie(table: Table, p: Parameter) -> Tie | None:
+def _tie(table: TomlTable, p: Parameter) -> Tie | None:
     """The parameter this one follows.
 
     Raises:
@@ -133,7 +135,7 @@ def _tie(table: Table, p: Parameter) -> Tie | None:
     """
     if "tie" not in table.data:
         return None
-    said = Table.of(table.data["tie"], table.place("tie"), ("to", "factor", "offset"), 'tie = { to = "mu_s" }')
+    said = TomlTable.of(table.data["tie"], table.place("tie"), ("to", "factor", "offset"), 'tie = { to = "mu_s" }')
     to = said.text("to")
     if to is None:
         raise SceneError(f'{said.where} names no parameter; give tie = {{ to = "mu_s" }}')
@@ -172,7 +174,7 @@ def check_ties(specs: Mapping[str, ParameterSpec], declared: Sequence[Parameter]
             )
 
 
-def _sd(prior: Table, p: Parameter) -> float | None:
+def _sd(prior: TomlTable, p: Parameter) -> float | None:
     relative = share(prior.data.get("sd"), prior.place("sd"))
     if relative is None:
         return prior.quantity("sd", p.unit)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from data_io.units import UnitError, parse_quantity
 from identify.base.errors import SceneError
-from identify.scene.tables import Table, is_number, share, span, stated
+from identify.scene.tables import TomlTable, is_number, share, span, stated
 from identify.scene.values import DriveSpeed, LogEntry, Rig
 
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
@@ -100,12 +100,12 @@ def with_listed(rig: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
     return found
 
 
-def _with_tolerance(table: Table, key: str, unit: str) -> tuple[Any, float | None]:
+def _with_tolerance(table: TomlTable, key: str, unit: str) -> tuple[Any, float | None]:
     """The value of a rig key, and its relative standard deviation where one is stated."""
     value = table.data.get(key)
     if not isinstance(value, Mapping):
         return value, None
-    inner = Table.of(value, table.place(key), ("value", "tolerance"), '{ value = "0.2 kg", tolerance = "2 %" }')
+    inner = TomlTable.of(value, table.place(key), ("value", "tolerance"), '{ value = "0.2 kg", tolerance = "2 %" }')
     if "value" not in value:
         raise SceneError(f"{inner.where} has no value; write {{ value = …, tolerance = … }}")
     tolerance = value.get("tolerance")
@@ -139,7 +139,7 @@ def speed_or_quantity(value: Any, unit: str, where: str) -> DriveSpeed:
     return tuple((stated(start, "s", where), stated(speed, "m/s", where)) for start, speed in value)
 
 
-def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tuple[Rig, StatedDamping]:
+def read_rig(table: TomlTable, damped_by: str | None, inertial: bool = True) -> tuple[Rig, StatedDamping]:
     """The rig, and how its damping was stated.
 
     Args:
@@ -180,7 +180,7 @@ def read_rig(table: Table, damped_by: str | None, inertial: bool = True) -> tupl
     return Rig(**values, tolerances=tolerances), how
 
 
-def is_dashpot(table: Table) -> bool:
+def is_dashpot(table: TomlTable) -> bool:
     """Whether the damping is that of a dashpot, in N s/m."""
     value = table.data.get("damping")
     text = value.get("value") if isinstance(value, Mapping) else value
@@ -222,7 +222,7 @@ def read_log_entry(value: Any, number: int, folder: Path, rig: Rig, damped: Stat
         SceneError: an unknown key, no path, or a value no log can have.
     """
     where = f"[[logs]] number {number}"
-    table = Table.of(value, where, LOG, '[[logs]] path = "slow.csv"')
+    table = TomlTable.of(value, where, LOG, '[[logs]] path = "slow.csv"')
     path = table.text("path")
     if path is None:
         raise SceneError(f'{where} has no path; give path = "slow.csv", relative to the scene file')
@@ -266,12 +266,12 @@ def located(folder: Path, path: str) -> Path:
     return folder / os.path.expanduser(path)  # noqa: PTH111 - that of pathlib raises where there is none
 
 
-def _zero(table: Table, key: str) -> float | tuple[float, float] | None:
+def _zero(table: TomlTable, key: str) -> float | tuple[float, float] | None:
     """A force [N] to take off, or the times [s] between which it is measured."""
     return table.span(key) if isinstance(table.data.get(key), (list, tuple)) else table.quantity(key, "N")
 
 
-def _or_strokes(table: Table, key: str, unit: str) -> float | Literal["strokes"] | None:
+def _or_strokes(table: TomlTable, key: str, unit: str) -> float | Literal["strokes"] | None:
     """A number, or the word that has it taken from both stroke directions; a pure number may be in percent."""
     value = table.data.get(key)
     if value == "strokes":

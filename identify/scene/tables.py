@@ -86,14 +86,14 @@ def share(value: Any, where: str) -> float | None:
 
 
 @dataclass(frozen=True)
-class Table:
+class TomlTable:
     """A TOML table and where it stands ("[rig]"); every reader answers None for an absent key."""
 
     data: Mapping[str, Any]
     where: str
 
     @staticmethod
-    def of(value: Any, where: str, known: Iterable[str] | None, example: str) -> Table:
+    def of(value: Any, where: str, known: Iterable[str] | None, example: str) -> TomlTable:
         """The value as a table with none but the known keys (None: any).
 
         Raises:
@@ -108,7 +108,7 @@ class Table:
                     f"{where} has a key {key!r} that is not known; did you mean {nearest(str(key), names)!r}? "
                     f"Known are {', '.join(names)}"
                 )
-        return Table(value, where)
+        return TomlTable(value, where)
 
     def place(self, key: str) -> str:
         """How a complaint calls this key."""
@@ -145,7 +145,7 @@ class Table:
         if value is None:
             return None
         example = '{ time = "T", friction_force = "Fx" }'
-        table = Table.of(value, self.place(key), None, example)
+        table = TomlTable.of(value, self.place(key), None, example)
         for name, word in table.data.items():
             if isinstance(word, (Mapping, list)):
                 raise SceneError(f"{table.place(name)} is {word!r}; expected a text in quotes: correct it")

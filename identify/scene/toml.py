@@ -18,7 +18,7 @@ from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene.parameters import declared_by, read_parameters
 from identify.scene.rig import RIG, located, read_log_entry, read_rig, with_listed
-from identify.scene.tables import Table, nearest, quantity, share
+from identify.scene.tables import TomlTable, nearest, quantity, share
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
 
 DEEPEST = 10  # tables of a scene within each other
@@ -184,15 +184,15 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
     Raises:
         SceneError: one sentence: what was found where, what was expected, what to do.
     """
-    top = Table.of(document, "the scene", TOP, '[rig] mass = "0.2 kg"')
+    top = TomlTable.of(document, "the scene", TOP, '[rig] mass = "0.2 kg"')
     missing = list(to_fill_in(document))
     if missing:
         raise SceneError(f"still to fill in: {', '.join(missing)}; replace each TODO by a quantity with its unit")
     effects = _effects(document.get("effects"))
     declared = declared_by(effects)
     example = '[rig] mass = "0.2 kg", stiffness = "1470 N/m"'
-    said = Table.of(document.get("rig"), "[rig]", RIG, example).data
-    rig_table = Table.of(with_listed(said, document.get("parameters")), "[rig]", RIG, example)
+    said = TomlTable.of(document.get("rig"), "[rig]", RIG, example).data
+    rig_table = TomlTable.of(with_listed(said, document.get("parameters")), "[rig]", RIG, example)
     listed = effects if effects != "auto" else MAIN[:1]
     damped_by = [e.name for e in ALL if e.name in listed and any(p.name == "damping" for p in e.parameters)]
     rig, damped = read_rig(rig_table, damped_by[0] if damped_by else None, "inertia" in listed)
@@ -222,7 +222,7 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
 
 def _tolerances(value: Any) -> dict[str, float]:
     """What the second intervals allow for, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
-    table = Table.of(value, "[tolerances]", USUAL_TOLERANCES, '[tolerances] stiffness = "2 %"')
+    table = TomlTable.of(value, "[tolerances]", USUAL_TOLERANCES, '[tolerances] stiffness = "2 %"')
     found = {}
     for name, said in table.data.items():
         percent = share(said, table.place(name))
@@ -234,7 +234,7 @@ def _tolerances(value: Any) -> dict[str, float]:
 
 def _time_limit(value: Any) -> float:
     """How long a fit may take [s]."""
-    table = Table.of(value, "[fit]", ("time_limit",), '[fit] time_limit = "60 s"')
+    table = TomlTable.of(value, "[fit]", ("time_limit",), '[fit] time_limit = "60 s"')
     limit = table.quantity("time_limit", "s")
     if limit is not None and not limit > 0.0:
         raise SceneError(f'{table.place("time_limit")} is {limit:g} s; expected a positive time, such as "60 s"')
@@ -243,7 +243,7 @@ def _time_limit(value: Any) -> float:
 
 def _thresholds(value: Any) -> Thresholds:
     """The user's own thresholds of the quality gate: pure numbers, or shares in percent."""
-    table = Table.of(value, "[quality]", None, "[quality] jitter = 0.1")
+    table = TomlTable.of(value, "[quality]", None, "[quality] jitter = 0.1")
     numbers = {}
     for name, number in table.data.items():
         percent = math.inf if number in (math.inf, "inf") else share(number, table.place(name))
@@ -292,7 +292,7 @@ def _extrapolate(value: Any, effects: tuple[str, ...] | Literal["auto"]) -> tupl
     return names
 
 
-def _damping_frequency(rig: Table, effects: tuple[str, ...] | Literal["auto"]) -> dict[str, tuple[str, float]]:
+def _damping_frequency(rig: TomlTable, effects: tuple[str, ...] | Literal["auto"]) -> dict[str, tuple[str, float]]:
     value = rig.quantity("damping_frequency", "1/s")
     if value is None:
         return {}
@@ -306,14 +306,14 @@ def _damping_frequency(rig: Table, effects: tuple[str, ...] | Literal["auto"]) -
 
 def _initial(value: Any) -> Initial:
     units = {"elongation": "m", "sliding_speed": "m/s", "gamma": ""}
-    table = Table.of(value, "[initial]", units, '[initial] elongation = "0 mm"')
+    table = TomlTable.of(value, "[initial]", units, '[initial] elongation = "0 mm"')
     return Initial(**{name: table.quantity(name, unit) or 0.0 for name, unit in units.items()})
 
 
 def _contact(value: Any) -> Contact:
-    table = Table.of(value, "[contact]", ("area", "area_law"), '[contact] area = "0.8 cm^2"')
+    table = TomlTable.of(value, "[contact]", ("area", "area_law"), '[contact] area = "0.8 cm^2"')
     example = "{ coefficient = …, exponent = … }"
-    law = Table.of(table.data.get("area_law", {}), "[contact] area_law", ("coefficient", "exponent"), example)
+    law = TomlTable.of(table.data.get("area_law", {}), "[contact] area_law", ("coefficient", "exponent"), example)
     if len(table.data) == 2 or len(law.data) == 1:
         raise SceneError(f"[contact] expects either an area or area_law = {example}; keep exactly one")
     return Contact(table.quantity("area", "m^2"), law.quantity("coefficient", "m^2"), law.quantity("exponent", ""))

@@ -37,7 +37,7 @@ LEVEL, SURE = 0.25, 3.0  # of the slope of a stick, and standard errors: a force
 
 
 @dataclass(frozen=True)
-class Wave:
+class SlipWaveform:
     """The simulated force (k,) [N] at times (k,) [s] after an onset, and its slope before it [N/s]."""
 
     time: Array
@@ -71,7 +71,7 @@ class DataSide:
         """The next change of the drive, or the end of the window [s]."""
         return next((c for c in self.changes if c > t), self.log.end)
 
-    def placed(self, since: float, onset: float, wave: Wave, spread: float = np.inf) -> float:
+    def placed(self, since: float, onset: float, wave: SlipWaveform, spread: float = np.inf) -> float:
         """Where on the data the wave of a slide that is expected from `onset` on fits best; after `since` [s]. Where
         nothing fits better than by chance it stays where it is expected.
 
@@ -104,7 +104,7 @@ class DataSide:
                     best, lowest = place, misfit
         return best if lowest < least else onset
 
-    def _misfit(self, index: NDArray[np.intp], place: float, wave: Wave) -> float:
+    def _misfit(self, index: NDArray[np.intp], place: float, wave: SlipWaveform) -> float:
         """Mean square of what some samples lie off the wave of a slide from `place` [s] on, over the noise."""
         after = self.log.time[index] - place
         counted = after < wave.length
@@ -113,7 +113,7 @@ class DataSide:
         chosen = index[counted]
         return float(np.mean(self.log.weight[chosen] * (self.log.force[chosen] - wave.at(after[counted])) ** 2))
 
-    def centres(self, since: float, onset: float, wave: Wave, reach: float) -> list[float]:
+    def centres(self, since: float, onset: float, wave: SlipWaveform, reach: float) -> list[float]:
         """What an onset is looked for around [s]."""
         used = self._used(since, min(onset + PEAK * (onset - since) + 2 * self.half, self.change_after(since)))
         found = [onset, (onset if used.size < FEWEST else self._highest(used)) - wave.peak]
@@ -276,4 +276,4 @@ class Along:
         local = np.linspace(0.0, 2.0 * self.half, 200)
         wave = self.motion(onset, x, float(local[-1])).sample(local)["force"]
         slope = self.values["stiffness"] * self.log.speed_at(onset)
-        return self.data.placed(since, onset, Wave(local, wave, slope), spread)
+        return self.data.placed(since, onset, SlipWaveform(local, wave, slope), spread)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.logs.prepare import Prepared
-from identify.logs.rhythms import Rhythm, rhythms
+from identify.logs.rhythms import SpectralLine, rhythms
 from identify.logs.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def _band(wave: _Wave, unknowns: Unknowns, lobe: float) -> tuple[float, float]:
     return float(np.log(max(known - lobe, 0.5 * known))), float(np.log(known + lobe))
 
 
-def _set(line: Rhythm, wave: _Wave, logs: list[Prepared], unknowns: Unknowns, start: Array, own: Array) -> None:
+def _set(line: SpectralLine, wave: _Wave, logs: list[Prepared], unknowns: Unknowns, start: Array, own: Array) -> None:
     """Write a rhythm into the start, but for what the scene fixes: spring and damper carry the motion."""
     omega = 2 * np.pi * line.frequency
     amplitudes, phases = [], []

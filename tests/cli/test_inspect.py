@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from data_io import Record, write_csv, write_hdf5
 from identify.cli import inspection_plot
 from identify.cli import main as cli
-from identify.cli.inspection import Rig, inspection
+from identify.cli.inspection import StatedRig, inspection
 from tests.support.verdict_cases import noise, saw
 
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
@@ -146,7 +146,7 @@ def test_thresholds_rig_and_window_of_the_command_line(tmp_path, capsys):
 
 def test_the_gate_of_the_report_and_that_of_inspect_are_one():
     record, _ = log_with_everything()
-    document = inspection("a.csv", record, Rig(500.0, 1e-3)).judgement.document()
+    document = inspection("a.csv", record, StatedRig(500.0, 1e-3)).judgement.document()
     assert document["figures"]["residual_force"]["value"] == pytest.approx(0.05, abs=1e-3)
     assert document["figures"]["force_after_stop"]["value"] == pytest.approx(0.33, abs=1e-3)
     assert document["figures"]["missing_rows"]["value"] == 20 and document["figures"]["spikes"]["value"] == 3

@@ -7,7 +7,7 @@ import pytest
 
 from data_io import read_log
 from identify import Scene
-from identify.cli.inspection import Rig, document, inspection
+from identify.cli.inspection import StatedRig, document, inspection
 from identify.effects import MAIN
 from identify.examples import FOLDER, SCENE
 from identify.logs.prepare import prepare
@@ -40,7 +40,7 @@ def _scene(path, which):
 def test_every_place_says_the_same_of_a_log(path, which):
     scene, entry = _scene(path, which)
     record, rig = read_log(path, step=entry.step), scene.rig_for(entry)
-    seen = document(inspection(str(path), record, Rig(rig.stiffness, rig.drive_speed, rig.mass)))
+    seen = document(inspection(str(path), record, StatedRig(rig.stiffness, rig.drive_speed, rig.mass)))
     fitted = log_document(0, prepare(scene, entry, record, from_scene(scene)), UNFITTED, {}, None)
     (row,), (step,) = seen["classical"]["rows"], seen["steps"]
     assert fitted["classical"]["rows"] == [row]

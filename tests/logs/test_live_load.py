@@ -19,7 +19,7 @@ from identify.estimation.attempt import Clock, solve_from
 from identify.identification import find, fit
 from identify.logs import loads
 from identify.logs.loads import as_far_as_told, calmed, smooth
-from identify.logs.log_data import LogData, Pull, ShootingTrajectory
+from identify.logs.log_data import LogData, ShootingTrajectory, StickLoading
 from identify.logs.prepare import UNEQUAL, prepare
 from identify.logs.segment import segment
 from identify.logs.slips import noise_on_lines
@@ -195,7 +195,7 @@ def test_a_tremor_is_followed_where_it_is_seen_well_and_at_onsets_where_the_driv
     course = smooth(times, seen, cycles=3)
     unknowns, ones = case.search_space(PAIR, ()), np.ones(times.size)
     log = LogData(times, seen, ones, unknowns.base(case.RIG), 1e-4, course.force, course.sd, 0.0, 5.0)
-    taken = as_far_as_told(replace(log, tremor_sd=course.tremor_sd, pull=Pull(0.62, pull, 0.06)))
+    taken = as_far_as_told(replace(log, tremor_sd=course.tremor_sd, pull=StickLoading(0.62, pull, 0.06)))
     assert (taken.calm, taken.blurred, taken.loose > 0.0) == (calm, calm, loose)
     off = taken.normal_force.at(times) - _load(times)
     assert float(np.std(off)) < 1.3 * taken.normal_force_sd

@@ -11,7 +11,7 @@ import pytest
 from data_io import Record, read_log
 from experiments.regime_records import KINDS, drawn
 from identify.cli import main as cli
-from identify.cli.inspection import Rig, inspection
+from identify.cli.inspection import StatedRig, inspection
 from identify.logs import regime as tested
 from identify.logs.log_regime import look
 from identify.logs.regime import Known, Regime, judged
@@ -70,13 +70,13 @@ def test_a_swing_once_a_turn_is_a_rhythm_of_sliding(capsys: pytest.CaptureFixtur
     claims_nothing(log)
     (row,) = log["classical"]["rows"]
     assert row["rhythm_Hz"] == pytest.approx(1.31, abs=0.02) and row["rhythm_N"] == pytest.approx(0.04, abs=0.005)
-    known = inspection("a.csv", read_log(CASES / "disc_wobble.csv"), Rig(5000.0, 27e-3, 0.3)).regime
+    known = inspection("a.csv", read_log(CASES / "disc_wobble.csv"), StatedRig(5000.0, 27e-3, 0.3)).regime
     assert known.regime is Regime.SLIDING and known.confidence > log["confidence"] > 0.8, "the rig makes it surer"
 
 
 def test_inspect_without_and_with_the_rig_say_the_same_of_a_near_harmonic_swing() -> None:
     record = read_log(CASES / "near_harmonic.csv.gz")
-    for rig in (Rig(), Rig(2254.0, 1.1e-3), Rig(2254.0, 1.1e-3, 30.7e-3)):
+    for rig in (StatedRig(), StatedRig(2254.0, 1.1e-3), StatedRig(2254.0, 1.1e-3, 30.7e-3)):
         seen = inspection("a.csv", record, rig)
         assert seen.regime.regime is Regime.NEAR_HARMONIC and seen.steps[0].phases.count == 31
         assert seen.steps[0].phases.drop[0] == pytest.approx(0.0226, abs=0.001)
@@ -197,6 +197,6 @@ def test_drops_that_differ_are_uneven_whatever_the_sampling(rate: float) -> None
 def test_drawn_records_of_every_kind(kind: str) -> None:
     for seed in (900, 901):
         made = drawn(kind, seed)
-        rig = Rig(made.rig["stiffness"], None, made.rig["mass"])
+        rig = StatedRig(made.rig["stiffness"], None, made.rig["mass"])
         seen = inspection("a.csv", made.record, rig).regime
         assert seen.regime == made.regime, seen.evidence

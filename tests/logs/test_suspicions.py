@@ -12,7 +12,7 @@ from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.judgement import judge
 from identify.logs.segment import segment
-from identify.logs.slip_quality import Part
+from identify.logs.slip_quality import RecordPart
 from identify.logs.told_drive import told_drive
 from identify.model.model import assemble
 from identify.simulation.simulate import run
@@ -46,7 +46,7 @@ def codes(record):
 
 def parts(record):
     pieces = [(record.time[s.start : s.stop], record.friction_force[s.start : s.stop]) for s in record.steps]
-    return [Part(time, force, segment(time, force)) for time, force in pieces]
+    return [RecordPart(time, force, segment(time, force)) for time, force in pieces]
 
 
 def test_a_good_log_is_not_doubted():

@@ -164,13 +164,13 @@ def test_scripts_map_a_scene_by_names(tmp_path):
 def test_an_operating_point_beyond_the_map_is_said_to_be(speed_and_stiffness, speed):
     from matplotlib.figure import Figure
 
-    from identify.report.draw_map import View, _points
+    from identify.report.draw_map import MapView, _points
 
     made = speed_and_stiffness
     at = made.plane.x.value * speed
     moved = replace(made, plane=replace(made.plane, x=replace(made.plane.x, value=at)))
     axes = Figure().add_subplot()
-    legend = _points(axes, moved, View(moved.plane.x, moved.plane.y), Marks())
+    legend = _points(axes, moved, MapView(moved.plane.x, moved.plane.y), Marks())
     within = bool(made.plane.x_values[0] <= at <= made.plane.x_values[-1])
     assert within is (speed == 1.0)
     assert legend[0].get_label() == ("operating point" if within else "operating point: beyond this map")

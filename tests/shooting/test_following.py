@@ -50,7 +50,7 @@ def test_an_onset_that_follows_a_rest_of_no_length_stays_where_it_is_expected() 
     p = np.array([(PAIR | RIG)[n] for n in MODEL.parameter_names])
     log = LogData(time, force, np.full(time.size, 1e6), p, SPEED, NormalForce.of(1.0), 0.0, 0.0, 2.0)
     data = onset_places.DataSide(log, 0.05, ())
-    wave = onset_places.Wave(np.array([0.0, 0.4]), np.array([1.1, 0.3]), 1.0)
+    wave = onset_places.SlipWaveform(np.array([0.0, 0.4]), np.array([1.1, 0.3]), 1.0)
     assert data.placed(0.0, 1.08, wave, 0.0) == 1.08
     assert data.placed(0.0, 1.08, wave, 1.0) == pytest.approx(1.1, abs=0.01)
 

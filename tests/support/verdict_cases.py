@@ -5,7 +5,7 @@ from scipy.signal import lfilter
 
 from data_io import Record
 from identify.logs.segment import segment
-from identify.logs.slip_quality import Part
+from identify.logs.slip_quality import RecordPart
 
 N = 4000
 RATE = 500.0
@@ -29,7 +29,7 @@ def made(friction=None, normal=None, time=None, slope=None, **columns):
     friction = 0.4 + saw(time) + noise(1, time.size) if friction is None else friction
     normal = 1.0 + noise(2, time.size) if normal is None else normal
     record = Record(time, normal, friction, **columns)
-    return record, [Part(time, friction, segment(time, friction), slope)]
+    return record, [RecordPart(time, friction, segment(time, friction), slope)]
 
 
 def residual_force(x):
