@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
 
@@ -58,24 +57,34 @@ def map_answer(
         raise CommandLineError(f"--map names {len(names)} quantities; expected one or two: leave some out")
     ranges = _ranges(arguments.range, names, points)
     known = None if point.covariance is None else KnownCovariance.of(point.names, point.covariance)
+    document: dict[str, Any] = {"status": "done"}
     if len(names) == 1:
-        n = LINE if arguments.points is None else arguments.points
-        return _line(terminal, part, site, names[0], ranges[0], n, known, plot, data)
-    n = GRID if arguments.points is None else arguments.points
-    since = process_time()
-    made = chart(site, (names[0], names[1]), (ranges[0], ranges[1]), (n, n))
-    levels = _levels(n, process_time() - since)
-    terminal.say(wrapped(f"{chart_text(made)} {_price_text(levels)}", "", ""))
-    if plot:
-        from identify.report.draw_map import Marks, draw_map
+        answer = continuation(site, names[0], ranges[0], LINE if arguments.points is None else arguments.points)
+        document["map"] = _line_document(answer, site, known)
+        terminal.say(wrapped(document["map"]["text"], "", ""))
+        if plot:
+            from identify.report.draw_continuation import draw_continuation
 
-        others = [tuple(axis(p.site, name).value for name in names) for p in points[1:]]
-        draw_map(made, plot, part, Marks([(a, b) for a, b in others], known, tested, point.title))
+            draw_continuation(answer, plot, part)
+        files = [] if data is None else write_continuation(answer, site, data)
+    else:
+        n = GRID if arguments.points is None else arguments.points
+        since = process_time()
+        made = chart(site, (names[0], names[1]), (ranges[0], ranges[1]), (n, n))
+        levels = _levels(n, process_time() - since)
+        terminal.say(wrapped(f"{chart_text(made)} {_price_text(levels)}", "", ""))
+        if plot:
+            from identify.report.draw_map import Marks, draw_map
+
+            others = [tuple(axis(p.site, name).value for name in names) for p in points[1:]]
+            draw_map(made, plot, part, Marks([(a, b) for a, b in others], known, tested, point.title))
+        files = [] if data is None else write_chart(made, data)
+        document |= {"map": _chart_document(made), "price": {"points": n, "levels": levels}}
+    if plot:
         terminal.say(f"plot: {plot}")
-    files = [] if data is None else write_chart(made, data)
     for file in files:
         terminal.say(f"data: {file}")
-    return Answer(document={"status": "done", "map": _chart_document(made), "price": {"points": n, "levels": levels}})
+    return Answer(document=document)
 
 
 def _named(name: str, site: Site) -> str:
@@ -151,39 +160,20 @@ def _chart_document(made: Chart) -> dict[str, Any]:
     }
 
 
-def _line(
-    terminal: Terminal,
-    part: str,
-    site: Site,
-    name: str,
-    span: Range,
-    points: int,
-    known: KnownCovariance | None,
-    plot: Path | None,
-    data: Path | None,
-) -> Answer:
+def _line_document(answer: Continuation, site: Site, known: KnownCovariance | None) -> dict[str, Any]:
     """One quantity alone: where answers change."""
-    answer = continuation(site, name, span, points)
     changes = {
         key: [_change(change, site, answer, known) for change in found]
         for key, found in (("end_of_stick_slip", answer.ends), ("loss_of_stability", answer.losses))
     }
-    text = _line_text(answer, changes)
-    terminal.say(wrapped(text, "", ""))
-    if plot:
-        from identify.report.draw_continuation import draw_continuation
-
-        draw_continuation(answer, plot, part)
-        terminal.say(f"plot: {plot}")
-    for file in [] if data is None else write_continuation(answer, site, data):
-        terminal.say(f"data: {file}")
     q = answer.quantity
-    along = {
+    return {
         "x": {"name": q.name, "unit": q.unit, "values": answer.values.tolist()},
         "outcomes": answer.outcomes.tolist(),
+        "figures": {name: values.tolist() for name, values in answer.figures.items()},
+        **changes,
+        "text": _line_text(answer, changes),
     }
-    figures = {name: values.tolist() for name, values in answer.figures.items()}
-    return Answer(document={"status": "done", "map": {**along, "figures": figures, **changes, "text": text}})
 
 
 def _change(change: AnswerChange, site: Site, answer: Continuation, known: KnownCovariance | None) -> dict[str, Any]:

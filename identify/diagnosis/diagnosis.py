@@ -18,7 +18,7 @@ from data_io import Record
 from identify.base.errors import FitError, SceneError
 from identify.base.outcome import Status
 from identify.diagnosis.disagreement import ANOTHER_ANSWER, Cause, disagreement, misfits_of_logs
-from identify.diagnosis.findings import Held
+from identify.diagnosis.findings import Findings
 from identify.diagnosis.fitted import Fitted, as_it_ended, described, fits
 from identify.diagnosis.hypotheses import (
     GROSS,
@@ -31,7 +31,7 @@ from identify.diagnosis.hypotheses import (
     ties,
 )
 from identify.diagnosis.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
-from identify.estimation.agreement import contradiction, influence_at, pulls_of_logs
+from identify.estimation.agreement import contradiction, influence_at, pulls_of_logs, slowness
 from identify.estimation.attempt import Attempt, judged
 from identify.estimation.covariance import sizes
 from identify.estimation.strategies import Strategy, as_one_trial, may_run
@@ -257,11 +257,7 @@ def doubt(
     scene: Scene,
     records: Sequence[Record],
     prepared: Sequence[Prepared],
-    unknowns: Unknowns,
-    attempt: Attempt,
-    held: Sequence[Held],
-    told: Sequence[str],
-    memory: float,
+    findings: Findings,
     *,
     beyond: bool,
     anew: bool,
@@ -270,15 +266,19 @@ def doubt(
     answer does not fit.
 
     Args:
-        as `diagnose`; held: the rig against the data; told: names of the parameters that the data tell; memory: by how
-            much that of the noise widens a variance; beyond: rig and sensor are suspected too, and not only what the
-            scene says of single parameters; anew: an effect more is fitted from the data alone too, where the
-            answer's own motion may hide what it does.
+        scene, records, prepared: as `diagnose`; findings: the answer and what is known of it.
+        beyond: rig and sensor are suspected too, and not only what the scene says of single parameters.
+        anew: an effect more is fitted from the data alone too, where the answer's own motion may hide what it does.
     """
+    unknowns, attempt = findings.unknowns, findings.attempt
+    if attempt is None:
+        return None
+    told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
+    memory = 1.0 if findings.sure is None else slowness(attempt, findings.sure.colours)
     ended = as_it_ended(scene, unknowns, prepared, attempt)
     if not described(ended):
         return None
-    cleared = {h.name for h in held if h.squared < ASKED / 2}
+    cleared = {h.name for h in findings.held if h.squared < ASKED / 2}
     rig = [s for s in SLIGHT if beyond and s.parameter not in cleared]
     suspects = [*restraints(scene, sitting(unknowns, attempt)), *rig]
     found: list[_Gain] = []

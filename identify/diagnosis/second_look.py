@@ -15,7 +15,6 @@ from identify.diagnosis.diagnosis import Doubt, diagnose, doubt
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.hypotheses import restraints, sitting
 from identify.effects import MAIN
-from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import unexamined
 from identify.estimation.known_early import wrong_unit
@@ -164,11 +163,7 @@ def looked_into(
     if not doubtful and not (_placed(findings) and restraints(scene, sitting(findings.unknowns, findings.attempt))):
         return findings, None
     progress("looking for what is wrong", 0.95)
-    assert findings.attempt is not None
-    told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
-    memory = 1.0 if findings.sure is None else slowness(findings.attempt, findings.sure.colours)
-    where = scene, read, prepared, findings.unknowns, findings.attempt
-    found = doubt(*where, findings.held, told, memory, beyond=doubtful, anew=refused or _rises(findings))
+    found = doubt(scene, read, prepared, findings, beyond=doubtful, anew=refused or _rises(findings))
     if found is None:
         return (_unexamined(findings) if doubtful and time_is_up() else findings), None
     return _doubted(findings, found), found.better

@@ -41,43 +41,44 @@ class Manner:
     rhythm: Swing | None = None
 
 
-def manner_of(
-    found: Segmentation,
-    time: Array,
-    force: Array,
-    load: Array,
-    falls: Array,
-    *,
-    noise: float,
-    stiffness: float,
-    half_period: float,
-    drive: Drive,
-) -> Manner:
+@dataclass(frozen=True)
+class ForceRecord:
+    """What a log moves by: time [s], force [N] and load [N], (n,) each, NaN where a sample does not count; noise: its
+    standard deviation [N]; half_period: half the natural period of the rig [s], 0 where it is not known; the drive."""
+
+    time: Array
+    force: Array
+    load: Array
+    noise: float
+    half_period: float
+    drive: Drive
+
+
+def manner_of(record: ForceRecord, found: Segmentation, falls: Array, stiffness: float) -> Manner:
     """Tell how a log moves.
 
     Args:
-        time, force, load: (n,) [s], [N], [N], NaN where nothing counts; falls: of its cycles [s]; drive: its programme.
-        stiffness [N/m], half_period [s] of the rig; 0 where it is not known, or something else makes the mass swing.
+        found: its phases; falls: of its cycles [s]; stiffness: of the rig [N/m]; 0, as the half period of the record,
+            where it is not known, or something else makes the mass swing.
     """
-    manner = _as_it_looks(found, time, force, falls, noise=noise, half_period=half_period, drive=drive)
+    manner = _as_it_looks(record, found, falls)
     if manner.settled is None:
         return manner
-    late = time >= manner.settled
+    late = record.time >= manner.settled
     rhythm = hidden_rhythm(
-        time[late],
-        force[late],
-        load[late],
+        record.time[late],
+        record.force[late],
+        record.load[late],
         stiffness=stiffness,
-        drive_speed=drive.at(float(time[-1])),
-        half_period=half_period,
+        drive_speed=record.drive.at(float(record.time[-1])),
+        half_period=record.half_period,
     )
     return manner if rhythm is None else replace(manner, settled=None, rhythm=rhythm)
 
 
-def _as_it_looks(
-    found: Segmentation, time: Array, force: Array, falls: Array, *, noise: float, half_period: float, drive: Drive
-) -> Manner:
-    settled = since_settled(time, force, noise, half_period)
+def _as_it_looks(record: ForceRecord, found: Segmentation, falls: Array) -> Manner:
+    time, force, noise, drive = record.time, record.force, record.noise, record.drive
+    settled = since_settled(time, force, noise, record.half_period)
     if settled is not None and drive.constant and found.stick_slope is not None:
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.
         settled = settled if _slides(time, force, settled, noise, found.stick_slope[0]) else None
@@ -166,21 +167,16 @@ CLEAR = 0.1  # of the loading line after the bend that is left out
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
-def window_of_cycles(
-    time: Array, force: Array, found: Segmentation, noise: float, skip: int, half_period: float
-) -> tuple[float, float]:
+def window_of_cycles(record: ForceRecord, found: Segmentation, skip: int = 0) -> tuple[float, float]:
     """The part of a record of cycles: from the first stick that is a straight line on.
 
     A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip`
     cycles (running-in) it starts in the stick that follows them.
 
-    Args:
-        time, force: (n,) [s], [N]; NaN where a sample does not count. noise: its standard deviation [N];
-        half_period: half the natural period [s], 0 where it is not known.
-
     Returns:
         begin and end [s].
     """
+    time, force = record.time, record.force
     cycles = found.cycles
     begin, end = float(time[0]), float(time[-1])
     if cycles.count == 0:
@@ -193,8 +189,8 @@ def window_of_cycles(
         resting = np.flatnonzero((found.phase == STICK) & (time < onset))
         begin = float(time[resting[0]]) if resting.size else begin
         begin += 0.3 * (onset - begin)
-    straight = _line_start(time, force, begin, onset, noise)
-    if straight > begin and onset - begin < SHORT_LOADING * half_period:
+    straight = _line_start(time, force, begin, onset, record.noise)
+    if straight > begin and onset - begin < SHORT_LOADING * record.half_period:
         # The mass slips long before so quick a rise ends: its upper part is none of the stick.
         rising = np.flatnonzero((time >= begin) & (time <= onset) & np.isfinite(force))
         straight = min(straight, _low(time, force, rising))
@@ -240,18 +236,9 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     return bend + CLEAR * max(float(t[late][0]) - bend, 0.0)
 
 
-def window_of_course(
-    time: Array, force: Array, found: Segmentation, noise: float, manner: Manner, drive: Drive, half_period: float
-) -> tuple[float, float]:
-    """The part of a record without a train of cycles.
-
-    Args:
-        time, force: (n,) [s], [N]; NaN where a sample does not count. noise: its standard deviation [N];
-        half_period: half the natural period [s].
-
-    Returns:
-        begin and end [s].
-    """
+def window_of_course(record: ForceRecord, found: Segmentation, manner: Manner) -> tuple[float, float]:
+    """The part of a record without a train of cycles: begin and end [s]."""
+    time, force = record.time, record.force
     begin, end = float(time[0]), float(time[-1])
     if manner.name == "sliding":
         return (begin if manner.settled is None else manner.settled), end
@@ -262,9 +249,9 @@ def window_of_course(
     first = min([first, *found.cycles.onset[:1].tolist()])
     rising = np.flatnonzero((time <= first) & np.isfinite(force))
     rising = rising[: int(np.argmax(force[rising])) + 1] if rising.size else rising
-    brief = rising.size and time[rising[-1]] - time[rising[0]] < SHORT_LOADING * half_period
+    brief = rising.size and time[rising[-1]] - time[rising[0]] < SHORT_LOADING * record.half_period
     if 0 < rising.size < SHORT_RISE or brief:
         return _low(time, force, rising), end
     # While the drive stands, or starts anew, a force that only rises is no straight line.
-    moving = max((a for a, _, _ in moving_pieces(drive, begin, end) if a < first), default=begin)
-    return (_line_start(time, force, begin, first, noise) if moving == begin else begin), end
+    moving = max((a for a, _, _ in moving_pieces(record.drive, begin, end) if a < first), default=begin)
+    return (_line_start(time, force, begin, first, record.noise) if moving == begin else begin), end

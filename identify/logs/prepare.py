@@ -15,7 +15,7 @@ from identify.base.errors import FitError
 from identify.logs.judgement import Judgement, judge
 from identify.logs.loads import LoadSpline, as_far_as_told, as_modelled
 from identify.logs.log_data import LogData, StickLoading
-from identify.logs.manner import FEW, Manner, manner_of, moving_pieces, window_of_course, window_of_cycles
+from identify.logs.manner import FEW, ForceRecord, Manner, manner_of, moving_pieces, window_of_course, window_of_cycles
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
 from identify.logs.segment import ENDS_LOADING, REMEDY, SLIDING, STICK, Segmentation
@@ -165,18 +165,12 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     log = segmented(entry, record, scene.rig_for(entry), elastic=elastic)
     judgement = _judged(log, scene, unknowns)
     stiffness = 0.0 if unknowns.model.vibrates else log.rig.stiffness  # else the mass swings with something else
-    manner = manner_of(
-        log.found,
-        log.time,
-        log.measured,
-        log.load,
-        log.falls,
-        noise=log.noise,
-        stiffness=stiffness,
-        half_period=log.half_period,
-        drive=log.drive,
-    )
-    begin, end = _window(log, manner)
+    moving = log.moving
+    manner = manner_of(moving, log.found, log.falls, stiffness)
+    if manner.name == "cycles":
+        begin, end = window_of_cycles(moving, log.found, log.entry.skip_cycles)
+    else:
+        begin, end = window_of_course(moving, log.found, manner)
     reason = _rejected(judgement, log.name) or _reason(manner, log, judgement)
     if reason is not None and judgement.swapped:
         reason = f"{log.name}: normal force and friction force look swapped"
@@ -203,7 +197,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         return replace(made, data=_as_sure_as_its_level(made, made.data))
     if manner.name != "course":
         return made
-    return replace(made, pieces=_pieces(made, log.noise, stiffness, log.half_period))
+    return replace(made, pieces=_pieces(made, moving, stiffness))
 
 
 def soft(scene: Scene, unknowns: Unknowns) -> bool:
@@ -216,14 +210,6 @@ def _judged(log: Segmented, scene: Scene, unknowns: Unknowns) -> Judgement:
     expected = None if soft(scene, unknowns) or not log.drive.constant else log.speed * log.rig.stiffness
     part = RecordPart(log.time, log.measured, log.found, expected, log.load)
     return judge(log.record, [part], scene.thresholds, log.used)
-
-
-def _window(log: Segmented, manner: Manner) -> tuple[float, float]:
-    """Begin and end of what is fitted [s]."""
-    time, force, found, noise = log.time, log.measured, log.found, log.noise
-    if manner.name == "cycles":
-        return window_of_cycles(time, force, found, noise, log.entry.skip_cycles, log.half_period)
-    return window_of_course(time, force, found, noise, manner, log.drive, log.half_period)
 
 
 def _load(
@@ -299,30 +285,20 @@ def _pull(found: Segmentation, course: LoadSpline, rig: Rig, speed: float) -> St
     return StickLoading(coefficient, rate, LONGER * rig.half_period * float(np.sqrt(rig.stiffness * speed / rate)))
 
 
-def _pieces(log: Prepared, noise: float, stiffness: float, half_period: float) -> tuple[Prepared, ...]:
+def _pieces(log: Prepared, moving: ForceRecord, stiffness: float) -> tuple[Prepared, ...]:
     """The stretches of constant speed of a course in which cycles repeat, or the mass slides steadily, as logs of their
     own: what a start is taken from."""
-    data, out = log.data, []
+    data, out, noise, half_period = log.data, [], moving.noise, moving.half_period
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
         verdict = judged(time, force, Known(stiffness, speed, half_period), noise=noise)
         found = followed(time, force, verdict, half_period or None, noise)
-        drive = Drive.of(speed)
-        manner = manner_of(
-            found,
-            time,
-            force,
-            log.record.normal_force[rows],
-            found.cycles.fall,
-            noise=noise,
-            stiffness=stiffness,
-            half_period=half_period,
-            drive=drive,
-        )
+        part = ForceRecord(time, force, log.record.normal_force[rows], noise, half_period, Drive.of(speed))
+        manner = manner_of(part, found, found.cycles.fall, stiffness)
         falls = np.empty(0)
         if manner.name == "cycles" and found.count >= FEW:
-            begin, end = window_of_cycles(time, force, found, noise, 0, half_period)
+            begin, end = window_of_cycles(part, found)
             falls = found.cycles.fall
         elif manner.name != "cycles" and manner.settled is not None:
             begin, end, manner = manner.settled, float(time[-1]), replace(manner, name="sliding")

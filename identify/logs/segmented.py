@@ -15,6 +15,7 @@ from data_io.correct import Change, Corrected, Corrections, Cut, correct
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
 from identify.logs.log_regime import changes_speed, of_strokes
+from identify.logs.manner import ForceRecord
 from identify.logs.parting import name_of
 from identify.logs.regime import SURE, Known, Regime, Verdict, judged
 from identify.logs.segment import Segmentation, segment
@@ -153,9 +154,10 @@ class Segmented:
         return np.asarray(self.record.normal_force[begin : begin + self.time.size])
 
     @property
-    def half_period(self) -> float:
-        """Of the rig [s]; 0 where it is not known."""
-        return self.rig.half_period or 0.0
+    def moving(self) -> ForceRecord:
+        """What it moves by, from the first of the used samples to the last."""
+        half_period = self.rig.half_period or 0.0
+        return ForceRecord(self.time, self.measured, self.load, self.noise, half_period, self.drive)
 
     @property
     def falls(self) -> Array:

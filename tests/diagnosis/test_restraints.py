@@ -115,7 +115,8 @@ def test_a_bound_that_an_answer_within_the_noise_sits_at_is_named_first(
     monkeypatch.setattr(diagnosis, "SLIGHT", (rig,))
 
     def asked() -> Doubt | None:
-        return doubt(stated, records, logs, unknowns, attempt, [], [], 1.0, beyond=True, anew=False)
+        findings = Findings(Status.CONVERGED, "", unknowns, attempt, None, None, [], {}, {})
+        return doubt(stated, records, logs, findings, beyond=True, anew=False)
 
     found = asked()
     assert found is not None and found.whole

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.logs.manner import Manner, manner_of, since_settled
+from identify.logs.manner import ForceRecord, Manner, manner_of, since_settled
 from identify.logs.segment import SLIDING, segment
 from identify.simulation.drive import Drive
 
@@ -22,11 +22,8 @@ def manner(after: float, rises: float, seed: int) -> tuple[Manner, float | None]
     force += NOISE * np.random.default_rng(seed).standard_normal(force.size)
     time = np.arange(force.size) / RATE
     found = segment(time, force, half_period=HALF_PERIOD, noise=NOISE)
-    drive = Drive.of(1.67e-6)
-    load = np.ones(time.size)
-    told = manner_of(
-        found, time, force, load, found.cycles.fall, noise=NOISE, stiffness=750.0, half_period=HALF_PERIOD, drive=drive
-    )
+    record = ForceRecord(time, force, np.ones(time.size), NOISE, HALF_PERIOD, Drive.of(1.67e-6))
+    told = manner_of(record, found, found.cycles.fall, 750.0)
     return told, since_settled(time, force, NOISE, HALF_PERIOD)
 
 
@@ -64,8 +61,6 @@ def test_a_fast_drive_is_through_its_first_rise_in_a_few_samples(first: float, s
     time, force = slide_hold_slide(drive, first)
     found = segment(time, force, half_period=0.026, noise=NOISE)
     found = replace(found, phase=np.full_like(found.phase, SLIDING))  # too short a stick to be seen as one
-    load = np.ones(time.size)
-    told = manner_of(
-        found, time, force, load, found.cycles.fall, noise=NOISE, stiffness=1470.0, half_period=0.026, drive=drive
-    )
+    record = ForceRecord(time, force, np.ones(time.size), NOISE, 0.026, drive)
+    told = manner_of(record, found, found.cycles.fall, 1470.0)
     assert told.name == "course" and told.begins_sliding == slides
