@@ -137,6 +137,8 @@ def row_of(name: str, size: int, log: Mapping[str, Any] | None) -> dict[str, Any
         "regime": (log["regime"] or "not told").replace("_", " "),
         "verdict": quality["verdict"],
         "reason": worst[0] if worst else "",
+        "more": max(len(worst) - 1, 0),
+        "slope": next((row["stick_slope_N_per_s"] for row in log["classical"]["rows"]), None),
     }
 
 

@@ -179,8 +179,8 @@ class Page:
         stretch = TriedCycles(int(_number(asked, "first", 0)), int(_number(asked, "count", 8)))
         return tried(scene, scene.logs[number], log, values, stretch)
 
-    def effect_costs(self, asked: Asked) -> dict[str, float]:
-        """What each effect costs in a simulation."""
+    def effect_costs(self, asked: Asked) -> dict[str, Any]:
+        """What each effect, and what other accuracies cost in a simulation."""
         scene = self._scene(asked)
         if not scene.logs:
             raise PageError("the scene lists no log to simulate; add one")

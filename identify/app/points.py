@@ -51,7 +51,8 @@ def axes_of(site: Site) -> list[dict[str, Any]]:
 
 
 def answer_at(site: Site, document: Mapping[str, Any] | None, changes: Mapping[str, float]) -> dict[str, Any]:
-    """Outcome, numbers and words at a point, and what of it no log tested.
+    """Outcome, numbers and words at a point, what of it no log tested, and the drive speeds [m/s] at which the outcome
+    changes.
 
     Raises:
         SimulationError, PageError: a point without meaning.
@@ -67,6 +68,7 @@ def answer_at(site: Site, document: Mapping[str, Any] | None, changes: Mapping[s
     tested = None if document is None else Tested.of_result(document)
     here = {SPEED: speed, LOAD: load, "stiffness": values["stiffness"]}
     beyond = "" if tested is None else tested.beyond(here)
+    windows = found.get("stability", {}).get("windows", [])
     numbers = {
         name: entry
         for name, entry in found.get("amplitude", {}).items()
@@ -80,6 +82,7 @@ def answer_at(site: Site, document: Mapping[str, Any] | None, changes: Mapping[s
                 "beyond": beyond,
                 "tested": {} if tested is None else {name: list(span) for name, span in tested.ranges.items()},
                 "numbers": numbers,
+                "ends": [window["to"] for window in windows[:-1]],
             }
         )
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,11 @@ from identify.app.curves import MOST_POINTS, STRETCHES
 from identify.app.folder import Folder, PageError, read_json
 from identify.report.stored_result import plain
 from identify.report.summary import accuracy_text, tolerances_text
+from identify.report.uneven_words import NOT_FOR, distribution_lines, headline, is_uneven, odd_slips
 
 Array = NDArray[np.float64]
 SHOWN = ("status", "message", "parameters", "gate", "fit", "search", "not_tried", "found_by", "next_logs", "notes",
-         "accuracy", "estimator", "timing_s", "combinations")  # fmt: skip
+         "accuracy", "timing_s", "combinations")  # fmt: skip
 
 
 def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
@@ -33,6 +35,7 @@ def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
     seen = {key: document.get(key) for key in SHOWN}
     seen["tolerances"] = tolerances_text(document.get("tolerances") or {})
     seen["accuracy_line"] = accuracy_text(document.get("accuracy") or {})
+    seen["uneven"] = _uneven(document) if is_uneven(document) else None
     seen["effects"] = (document.get("effects") or {}).get("reasons") or []
     seen["logs"] = [
         {
@@ -46,6 +49,19 @@ def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
     ]
     seen["files"] = sorted(item.name for item in place.iterdir() if item.is_file())
     return seen
+
+
+def _uneven(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a pair whose cycles differ: the headline and what it is not for, how peak, drop and period are spread, the odd
+    slips, strength over rest (of every stick, and the typical curve with its band)."""
+    return {
+        "headline": headline(document),
+        "not_for": NOT_FOR,
+        "spread": list(distribution_lines(document)),
+        "odd": odd_slips(document),
+        "sticks": [{key: cycles[key] for key in ("log", "rest_s", "strength")} for cycles in document["uneven_cycles"]],
+        "typical": document["strength_against_rest"],
+    }
 
 
 def fit_row(folder: Folder, fit: str) -> dict[str, Any]:
@@ -66,7 +82,8 @@ def fit_row(folder: Folder, fit: str) -> dict[str, Any]:
 
 def residuals(folder: Folder, name: str, number: int, begin: float, end: float) -> Array:
     """Time [s], measured force [N], fitted force [N], their difference [N] of a log (from 1) of a fit, (4, m): where
-    there are more than fit a curve, of each stretch the sample with the largest difference of either sign.
+    there are more than fit a curve, of each stretch the sample with the largest difference of either sign, or the
+    largest force where nothing was fitted to the curve.
 
     Raises:
         PageError: the fit keeps no curves of this log.
@@ -82,7 +99,8 @@ def residuals(folder: Folder, name: str, number: int, begin: float, end: float) 
     off = measured - fitted
     if time.size > MOST_POINTS:
         starts = np.linspace(0, time.size, STRETCHES + 1).astype(int)
-        sound = np.where(np.isfinite(off), off, 0.0)
+        told = off if np.any(np.isfinite(off)) else measured
+        sound = np.where(np.isfinite(told), told, 0.0)
         picked = [a + at(sound[a:b]) for a, b in pairwise(starts) for at in (np.argmin, np.argmax)]
         keep = np.unique(picked)
         time, measured, fitted, off = time[keep], measured[keep], fitted[keep], off[keep]

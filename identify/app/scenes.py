@@ -22,12 +22,13 @@ from identify.scene.parameters import declared_by
 from identify.scene.rig import question_bare_numbers
 
 LONGEST = 1_000_000  # characters of a scene file
+NEEDED = ("mass", "stiffness", "damping")
 RIG_FIELDS = {
     "mass": ("moving mass", "kg", "Weigh what moves with the contact: holder, specimen, half of the springs."),
     "stiffness": ("stiffness", "N/m", "Hang a known weight on the holder and read the deflection; or take the stick "
                   "slope over the drive speed, beside each log."),
-    "damping": ("damping h", "N/m", "Pluck the holder out of contact and record it ringing down; give damping, or zeta "
-                "or log_decrement in its place."),
+    "damping": ("damping h", "N/m", "Pluck the holder out of contact and record it ringing down: if n swings later 1/e "
+                "is left, the damping ratio is 1/(2 pi n); `stickslip rig` reads it off such a record."),
     "drive_speed": ("drive speed", "m/s", "Where it is the same in all logs; else in each log."),
     "normal_force": ("normal force", "N", "Only where the logs have no column of it."),
     "noise": ("noise of the force", "N", "Left out it is estimated from straight sticks."),
@@ -165,7 +166,7 @@ def edited(text: str, keys: Sequence[str], value: Any) -> str:
             place = place[int(key) - 1]
         else:
             if key not in place:
-                place[key] = tomlkit.table() if number == 0 else tomlkit.inline_table()
+                _put(place, key, tomlkit.table() if number == 0 else tomlkit.inline_table())
             place = place[key]
     if isinstance(place, (AoT, list)) and keys[-1].isdecimal() and value is None:
         del place[int(keys[-1]) - 1]
@@ -175,8 +176,20 @@ def edited(text: str, keys: Sequence[str], value: Any) -> str:
         if keys[-1] in place:
             del place[keys[-1]]
     else:
-        place[keys[-1]] = _typed(value)
+        _put(place, keys[-1], _typed(value))
     return tomlkit.dumps(document)
+
+
+def _put(table: Any, key: str, value: Any) -> None:
+    """Put a value into a table, a new one before the comments at its end, which belong to what follows."""
+    tail: list[Any] = []
+    if isinstance(table, Table):
+        body = table.value.body
+        while body and body[-1][0] is None:
+            tail.insert(0, body.pop())
+    table[key] = value
+    if tail:
+        table.value.body.extend(tail)
 
 
 def with_log(text: str, path: str) -> str:
@@ -228,7 +241,18 @@ def form_of(document: Mapping[str, Any], scene: Scene | None) -> dict[str, Any]:
     for name, (label, unit, how) in RIG_FIELDS.items():
         key = damping if name == "damping" else name
         label, unit = DAMPINGS.get(key, (label, unit))
-        fields.append({"key": key, "label": label, "unit": unit, "help": how, "value": _shown(rig.get(key))})
+        fields.append(
+            {
+                "key": key,
+                "label": label,
+                "unit": unit,
+                "help": how,
+                "value": _shown(rig.get(key)),
+                "needed": name in NEEDED,
+                "guess": key in NEEDED,
+                "searched": _shown(said.get(key)),
+            }
+        )
     logs = document.get("logs")
     return {
         "name": _shown(document.get("name")),

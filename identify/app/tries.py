@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from identify.app.folder import PageError
 from identify.estimation.preview import preview
+from identify.logs.regime import Regime
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.segmented import Segmented
 from identify.report.stored_result import plain
@@ -23,7 +24,8 @@ from identify.simulation.price import price
 from identify.simulation.simulate import run, simulate
 
 Array = NDArray[np.float64]
-POINTS = 1_000  # of a curve
+POINTS = 1_000  # of a curve, and again of its slips
+A_SLIP = (4, 40)  # fewest and most of them in a slip
 ACCURACY = 1e-4  # of switch times and forces: finer than a line on a screen
 CYCLES = 4.0  # of a simulation whose time is taken
 MODERATE = 1e-3  # drive speed where the scene says none [m/s]
@@ -71,8 +73,7 @@ def tried(
         made = run(
             model, used, drive, _course(time, load, model.follows_load), float(time[-1]), start=start, accuracy=ACCURACY
         )
-        at = np.union1d(np.linspace(0.0, made.duration, POINTS), np.clip(made._edges, 0.0, made.duration))
-        at = at[:: max(1, -(-at.size // (2 * POINTS)))]
+        at = _instants(made.duration, made.onsets, made.arrests)
         curve = made.sample(at)
     off = np.interp(time, at, curve["force"]) - force
     step = max(1, -(-time.size // (2 * POINTS)))
@@ -90,8 +91,16 @@ def tried(
         "rms": float(np.sqrt(np.nanmean(off**2))),
         "noise": log.noise,
         "slips": {"measured": int(last - first), "simulated": int(made.onsets.size)},
+        "uneven": log.verdict.regime is Regime.UNEVEN_STICK_SLIP,
     }
     return dict(plain(document))
+
+
+def _instants(duration: float, onsets: Array, arrests: Array) -> Array:
+    """Instants that show a simulation: evenly over all of it, and evenly over every slip, however short."""
+    ends = np.append(arrests, duration)[np.searchsorted(arrests, onsets, side="right")]
+    each = int(np.clip(POINTS // max(onsets.size, 1), *A_SLIP))
+    return np.unique(np.concatenate([np.linspace(0.0, duration, POINTS), np.linspace(onsets, ends, each).ravel()]))
 
 
 def _course(time: Array, load: Array, follows: bool) -> float | tuple[Array, Array]:
@@ -113,8 +122,9 @@ def _strength(onsets: Array, arrests: Array, curve: Mapping[str, Array], at: Arr
     return [[rest, float(value)] for rest, value in zip(rests, there, strict=True)]
 
 
-def costs(scene: Scene, entry: LogEntry) -> dict[str, float]:
-    """Milliseconds of a simulated cycle that each effect of the scene takes, at the highest speed of a log.
+def costs(scene: Scene, entry: LogEntry) -> dict[str, Any]:
+    """Milliseconds of a simulated cycle that each effect of the scene takes, at the highest speed of a log, and what
+    other accuracies would cost, in words.
 
     Raises:
         SceneError, SimulationError: a scene that cannot be simulated.
@@ -130,7 +140,8 @@ def costs(scene: Scene, entry: LogEntry) -> dict[str, float]:
         motion = simulate(driven, CYCLES * period, accuracy=ACCURACY)
         found = price(driven, motion, process_time() - since)
     scale = 1e3 / max(motion.onsets.size, 1)
-    return {name: scale * seconds for name, seconds in found.effects.items()}
+    slips = f"Simulating {motion.onsets.size} slips: {found.text}."
+    return {"effects": {name: scale * seconds for name, seconds in found.effects.items()}, "text": slips}
 
 
 def start_from_data(scene: Scene) -> dict[str, Any]:

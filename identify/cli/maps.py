@@ -79,7 +79,10 @@ def map_answer(
             others = [tuple(axis(p.site, name).value for name in names) for p in points[1:]]
             draw_map(made, plot, part, Marks([(a, b) for a, b in others], known, tested, point.title))
         files = [] if data is None else write_chart(made, data)
-        document |= {"map": _chart_document(made), "price": {"points": n, "levels": levels}}
+        document |= {
+            "map": _chart_document(made),
+            "price": {"points": n, "levels": levels, "text": _price_text(levels)},
+        }
     if plot:
         terminal.say(f"plot: {plot}")
     for file in files:

@@ -1,6 +1,6 @@
 // The frame of the page: views by address, the scene that is worked on, the jobs at the bottom, news of the folder.
-import { address, choice, element, get, guarded, here, refill, say } from "./base.js";
-import { jobCard } from "./jobs.js";
+import { address, choice, element, get, guarded, here, refill, say, settled } from "./base.js";
+import { endedJobs, runningJob } from "./jobs.js";
 import { logsView } from "./logs.js";
 import { logView } from "./log.js";
 import { sceneView } from "./scene.js";
@@ -14,6 +14,7 @@ const VIEWS = {
   fit: ["Fit", fitView], map: ["Map", mapView], study: ["Study", studyView],
 };
 const SOON = 700, LATER = 4000; // milliseconds between looks at the folder while something is at work, and else
+const SHOWN = 8; // jobs that have ended
 
 /** What all views work on: the folder as it was listed last, and the scene. */
 const session = {
@@ -48,13 +49,12 @@ function scenes() {
 
 function jobs() {
   const put = JSON.parse(localStorage.getItem("put-away") ?? "[]");
-  const cards = session.folder.jobs.filter((job) => job.state === "running" || !put.includes(job.id)).slice(0, 6);
-  const open = [...document.querySelectorAll("#jobs details[open]")].map((card) => card.dataset.job);
-  refill(document.getElementById("jobs"), ...cards.map((job) => jobCard(job, session, () => {
-    localStorage.setItem("put-away", JSON.stringify([job.id, ...put].slice(0, 200)));
+  const [running, others] = [true, false].map((now) => session.folder.jobs.filter((job) => (job.state === "running") === now));
+  const ended = others.filter((job) => !put.includes(job.id)).slice(0, SHOWN), host = document.getElementById("jobs"), open = host.querySelector("details")?.open;
+  refill(host, running.map((job) => runningJob(job, session)), ended.length ? endedJobs(ended, () => {
+    localStorage.setItem("put-away", JSON.stringify([...others.map((job) => job.id), ...put].slice(0, 200)));
     jobs();
-  })));
-  for (const card of document.querySelectorAll("#jobs details")) card.open = open.includes(card.dataset.job);
+  }, open) : null);
 }
 
 const show = guarded(async () => {
@@ -82,6 +82,9 @@ document.addEventListener("keydown", (event) => {
   if (name) { event.preventDefault(); location.hash = address(name); }
 });
 addEventListener("hashchange", show);
+const redraw = () => document.dispatchEvent(new Event("redraw")); // what is drawn follows the width, and day and night
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+addEventListener("resize", settled(redraw, 150));
 await watch();
 await show();
 document.body.dataset.ready = "yes";

@@ -18,13 +18,16 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** A table: heading, rows of cells (text, element, or {number: text}). */
+/** A table: heading, rows of cells (text, element, or {number: text}); of class "cards" it is one card a row where the
+    screen is narrow, each cell after the name of its column. */
 export function table(heading, rows, attributes = {}) {
   const isNumber = (value) => value !== null && typeof value === "object" && "number" in value;
-  const cell = (tag, value) => isNumber(value) ? element(tag, { class: "number" }, value.number) : element(tag, {}, value ?? "");
+  const named = heading.map((name) => typeof name === "string" ? name : isNumber(name) ? name.number : null);
+  const cell = (tag, value, column) => { const label = tag === "td" ? named[column] : null;
+    return isNumber(value) ? element(tag, { class: "number", "data-label": label }, value.number) : element(tag, { "data-label": label }, value ?? ""); };
   return element("div", { class: "wide" }, element("table", attributes,
-    element("thead", {}, element("tr", {}, heading.map((name) => cell("th", name)))),
-    element("tbody", {}, rows.map((row) => element("tr", {}, row.map((value) => cell("td", value)))))));
+    element("thead", {}, element("tr", {}, heading.map((name, column) => cell("th", name, column)))),
+    element("tbody", {}, rows.map((row) => element("tr", {}, row.map((value, column) => cell("td", value, column)))))));
 }
 
 export const button = (text, work, attributes = {}) => element("button", { type: "button", onclick: guarded(work), ...attributes }, text);

@@ -1,7 +1,7 @@
 // Fits: start one, see how far it is, look into its result, hold two against each other.
-import { address, button, choice, curves, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, quantity, refill, remember, style, table } from "./base.js";
+import { address, button, choice, curves, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
-import { shade, TimeView } from "./plots.js";
+import { line, mark, picture, shade, span, TimeView } from "./plots.js";
 
 const VERDICTS = { identified: "✓ identified", weak: "~ weak", "not identifiable": "✗ not identifiable", bounded: "≤ bounded", fixed: "= fixed", "at bound": "| at bound" };
 
@@ -20,7 +20,7 @@ function parameters(one, two) {
   const cells = (entry) => entry ? [{ number: quantity(entry.value, entry.unit) }, interval(entry.interval, entry.unit), ...(wide ? [interval(entry.interval_with_tolerances, entry.unit)] : []), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
   const apart = (a, b) => a?.standard_error && b?.standard_error && a.value !== null && b.value !== null ? { number: `${plain((b.value - a.value) / Math.hypot(a.standard_error, b.standard_error), 2)} s.e.` } : "";
   return [table(["", { number: "value" }, exact, ...(wide ? ["95 %, tolerances"] : []), "verdict", ...(two ? [{ number: "second" }, exact, "verdict", { number: "apart" }] : []), ...(why ? ["why"] : [])],
-    names.map((name, i) => [name, ...cells(entries[i]), ...(two ? [...cells(two.parameters[name]), apart(entries[i], two.parameters[name])] : []), ...(why ? [entries[i].reason ?? ""] : [])]), { id: "parameters" }),
+    names.map((name, i) => [element("strong", {}, name), ...cells(entries[i]), ...(two ? [...cells(two.parameters[name]), apart(entries[i], two.parameters[name])] : []), ...(why ? [entries[i].reason ?? ""] : [])]), { id: "parameters", class: "cards" }),
   wide ? element("p", { class: "quiet" }, `${one.tolerances}.`) : null];
 }
 
@@ -33,63 +33,79 @@ function residualView(host, path, seen, session) {
     const log = logs.find((one) => one.number === Number(number)) ?? logs[0];
     view?.close();
     const end = log.cycles.length ? Math.max(...log.cycles.map((c) => c.arrest)) * 1.02 : 1e9;
-    const worst = [...log.cycles.keys()].sort((a, b) => Math.abs(log.cycles[b].misfit_z) - Math.abs(log.cycles[a].misfit_z)).slice(0, 5);
+    const fitted = log.cycles.some((cycle) => Number.isFinite(cycle.misfit_z)), worst = !fitted ? [] : [...log.cycles.keys()].sort((a, b) => Math.abs(log.cycles[b].misfit_z) - Math.abs(log.cycles[a].misfit_z)).slice(0, 5);
     const bad = (z) => Math.abs(z) > 4;
     curves("residuals", { path, number: log.number }).then((rows) => {
       const last = rows[0].length ? rows[0][rows[0].length - 1] : end;
       view = new TimeView(plots, {
         begin: rows[0].length ? rows[0][0] : 0, end: last, ask: (begin, to) => curves("residuals", { path, number: log.number, begin, end: to }),
-        panels: [{ label: "force", unit: "N", height: 210, series: [{ row: 1, label: "measured", color: "--force" }, { row: 2, label: "fitted", color: "--model", dash: [6, 4] }] },
-          { label: "difference", unit: "N", height: 150, series: [{ row: 3, label: "measured − fitted", color: "--ink" }] }],
-        drawOver: (plot) => log.cycles.filter((c) => bad(c.misfit_z)).forEach((c) => shade(plot, c.onset, c.arrest, style("--bad"), { hatch: 6, label: "misfit" })),
+        panels: !fitted ? [{ label: "force", unit: "N", height: 240, series: [{ row: 1, label: "measured", color: "--force" }] }]
+          : [{ label: "force", unit: "N", height: 210, series: [{ row: 1, label: "measured", color: "--force" }, { row: 2, label: "fitted", color: "--model", dash: [6, 4] }] },
+            { label: "difference", unit: "N", height: 150, series: [{ row: 3, label: "measured − fitted", color: "--ink" }] }],
+        drawOver: (plot) => !fitted ? log.cycles.forEach((c) => shade(plot, c.onset, c.arrest, style("--model"))) : log.cycles.filter((c) => bad(c.misfit_z)).forEach((c) => shade(plot, c.onset, c.arrest, style("--bad"), { hatch: 6, label: "misfit" })),
       });
       plots.timeView = view;
     });
-    refill(list, "Cycles that fit worst: ", worst.map((i) => {
+    refill(list, fitted ? "Cycles that fit worst: " : "Every slip was followed by itself; no one curve was fitted. ", worst.map((i) => {
       const cycle = log.cycles[i], room = 2 * (cycle.arrest - cycle.onset) + 0.02, window = [cycle.onset - room, cycle.arrest + room];
       return [button(`cycle ${i + 1}, z = ${plain(cycle.misfit_z, 2)}${bad(cycle.misfit_z) ? " ✗" : ""}`, () => view.go(...window), { "data-cycle": i + 1 }),
         " ", link("in the log", "log", { path: log.path, begin: Math.max(window[0], 0), end: window[1] }), " "];
     }), " ", button("all", () => view.go(...view.whole)));
   };
-  pick.append(labelled("Residuals of", choice(logs.map((log) => [String(log.number), `${log.path}${log.left_out ? " (left out)" : ""}`]), String(logs[0].number), showLog)));
+  pick.append(labelled(seen.uneven ? "Measured force of" : "Residuals of", choice(logs.map((log) => [String(log.number), `${log.path}${log.left_out ? " (left out)" : ""}`]), String(logs[0].number), showLog)));
   put(host, element("h3", {}, pick), plots, list);
   showLog(logs[0].number);
   return () => view?.close();
 }
 
+/** Of a pair whose cycles differ: how peak, drop and period are spread, and strength over the rest before. */
+function unevenView(host, { headline, not_for, spread, odd, sticks, typical }) {
+  const plot = element("div", { id: "strength" });
+  put(host, element("p", {}, element("strong", {}, headline), ` ${not_for}`), element("div", { class: "columns" },
+    element("div", {}, table(["", { number: "median (95 % interval)" }, { number: "nine of ten cycles" }], spread.map(([name, median, range]) => [name, { number: median }, { number: range }]), { id: "spread", class: "cards" }), odd ? element("p", {}, odd) : null), plot));
+  const rests = sticks.flatMap((log) => log.rest_s), strengths = sticks.flatMap((log) => log.strength), { rest_s: at, strength, lower, upper } = typical;
+  picture(plot, { x: { label: "rest before the slip (s)", range: span(rests) }, y: { label: "strength / load", range: span([...strengths, ...strength]) }, draw: (context, x, y) => {
+    rests.forEach((rest, i) => mark(context, x(rest), y(strengths[i]), style("--force"), "circle", 3));
+    line(context, at, strength, x, y, style("--model"), { width: 2 });
+    for (const edge of [lower, upper]) line(context, at, edge, x, y, style("--model"), { dash: [6, 4], width: 1 });
+  } });
+  put(host, element("p", { class: "quiet" }, "Points: every stick; line: the typical strength after that rest, dashed its 95 % interval."));
+}
+
 async function result(host, path, second, session) {
   const seen = await get("fit", { path }), two = second ? await get("fit", { path: second }) : null;
   const others = session.folder.fits.map((fit) => fit.path).filter((other) => other !== path);
+  const fitless = seen.status !== "converged";
   const says = (fit) => element("p", { class: fit.status === "converged" ? "good" : "bad" }, `${fit.status.replaceAll("_", " ")}: ${fit.message}`);
   refill(host, 
     element("h2", {}, path), says(seen), two ? element("p", {}, `second, ${second}: `, says(two)) : null,
-    element("div", { class: "bar" }, labelled("beside", choice([["", "no other fit"], ...others], second ?? "", (other) => { location.hash = address("fit", { path, second: other }); })),
-      link("map from this fit", "map", { fit: path }), element("a", { href: fileAddress(`${path}/report.html`), target: "_blank", rel: "noopener" }, "the whole report"),
-      seen.files.map((name) => element("a", { href: fileAddress(`${path}/${name}`, true) }, name))),
-    parameters(seen, two));
-  if (seen.accuracy_line) put(host, element("p", { id: "price" }, `${seen.accuracy_line}.`));
+    element("div", { class: "bar" }, element("a", { class: "main", href: fileAddress(`${path}/report.html`), target: "_blank", rel: "noopener" }, "open the report"),
+      seen.uneven || fitless ? null : link("map from this fit", "map", { fit: path }),
+      others.length ? labelled("compare with", choice([["", "no other fit"], ...others], second ?? "", (other) => { location.hash = address("fit", { path, second: other }); })) : null,
+      element("small", {}, "Files: ", seen.files.map((name) => [element("a", { href: fileAddress(`${path}/${name}`, true) }, name), " "]))));
+  if (seen.uneven) unevenView(host, seen.uneven);
+  put(host, parameters(seen, two), element("p", { id: "price" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : ""));
   const close = residualView(host, path, seen, session);
-  put(host, element("details", { open: true }, element("summary", {}, "What follows, log by log"), seen.logs.map((log) => element("p", {}, element("strong", {}, `${log.path}: `), log.left_out ? `left out: ${log.left_out}` : log.text))));
+  const told = seen.logs.filter((log) => log.left_out || log.text);
+  if (told.length) put(host, element("h3", {}, "What follows, log by log"), told.map((log, i) => element("details", { open: i === 0 }, element("summary", {}, element("strong", {}, log.path), log.left_out ? " (left out)" : ""), element("p", {}, log.left_out ?? log.text))));
   if (seen.next_logs?.length) put(host, element("h3", {}, "The next test to make"), element("ul", {}, seen.next_logs.map((next) => element("li", {}, next.text ?? next.sentence ?? JSON.stringify(next)))));
   if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `What the search tried (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
     seen.search.map((step) => [step.strategy, (step.status ?? "").replaceAll("_", " "), { number: plain(step.cost) }, { number: plain(step.seconds, 2) }])), seen.not_tried?.length ? element("p", {}, `No time for: ${seen.not_tried.map((name) => name.strategy ?? name).join(", ")}`) : null));
   if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "What the data say of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
   put(host, element("details", {}, element("summary", {}, "The whole report, here"), element("iframe", { src: fileAddress(`${path}/report.html`), title: `report of ${path}`, sandbox: "allow-scripts allow-popups", loading: "lazy" })));
-  return close;
+  return { close, seen };
 }
 
 export async function fitView(host, asked, session) {
-  const place = element("div", {}), list = element("div", {}), shown = { path: asked.path };
+  const place = element("div", {}), list = element("div", {});
   const scene = session.scene, stem = scene.split("/").pop()?.replace(/\.toml$/, "") ?? "";
   const of = session.folder.fits.find((fit) => fit.path === asked.path || fit.path === `stickslip-${stem}`);
-  const last = of ? await get("fit", { path: of.path }).catch(() => null) : null;
   const text = scene ? await get("scene", { path: scene }) : null;
   const out = element("input", { value: `stickslip-${text?.form?.name || stem}`, size: 22, "aria-label": "folder of the result" });
-  const accuracy = choice(accuracies(last), "default", () => {}, { "aria-label": "accuracy" });
+  let accuracy = choice(accuracies(), "default", () => {}, { "aria-label": "accuracy" });
   const limit = element("input", { value: text?.form?.time_limit || "60 s", size: 7, "aria-label": "time limit" });
   const more = Object.entries({ profile: "profile of every parameter", "effects-table": "with and without each effect", "accuracy-table": "measure every accuracy" }).map(([name, words]) => {
-    const box = element("input", { type: "checkbox", "data-option": name });
-    return element("label", {}, box, " ", words);
+    return element("label", {}, element("input", { type: "checkbox", "data-option": name }), " ", words);
   });
   let close = null, stop = () => {};
   const begin = button("fit", async () => {
@@ -97,28 +113,31 @@ export async function fitView(host, asked, session) {
     const options = Object.fromEntries(more.map((label) => [label.firstChild.dataset.option, label.firstChild.checked]));
     const job = await start(session, { command: "fit", scene, out: out.value, accuracy: accuracy.value, "time-limit": limit.value, ...options });
     stop();
-    stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done" && host.isConnected) { remember({ path: ended.out, second: "" }); show(ended.out); } });
+    refill(place, element("p", { class: "quiet" }, "The fit is at work: its stage and the time left stand at the bottom. It goes on when this page is closed."));
+    stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done" && host.isConnected) { remember({ path: ended.out, second: "" }); show(ended.out); } else if (ended.state !== "done") say(ended.message); });
   }, { class: "main", disabled: !scene });
   const show = async (path, second) => {
     close?.();
-    shown.path = path;
-    close = await result(place, path, second, session);
+    const found = await result(place, path, second, session), renewed = choice(accuracies(found.seen), accuracy.value, () => {}, { "aria-label": "accuracy" });
+    close = found.close;
+    accuracy.replaceWith(renewed);
+    accuracy = renewed;
   };
   const fill = () => {
     const key = JSON.stringify(session.folder.fits.map((fit) => [fit.path, fit.finished]));
     if (key === list.dataset.key) return;
     list.dataset.key = key;
-    refill(list, session.folder.fits.length ? table(["fit", "status", "finished", "says"], session.folder.fits.map((fit) => [link(fit.path, "fit", { path: fit.path }), fit.status, fit.finished.replace("T", " ").replace("Z", ""), fit.message]), { id: "fits" })
+    refill(list, session.folder.fits.length ? table(["fit", "status", "finished", "says"], session.folder.fits.map((fit) => [link(fit.path, "fit", { path: fit.path }), fit.status, fit.finished.replace("T", " ").replace("Z", ""), fit.message]), { id: "fits", class: "cards" })
       : element("p", {}, "No fit has ended in this folder yet."));
   };
   put(host, element("div", { class: "bar" }, begin, labelled(scene ? `${scene} into` : "no scene yet;", out), labelled("accuracy", accuracy), labelled("at most", limit)),
-    element("div", { class: "bar" }, more), text?.error ? element("p", { class: "error" }, `The scene needs mending first: ${text.error} `, link("open it", "scene")) : null,
-    place, element("details", { open: !asked.path }, element("summary", {}, "All fits of the folder"), list));
+    element("div", { class: "bar" }, element("span", { class: "quiet" }, "for more time, also:"), more), text?.error ? element("p", { class: "error" }, `The scene needs mending first: ${text.error} `, link("open it", "scene")) : null,
+    place, element("details", { open: !of }, element("summary", {}, "All fits of the folder"), list));
   document.addEventListener("folder", fill);
   fill();
   // a fit that was started before the page was opened is waited for all the same
   const running = session.folder.jobs.find((job) => job.kind === "fit" && job.state === "running" && job.out === out.value);
   if (running) stop = whenEnded(running.id, session, (ended) => { if (ended.state === "done") show(ended.out); });
-  if (asked.path) await show(asked.path, asked.second);
+  if (of) await show(of.path, asked.second);
   return () => { document.removeEventListener("folder", fill); stop(); close?.(); };
 }

@@ -21,21 +21,23 @@ function left(job) {
   return `, about ${Math.max(Math.round(limit - job.seconds), 0)} s of at most ${Math.round(limit)} s left`;
 }
 
-export function jobCard(job, session, putAway) {
-  const name = job.out ? ` ${job.out}` : "";
+/** A job at work: stage, time left, cancel. */
+export function runningJob(job, session) {
   const stage = job.stages.length ? job.stages[job.stages.length - 1][0] : "starting";
-  const running = job.state === "running";
-  const bar = running ? element("progress", { max: 1, "aria-label": `progress of ${job.kind}` }) : null;
-  if (bar && job.share !== null && job.share !== undefined) bar.value = job.share;
-  if (!running) {
-    const message = job.message ? `: ${job.message}` : "";
-    return element("details", { class: "job", "data-job": job.id, "data-state": job.state },
-      element("summary", {}, element("strong", {}, job.kind), `${name}: ${WORDS[job.state]} after ${duration(job.seconds)}${message} `, result(job), " ", button("put away", putAway)), command(job.command));
-  }
+  const bar = element("progress", { max: 1, "aria-label": `progress of ${job.kind}` });
+  if (job.share !== null && job.share !== undefined) bar.value = job.share;
   const cancel = button("cancel", async () => { await post("cancel", { id: job.id }); await session.look(); });
-  return element("section", { class: "job", "data-job": job.id, "data-state": job.state },
-    element("p", {}, element("strong", {}, job.kind), `${name}: ${stage} (${duration(job.seconds)}${left(job)}) `, cancel), bar,
+  return element("section", { class: "job", "data-state": job.state },
+    element("p", {}, element("strong", {}, job.kind), ` ${job.out}: ${stage} (${duration(job.seconds)}${left(job)}) `, cancel), bar,
     job.stages.length > 1 ? element("p", { class: "quiet" }, job.stages.map(([name, at]) => `${name} ${duration(at)}`).join(" → ")) : null, command(job.command));
+}
+
+const line = (job) => [element("strong", {}, job.kind), ` ${job.out}: ${WORDS[job.state]} after ${duration(job.seconds)} `, result(job)];
+
+/** Jobs that have ended: the newest in one line, all with their commands beneath. */
+export function endedJobs(jobs, putAway, open) {
+  return element("details", { open }, element("summary", {}, line(jobs[0]), " ", button("put away", putAway)),
+    jobs.map((job) => element("div", { class: "job", "data-state": job.state }, element("p", {}, line(job), job.message ? ` – ${job.message}` : ""), command(job.command))));
 }
 
 /** Start a job and say that it runs. */

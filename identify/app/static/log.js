@@ -2,7 +2,7 @@
 import { address, button, choice, curves, element, get, guarded, here, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
 import { shade, TimeView } from "./plots.js";
 
-const MODES = { move: "move", window: "window", exclude: "exclude", tare: "tare" };
+const MODES = { move: "look", window: "use only …", exclude: "leave out …", tare: "set zero …" };
 const HINTS = {
   move: "drag to move, turn the wheel to zoom, double-click for all; keys: ← → + − 0",
   window: "drag over the part that is to be used",
@@ -26,25 +26,25 @@ export function classicalTable(rows) {
   }), { class: "classical" });
 }
 
-/** Where a log stands in the scene: choices "scene 2: slow.csv", and the file alone. */
-async function places(session, path) {
-  if (!session.scene) return [];
+/** Where the logs of the scene stand in it, and what is wrong with it. */
+async function listed(session) {
+  if (!session.scene) return { wrong: "", places: [] };
   const scene = await get("scene", { path: session.scene });
-  return (scene.form?.logs ?? []).map((log, number) => ({ number, path: log.path, step: log.step })).filter((place) => !path || place.path === path || session.scene.includes("/"));
+  return { wrong: scene.error, places: (scene.form?.logs ?? []).map((log, number) => ({ number, path: log.path, step: log.step })) };
 }
 
 export async function logView(host, asked, session) {
-  const inScene = await places(session, asked.path);
-  let which = asked.number !== undefined && session.scene ? { scene: session.scene, number: Number(asked.number) }
-    : inScene.length && asked.alone === undefined ? { scene: session.scene, number: inScene[0].number } : { path: asked.path };
-  if (!which.scene && !which.path) {
-    const logs = session.folder.logs;
-    put(host, element("p", {}, "Which log? ", logs.map((log) => [link(log.path, "log", { path: log.path }), " "])));
-    return undefined;
-  }
+  const { wrong, places } = await listed(session), logs = session.folder.logs.map((log) => log.path);
+  const path = asked.path ?? (logs.includes(session.log) ? session.log : places[0]?.path ?? logs[0]);
+  if (!path) { put(host, element("p", {}, "There is no log in this folder yet: add one in ", link("the table of logs", "logs"), ".")); return undefined; }
+  const inScene = wrong ? [] : places.filter((place) => place.path === path || session.scene.includes("/"));
+  const which = !wrong && asked.number !== undefined && session.scene ? { scene: session.scene, number: Number(asked.number) }
+    : inScene.length && asked.alone === undefined ? { scene: session.scene, number: inScene[0].number } : { path };
+  session.log = path;
   const tools = element("div", { class: "bar" }), hint = element("small", {}), hover = element("p", { class: "hover quiet", "aria-live": "off" }, "Point at a slip to read its numbers."), plots = element("div", { id: "plots" });
-  const beside = element("div", {}), title = element("h2", {});
-  put(host, title, tools, hint, plots, hover, beside);
+  const beside = element("div", { class: "columns" }), title = element("h2", {});
+  put(host, element("div", { class: "bar" }, labelled("log", choice(logs.includes(path) ? logs : [path, ...logs], path, (to) => { location.hash = address("log", { path: to }); }))),
+    title, wrong ? element("p", { class: "warning" }, `Seen without ${session.scene}, which lacks something: ${wrong}. `, link("fill it in", "scene"), " to place cuts.") : null, tools, hint, plots, hover, beside);
   let mode = "move", view = null, cycles = [], cut = null, over = false;
 
   const about = await (async () => {
@@ -79,7 +79,7 @@ export async function logView(host, asked, session) {
     for (const cycle of shown) {
       shade(plot, cycle.onset, cycle.arrest, style("--model"));
       const x = plot.valToPos(cycle.onset, "x", true);
-      context.save(); context.strokeStyle = style("--model"); context.setLineDash([4, 4]); context.beginPath(); context.moveTo(x, top); context.lineTo(x, top + height); context.stroke(); context.restore();
+      context.save(); context.strokeStyle = style("--model"); context.setLineDash([4, 4]); context.globalAlpha = shown.length > 20 ? 0.45 : 1; context.beginPath(); context.moveTo(x, top); context.lineTo(x, top + height); context.stroke(); context.restore();
     }
   };
 
@@ -119,17 +119,20 @@ export async function logView(host, asked, session) {
       const [found, opened] = await Promise.all([get("cut", which), get("log", which)]);
       cut = opened.cut;
       cycles = found.cycles;
-      refill(beside, 
-        element("p", {}, `${cycles.length} cycles, ${found.regime || "no regime told"} (${found.evidence.join("; ")}); noise ${quantity(found.noise, "N", 3)}`,
-          found.stick_slope ? `; stick slope ${quantity(found.stick_slope, "N/s")}, over the drive speed ${quantity(found.stiffness_of_sticks, "N/m")}` : "",
-          found.sign < 0 ? "; the force is turned over: it slides with a negative force" : "", found.changes.map((text) => `; ${text}`)),
-        classicalTable(found.table.rows), sceneLines());
+      refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} cycles, ${found.regime || "no regime told"}. `), `${found.evidence.join("; ")}. Noise ${quantity(found.noise, "N", 3)}.`,
+        found.stick_slope ? ` Stick slope ${quantity(found.stick_slope, "N/s")}, over the drive speed ${quantity(found.stiffness_of_sticks, "N/m")}.` : "",
+        found.sign < 0 ? " The force is turned over: it slides with a negative force." : "", found.changes.map((text) => ` ${text}.`)), sceneLines()), classicalTable(found.table.rows));
     } else if (about.inspection && !about.inspection.error) {
       const log = about.inspection;
       cycles = log.steps.flatMap((step) => step.onsets_s.map((onset, i) => ({ onset, arrest: step.arrests_s[i] })));
-      refill(beside, element("p", {}, `${log.format}, ${quantity(log.sampling.rate, "Hz")}; regime ${(log.regime ?? "not told").replaceAll("_", " ")}: ${log.evidence.join("; ")}`),
-        element("ul", {}, log.quality.findings.map((f) => element("li", {}, `${f.severity}: ${f.message}`))), classicalTable(log.classical.rows),
-        session.scene ? button(`add this log to ${session.scene}`, async () => { await post("edit", { path: session.scene, logs: [which.path] }); location.hash = address("scene"); }) : element("p", {}, "Cuts belong to a scene: choose logs in the table and make one."));
+      refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} slips, ${(log.regime ?? "regime not told").replaceAll("_", " ")}. `), `${log.format}, ${quantity(log.sampling.rate, "Hz")}; ${log.evidence.join("; ")}`),
+        element("ul", {}, log.quality.findings.map((f) => element("li", {}, element("strong", { class: f.severity }, f.severity), `: ${f.message}`))),
+        wrong || places.some((place) => place.path === path) ? null : session.scene ? button(`add this log to ${session.scene}`, async () => { await post("edit", { path: session.scene, logs: [which.path] }); location.hash = address("scene"); }) : element("p", {}, "Cuts are kept in a scene: choose logs in ", link("the table", "logs"), " and make one.")), classicalTable(log.classical.rows));
+    }
+    else if (!about.inspection) {
+      refill(beside, element("p", { class: "quiet" }, "its slips are being looked for …"));
+      setTimeout(guarded(async () => { if (over) return; about.inspection = (await get("log", which)).inspection; await seen(); }), 1000);
+      return;
     }
     view?.redraw();
     host.dataset.seen = "yes";
@@ -151,7 +154,7 @@ export async function logView(host, asked, session) {
       button("take all cuts away", () => change([["window", null], ["exclude", null], ["tare", null], ["skip_cycles", null]])),
       button("the same cut for all logs", async () => {
         const text = (pair) => pair.map((t) => `${plain(t, 7).replace("−", "-")} s`);
-        await change([["window", cut.window && text(cut.window)], ["exclude", cut.exclude.map(text)], ["tare", cut.tare && text(cut.tare)], ["skip_cycles", cut.skip_cycles || ""]], (await places(session, "")).map((place) => place.number));
+        await change([["window", cut.window && text(cut.window)], ["exclude", cut.exclude.map(text)], ["tare", cut.tare && text(cut.tare)], ["skip_cycles", cut.skip_cycles || ""]], places.map((place) => place.number));
         say("every log of the scene has this cut now");
       }));
     if (inScene.length > 1) tools.append(choice(inScene.map((place) => [String(place.number), `log ${place.number + 1}${place.step ? `, step ${place.step}` : ""}`]), String(which.number), (number) => { location.hash = address("log", { path: about.path, number }); }));

@@ -4,12 +4,15 @@ import { start, whenEnded } from "./jobs.js";
 
 const SIGNS = { accept: "✓ accept", "accept with warnings": "! accept with warnings", reject: "✗ reject" };
 const CLASSES = { accept: "accept", "accept with warnings": "warning", reject: "reject" };
-export const chosen = new Set(JSON.parse(sessionStorage.getItem("chosen") ?? "[]"));
+const chosen = new Set(JSON.parse(sessionStorage.getItem("chosen") ?? "[]"));
 
 function choose(path, on) {
   if (on) chosen.add(path); else chosen.delete(path);
   sessionStorage.setItem("chosen", JSON.stringify([...chosen]));
 }
+
+/** The logs that a button is about: those that are marked, all where none is. */
+export const meant = (session) => { const all = session.folder.logs.map((log) => log.path), some = all.filter((path) => chosen.has(path)); return some.length ? some : all; };
 
 export function logsView(host, asked, session) {
   const rows = element("div", {}), foot = element("div", {});
@@ -20,35 +23,43 @@ export function logsView(host, asked, session) {
     await session.look();
   };
   const file = element("input", { type: "file", multiple: true, hidden: true, onchange: () => taken(file.files).catch((error) => say(error.message)) });
-  const make = button("make a scene from the chosen logs", async () => {
-    if (!chosen.size) throw new Error("no log is chosen; mark some in the table");
-    const job = await start(session, { command: "scene", logs: [...chosen], out: out.value });
+  const make = button("", async () => {
+    const job = await start(session, { command: "scene", logs: meant(session), out: out.value });
+    say("looking at the logs; the scene opens when it is written …");
     stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done") { session.use(ended.out); location.hash = `#scene?scene=${encodeURIComponent(ended.out)}`; } else say(ended.message); });
   }, { class: "main" });
   let stop = () => {}, shown = "";
+  const count = () => {
+    const [some, all] = [meant(session).length, session.folder.logs.length];
+    make.textContent = some === all ? `make a scene from all ${all} logs` : `make a scene from the ${some} chosen ${some === 1 ? "log" : "logs"}`;
+    make.disabled = !all;
+  };
 
   const fill = () => {
     const logs = session.folder.logs, key = JSON.stringify(logs);
+    count();
     if (key === shown) return;
     shown = key;
     const all = element("input", { type: "checkbox", "aria-label": "choose all logs", checked: logs.length > 0 && logs.every((log) => chosen.has(log.path)),
       onchange: () => { logs.forEach((log) => choose(log.path, all.checked)); shown = ""; fill(); } });
+    const whole = element("label", {}, all, element("span", { class: "narrow" }, " choose all"));
     refill(rows, table(
-      [all, "log", "format", "drive speed", "load", "rate", { number: "slips" }, "regime", "verdict and the reason that matters"],
+      [whole, "log", "format", "drive speed", "load", "rate", { number: "slips" }, "regime", "verdict, and why"],
       logs.map((log) => [
-        element("input", { type: "checkbox", "aria-label": `choose ${log.path}`, checked: chosen.has(log.path), onchange: (event) => choose(log.path, event.target.checked) }),
+        element("input", { type: "checkbox", "aria-label": `choose ${log.path}`, checked: chosen.has(log.path), onchange: (event) => { choose(log.path, event.target.checked); count(); } }),
         link(log.path, "log", { path: log.path }),
-        ...(log.ready ? [log.format, log.speed, log.load, log.rate, { number: log.slips ?? "" }, log.regime,
-          element("span", {}, element("span", { class: CLASSES[log.verdict] ?? "" }, SIGNS[log.verdict] ?? log.verdict), log.reason ? `: ${log.reason}` : "")]
+        ...(log.ready ? [log.format, log.speed || "not told", log.load, log.rate, { number: log.slips ?? "" }, log.regime,
+          element("span", {}, element("span", { class: CLASSES[log.verdict] ?? "" }, SIGNS[log.verdict] ?? log.verdict), log.reason ? `: ${log.reason}` : "", log.more ? [" ", link(`and ${log.more} more`, "log", { path: log.path })] : "")]
           : ["reading …", "", "", "", "", "", ""]),
-      ]), { id: "logs" }));
+      ]), { id: "logs", class: "cards" }));
     refill(foot, logs.length ? "" : element("p", {}, "There is no log in this folder yet. Drop files here, or ",
       button("put the example logs here", async () => { await post("examples"); await session.look(); })));
   };
 
   put(host, 
-    element("div", { class: "bar" }, make, labelled("as", out), button("use for a study", () => { location.hash = "#study"; }),
+    element("div", { class: "bar" }, make, labelled("as", out), button("one fit for each, as a study", () => { location.hash = "#study"; }),
       button("add files …", () => file.click()), file, element("small", {}, "or drop them anywhere on this view")),
+    element("p", { class: "quiet" }, "A scene says what is fitted together: the rig, the logs and what the model is made of. Mark the logs of one pair on one rig, make a scene of them, fill in what it asks for, and fit. A click on a log shows its curves."),
     rows, foot);
   const over = (event) => { event.preventDefault(); host.classList.toggle("drop", event.type === "dragover"); };
   host.addEventListener("dragover", over);

@@ -1,13 +1,15 @@
 // Map: stick-slip or steady sliding over two quantities, with an operating point to drag, what was tested, and advice.
-import { address, button, choice, element, fileAddress, get, labelled, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { address, button, choice, element, fileAddress, get, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 import { line, mark, picture } from "./plots.js";
 
 const OUTCOMES = { // word, colour, pattern of dots or lines: readable without colour
   "always sticks": ["stick-slip from any start", "--force", "lines"], bistable: ["stick-slip or sliding, by the start", "--load", "dots"],
-  "never sticks": ["steady sliding from any start", "--good", ""], irregular: ["irregular stick-slip", "--bad", "cross"],
+  "never sticks": ["steady sliding from any start", "--good", ""], "sticks irregularly": ["irregular stick-slip", "--bad", "cross"],
 };
 const SHADES = 0.28;
+const SWATCH = 14; // pixels
+const REACH = 3; // factor by which a map reaches beyond its point
 
 function cell(context, x, y, width, height, outcome) {
   const [, color, pattern] = OUTCOMES[outcome] ?? ["", "--faint", ""];
@@ -20,6 +22,13 @@ function cell(context, x, y, width, height, outcome) {
   if (pattern === "dots") context.fillRect(x + width / 2 - 1, y + height / 2 - 1, 2, 2);
   if (pattern === "cross") mark(context, x + width / 2, y + height / 2, style(color), "cross", 3);
   context.globalAlpha = 1;
+}
+
+/** How an outcome is drawn. */
+function swatch(outcome) {
+  const canvas = element("canvas", { width: SWATCH, height: SWATCH, class: "swatch" });
+  cell(canvas.getContext("2d"), 0, 0, SWATCH, SWATCH, outcome);
+  return canvas;
 }
 
 const edges = (values, log) => {
@@ -38,21 +47,31 @@ export async function mapView(host, asked, session) {
   const controls = element("div", { class: "bar" }), place = element("div", { id: "map" }), answer = element("div", { id: "answer", "aria-live": "polite" }), legend = element("p", { class: "quiet" });
   const number = Number(asked.number ?? 0), where = await logs();
   const point = newestWins(async () => {
-    const found = await post("point", { ...base(), number, changes: here });
+    const found = await post("point", { ...base(), number, changes: here }), numbers = Object.entries(found.numbers).filter(([, entry]) => entry.value !== null);
     refill(answer, element("h3", {}, (OUTCOMES[found.outcome] ?? [found.outcome])[0]), element("p", {}, found.text.split("\n").map((part) => [part, element("br")])), found.beyond ? element("p", { class: "warning" }, found.beyond) : "",
-      table(["", { number: "here" }], Object.entries(found.numbers).map(([name, entry]) => [name.replaceAll("_", " "), { number: quantity(entry.value, entry.unit, 3) }])));
+      numbers.length ? table(["", { number: "here" }], numbers.map(([name, entry]) => [name.replaceAll("_", " "), { number: quantity(entry.value, entry.unit, 3) }])) : null);
     host.dataset.answered = String(Number(host.dataset.answered ?? 0) + 1);
     return found;
   });
-  const before = await post("point", { ...base(), number, changes: {} });
+  const sources = labelled("of", choice([...fits.map((fit) => [fit, `the fit ${fit}`]), ...(session.scene ? [["", `the scene ${session.scene}`]] : [])], source, (to) => { location.hash = address("map", { fit: to }); }));
+  let before;
+  try { before = await post("point", { ...base(), number, changes: {} }); } catch (error) {
+    put(host, element("h2", {}, "Map"), element("div", { class: "bar" }, sources, source ? link("see this fit", "fit", { path: source }) : link("open the scene", "scene")), element("p", {}, `There is no map of this: ${error.message}.`));
+    return undefined;
+  }
   const axes = before.axes, axis = (name) => axes.find((one) => one.name === name);
   let [across, up] = [axis(asked.x) ? asked.x : "drive_speed", axis(asked.y) ? asked.y : "stiffness"];
   const name = `${(source || session.scene).split("/").pop().replace(/\.toml$/, "")}.map`;
   const speed = () => `drive_speed=${Number((axis("drive_speed").value * 1e3).toPrecision(10))} mm/s`;
   const range = (quantityName, low, high) => low.value.trim() && high.value.trim() ? [`${quantityName}=${low.value.trim()}:${high.value.trim()}`] : [];
-  const field = (label) => element("input", { size: 9, "aria-label": label, placeholder: label });
-  const limits = [field("from"), field("to"), field("from"), field("to")];
-  const inUnits = () => limits.forEach((limit, i) => { const unit = axis(i < 2 ? across : up)?.unit; limit.placeholder = `${i % 2 ? "to" : "from"}${unit ? ` … ${unit}` : ""}`; });
+  const limits = ["across from", "across to", "up from", "up to"].map((label) => element("input", { size: 10, "aria-label": label }));
+  // drive speeds reach beyond where stick-slip ends: a map without its end tells little
+  const ends = (name) => name === "drive_speed" ? before.ends.filter((end) => end !== null) : [];
+  const inUnits = () => limits.forEach((limit, i) => {
+    const one = axis(i < 2 ? across : up), far = ends(one.name);
+    limit.placeholder = `${i % 2 ? "to" : "from"}${one.unit ? ` … ${one.unit}` : ""}`;
+    limit.value = !far.length ? "" : quantity(i % 2 ? Math.max(3 * Math.max(...far), REACH * one.value) : Math.min(Math.min(...far) / 3, one.value / REACH), one.unit, 2);
+  });
   inUnits();
   const points = element("input", { value: asked.points ?? "40", size: 3, "aria-label": "points along each quantity" });
 
@@ -61,8 +80,8 @@ export async function mapView(host, asked, session) {
     const { x, y } = made.map, logs = [axis(x.name)?.logarithmic ?? true, axis(y.name)?.logarithmic ?? true];
     const [xs, ys] = [edges(x.values, logs[0]), edges(y.values, logs[1])];
     here = { [x.name]: here[x.name] ?? axis(x.name)?.value, [y.name]: here[y.name] ?? axis(y.name)?.value };
-    const words = (one) => `${axis(one.name)?.label ?? one.name}${one.unit ? ` (${one.unit})` : ""}`;
-    view = picture(place, { height: Math.min(520, Math.max(320, innerHeight * 0.6)), x: { label: words(x), range: [xs[0], xs[xs.length - 1]], log: logs[0] }, y: { label: words(y), range: [ys[0], ys[ys.length - 1]], log: logs[1] },
+    const sized = (one) => { const [unit, size] = one.unit === "m/s" ? ["mm/s", 1e-3] : [one.unit, 1]; return { label: `${axis(one.name)?.label ?? one.name}${unit ? ` (${unit})` : ""}`, size }; };
+    view = picture(place, { height: Math.min(520, Math.max(320, innerHeight * 0.6)), x: { ...sized(x), range: [xs[0], xs[xs.length - 1]], log: logs[0] }, y: { ...sized(y), range: [ys[0], ys[ys.length - 1]], log: logs[1] },
       draw: (context, tox, toy) => {
         made.map.outcomes.forEach((row, j) => row.forEach((outcome, i) => cell(context, tox(xs[i]), toy(ys[j + 1]), tox(xs[i + 1]) - tox(xs[i]), toy(ys[j]) - toy(ys[j + 1]), outcome)));
         for (const [lines, dash] of [[made.map.end_of_stick_slip, []], [made.map.loss_of_stability, [6, 4]]]) for (const points of lines) line(context, points.map((p) => p[0]), points.map((p) => p[1]), tox, toy, style("--ink"), { width: 2, dash });
@@ -71,10 +90,9 @@ export async function mapView(host, asked, session) {
         mark(context, tox(here[x.name]), toy(here[y.name]), style("--ink"), "circle", 7);
         mark(context, tox(here[x.name]), toy(here[y.name]), style("--paper"), "circle", 3);
       } });
-    drag(view, x, y, logs);
     showFiles();
-    const shares = Object.entries(made.map.shares).map(([outcome, share]) => `${(OUTCOMES[outcome] ?? [outcome])[0]} ${Math.round(100 * share)} %`);
-    legend.textContent = `${shares.join("; ")}. Solid line: end of stick-slip; dashed: sliding loses its stability; hatched: tested by the logs. Drag the point, or move it with the arrow keys.`;
+    const shares = Object.entries(made.map.shares).map(([outcome, share]) => [swatch(outcome), `${(OUTCOMES[outcome] ?? [outcome])[0]} ${share < 0.005 ? "under 1" : Math.round(100 * share)} %; `]);
+    refill(legend, shares, `solid line: end of stick-slip; dashed: sliding loses its stability; hatched: tested by the logs. Drag the point, or move it with the arrow keys.${made.price?.text ? ` Cost: ${made.price.text}` : ""}`);
     host.dataset.mapped = "yes";
   };
   function tested(context, tox, toy, x, y) {
@@ -103,29 +121,31 @@ export async function mapView(host, asked, session) {
       context.restore();
     }
   }
-  function drag(view, x, y, logs) {
-    const canvas = view.canvas;
-    canvas.tabIndex = 0;
+  function drag() {
     let held = false;
+    place.tabIndex = 0;
     const move = (px, py) => {
-      const clamp = (value, values) => Math.min(Math.max(value, values[0]), values[values.length - 1]);
+      if (!made) return;
+      const { x, y } = made.map, clamp = (value, values) => Math.min(Math.max(value, values[0]), values[values.length - 1]);
       here = { [x.name]: clamp(view.x(px), x.values), [y.name]: clamp(view.y(py), y.values) };
       remember({ [`at.${x.name}`]: here[x.name].toPrecision(6), [`at.${y.name}`]: here[y.name].toPrecision(6) });
       point();
     };
-    canvas.addEventListener("pointerdown", (event) => { held = true; canvas.setPointerCapture(event.pointerId); move(event.offsetX, event.offsetY); });
-    canvas.addEventListener("pointermove", (event) => { if (held) move(event.offsetX, event.offsetY); });
-    canvas.addEventListener("pointerup", () => { held = false; draw(); });
-    canvas.addEventListener("keydown", (event) => {
-      const along = { ArrowLeft: [x, -1, 0], ArrowRight: [x, 1, 0], ArrowDown: [y, -1, 1], ArrowUp: [y, 1, 1] }[event.key];
+    place.addEventListener("pointerdown", (event) => { held = true; event.target.setPointerCapture(event.pointerId); move(event.offsetX, event.offsetY); });
+    place.addEventListener("pointermove", (event) => { if (held) move(event.offsetX, event.offsetY); });
+    place.addEventListener("pointerup", () => { held = false; draw(); });
+    place.addEventListener("keydown", (event) => {
+      if (!made) return;
+      const { x, y } = made.map, along = { ArrowLeft: [x, -1], ArrowRight: [x, 1], ArrowDown: [y, -1], ArrowUp: [y, 1] }[event.key];
       if (!along) return;
       event.preventDefault();
-      const [q, way, which] = along, low = q.values[0], high = q.values[q.values.length - 1];
-      const next = logs[which] ? here[q.name] * (high / low) ** (way / 50) : here[q.name] + way * (high - low) / 50;
+      const [q, way] = along, low = q.values[0], high = q.values[q.values.length - 1];
+      const next = axis(q.name)?.logarithmic ?? true ? here[q.name] * (high / low) ** (way / 50) : here[q.name] + way * (high - low) / 50;
       here = { ...here, [q.name]: Math.min(Math.max(next, low), high) };
-      point(); draw(); place.querySelector("canvas").focus();
+      point(); draw();
     });
   }
+  drag();
   const load = async (id) => {
     const found = await get("job", { id });
     if (!found.map?.y) throw new Error("this job is no map over two quantities");
@@ -139,8 +159,7 @@ export async function mapView(host, asked, session) {
   const files = element("span", {}), showFiles = () => refill(files, ["svg", "csv"].map((kind) => [element("a", { href: fileAddress(`${name}.${kind}`, true) }, kind === "svg" ? "picture" : "data"), " "]));
   const about = () => source ? { result: `${source}/result.json` } : { scene: session.scene };
   controls.append(
-    labelled("of", choice([...fits.map((fit) => [fit, `the fit ${fit}`]), ...(session.scene ? [["", `the scene ${session.scene}`]] : [])], source, (to) => { location.hash = address("map", { fit: to }); })),
-    labelled("at the point of", choice(where.map((path, i) => [String(i), path]), String(number), (to) => { location.hash = address("map", { fit: source, number: to }); }, { id: "where" })),
+    sources, labelled("at the point of", choice(where.map((path, i) => [String(i), path]), String(number), (to) => { location.hash = address("map", { fit: source, number: to }); }, { id: "where" })),
     labelled("across", choice(axes.map((one) => [one.name, one.label]), across, (to) => { across = to; inUnits(); }, { id: "across" })), limits[0], limits[1],
     labelled("up", choice(axes.map((one) => [one.name, one.label]), up, (to) => { up = to; inUnits(); }, { id: "up" })), limits[2], limits[3], labelled("points", points),
     button("make the map", async () => {

@@ -21,6 +21,8 @@ export class TimeView {
     this.plots = panels.map((panel, number) => this.plot(panel, number));
     this.observer = new ResizeObserver(() => this.plots.forEach((plot, number) => plot.setSize({ width: this.width(), height: panels[number].height })));
     this.observer.observe(host);
+    this.again = () => this.redraw();
+    document.addEventListener("redraw", this.again);
     this.released = () => { this.grip = null; };
     this.pulled = (event) => this.pull(event);
     addEventListener("pointermove", this.pulled);
@@ -35,14 +37,14 @@ export class TimeView {
   plot(panel, number) {
     const place = element("div", { class: "plot" });
     this.host.append(place);
-    const axis = { stroke: style("--ink"), grid: { stroke: style("--line"), width: 1 }, ticks: { stroke: style("--line") }, labelSize: 18 };
+    const ink = () => style("--ink"), pale = () => style("--line"), axis = { stroke: ink, grid: { stroke: pale, width: 1 }, ticks: { stroke: pale }, labelSize: 18 };
     const last = number === this.panels.length - 1;
     const options = {
       width: this.width(), height: panel.height, legend: { show: false },
       cursor: { sync: { key: "time", scales: ["x", null] }, drag: { x: true, y: false, setScale: false }, points: { show: false } },
       scales: { x: { time: false, range: () => [this.begin, this.end] } },
       axes: [last ? { ...axis, label: "time (s)", size: 34 } : { ...axis, values: () => [], size: 8 }, { ...axis, label: `${panel.label} (${panel.unit})`, size: 58 }],
-      series: [{}, ...panel.series.map((s) => ({ label: s.label, stroke: style(s.color), width: HAIR, dash: s.dash, points: { show: false } }))],
+      series: [{}, ...panel.series.map((s) => ({ label: s.label, stroke: () => style(s.color), width: HAIR, dash: s.dash, points: { show: false } }))],
       hooks: {
         draw: [(u) => this.drawOver?.(u, number)],
         setCursor: [(u) => { if (u.cursor.left >= 0) this.hover?.(u.posToVal(u.cursor.left, "x")); }],
@@ -113,6 +115,7 @@ export class TimeView {
     this.observer.disconnect();
     removeEventListener("pointermove", this.pulled);
     removeEventListener("pointerup", this.released);
+    document.removeEventListener("redraw", this.again);
     this.plots.forEach((plot) => plot.destroy());
     refill(this.host);
   }
@@ -135,15 +138,27 @@ export function shade(plot, begin, end, color, { hatch = 0, label = "" } = {}) {
   context.restore();
 }
 
-/** A canvas with axes; draw(context, x, y) gets the functions from values to pixels.
+/** A canvas with axes that stays in its host and draws itself again; draw(context, x, y) gets the functions from values
+    to pixels.
 
-    x, y: {label, range: [low, high], log}. Returns the canvas and the ways back from pixels to values. */
-export function picture(host, { x, y, height = 280, draw }) {
-  const width = Math.max(host.clientWidth - 2, 220), ratio = devicePixelRatio || 1, [left, bottom, top, right] = [62, 42, 10, 12];
-  const canvas = element("canvas", { role: "img", "aria-label": `${y.label} over ${x.label}` });
+    x, y: {label, range: [low, high], log, size: of the unit of the label}. Returns the canvas and the ways back from pixels to values. */
+export function picture(host, options) {
+  if (!host.picture || !host.contains(host.picture.canvas)) {
+    const canvas = element("canvas", { role: "img" });
+    refill(host, element("div", { class: "plot" }, canvas));
+    host.picture = { canvas };
+    const again = () => { if (host.isConnected) drawn(host.picture, host); else document.removeEventListener("redraw", again); };
+    document.addEventListener("redraw", again);
+  }
+  return drawn(Object.assign(host.picture, { options }), host);
+}
+
+function drawn(made, host) {
+  const { canvas, options: { x, y, height = 280, draw } } = made;
+  const width = Math.max(host.clientWidth - 2, 220), ratio = devicePixelRatio || 1, [bottom, top, right] = [42, 10, 12];
   canvas.width = width * ratio; canvas.height = height * ratio;
   canvas.style.width = `${width}px`; canvas.style.height = `${height}px`;
-  refill(host, element("div", { class: "plot" }, canvas));
+  canvas.setAttribute("aria-label", `${y.label} over ${x.label}`);
   const context = canvas.getContext("2d");
   context.scale(ratio, ratio);
   const along = (axis, from, to) => {
@@ -151,19 +166,22 @@ export function picture(host, { x, y, height = 280, draw }) {
     const size = high - low || 1;
     return { to: (v) => from + (f(v) - low) / size * (to - from), back: (p) => g(low + (p - from) / (to - from) * size) };
   };
+  const rungs = y.names ? [] : ticks(y, 5);
+  context.font = "12px system-ui";
+  const left = Math.max(62, 28 + Math.max(...rungs.map(([, text]) => context.measureText(text).width)));
   const across = along(x, left, width - right), up = along(y, height - bottom, top);
-  context.strokeStyle = style("--line"); context.fillStyle = style("--ink"); context.font = "12px system-ui";
+  context.strokeStyle = style("--line"); context.fillStyle = style("--ink");
   const stroke = (...points) => { context.beginPath(); context.moveTo(points[0], points[1]); context.lineTo(points[2], points[3]); context.stroke(); };
   context.textAlign = "center";
-  for (const v of ticks(x, width < 400 ? 4 : 7)) {
+  for (const [v, text] of ticks(x, width < 400 ? 4 : 7)) {
     stroke(across.to(v), top, across.to(v), height - bottom);
-    context.fillText(plain(v, 3), across.to(v), height - bottom + 15);
+    context.fillText(text, across.to(v), height - bottom + 15);
   }
   context.fillText(x.label, (left + width - right) / 2, height - 6);
   context.textAlign = "right";
-  for (const v of y.names ? [] : ticks(y, 5)) {
+  for (const [v, text] of rungs) {
     stroke(left, up.to(v), width - right, up.to(v));
-    context.fillText(plain(v, 3), left - 5, up.to(v) + 4);
+    context.fillText(text, left - 5, up.to(v) + 4);
   }
   context.save();
   context.translate(13, (top + height - bottom) / 2); context.rotate(-Math.PI / 2); context.textAlign = "center"; context.fillText(y.label, 0, 0);
@@ -173,19 +191,21 @@ export function picture(host, { x, y, height = 280, draw }) {
   draw(context, across.to, up.to);
   context.restore();
   context.strokeRect(left, top, width - right - left, height - bottom - top);
-  return { canvas, x: across.back, y: up.back };
+  return Object.assign(made, { x: across.back, y: up.back });
 }
 
-function ticks({ range: [low, high], log }, count) {
-  const out = [];
-  if (log) {
+/** Values and texts along an axis. */
+function ticks({ range, log, size: unit = 1 }, count) {
+  const [low, high] = range.map((end) => end / unit), out = [], decades = Math.log10(high / low);
+  if (log && decades > 0.5) {
     const from = Math.floor(Math.log10(low)), to = Math.ceil(Math.log10(high));
-    for (let e = from; e <= to; e += Math.max(1, Math.ceil((to - from) / count))) for (const m of to - from > 2 ? [1] : [1, 2, 5]) out.push(m * 10 ** e);
-    return out.filter((v) => v >= low * 0.999 && v <= high * 1.001);
+    for (let e = from; e <= to; e += Math.max(1, Math.ceil((to - from) / count))) for (const m of decades > 2.5 ? [1] : [1, 2, 5]) out.push(m * 10 ** e);
+    return out.filter((v) => v >= low * 0.999 && v <= high * 1.001).map((v) => [v * unit, plain(v, 3)]);
   }
   const raw = (high - low) / count || 1, size = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].find((m) => m * size >= raw) * size;
   for (let v = Math.ceil(low / step) * step; v <= high + 1e-9 * step; v += step) out.push(Math.abs(v) < 1e-12 * step ? 0 : v);
-  return out;
+  const digits = Math.max(3, Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high)) / step)) + 1);
+  return out.map((v) => [v * unit, plain(v, digits)]);
 }
 
 /** Lowest and highest of finite values, with a margin. */

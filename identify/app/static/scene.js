@@ -1,7 +1,16 @@
 // The scene: a form with units as typed, effects as switches, and the text beside it; what one side says the other shows.
-import { button, command, element, get, link, newestWins, plain, post, put, quantity, refill, say, settled } from "./base.js";
+import { button, command, element, get, link, newestWins, plain, post, put, quantity, refill, say, settled, table } from "./base.js";
 
 const LOG_COLUMNS = [["path", "file"], ["drive_speed", "drive speed"], ["step", "step"], ["window", "window"], ["exclude", "left out"], ["skip_cycles", "skip"], ["tare", "zero"], ["labels", "labels"]];
+const EXAMPLES = { mass: "200 g", stiffness: "1.5 N/mm", zeta: "0.05", damping: "147 N/m", drive_speed: "0.1 mm/s", normal_force: "2 N", noise: "2 mN" };
+const GUESS = 5; // factor either way in which a guess is searched
+const missing = (value) => value.startsWith("TODO");
+
+/** Bounds around a value as it was typed, in its unit; null where it is no number. */
+function around(value) {
+  const found = value.match(/^\s*([\d.]+(?:e[+-]?\d+)?)\s*(.*)$/i);
+  return found && { lower: `${Number((found[1] / GUESS).toPrecision(4))} ${found[2]}`.trim(), upper: `${Number((found[1] * GUESS).toPrecision(4))} ${found[2]}`.trim() };
+}
 
 export async function sceneView(host, asked, session) {
   if (!session.scene) {
@@ -15,26 +24,41 @@ export async function sceneView(host, asked, session) {
   const change = (keys, value) => send({ changes: [{ keys, value }] });
   const input = (keys, value, attributes = {}) => {
     const place = keys.join(".");
-    const made = element("input", { value, "data-place": place, "aria-label": attributes.label ?? place, spellcheck: "false", onchange: () => change(keys, made.value), ...attributes });
+    const open = missing(value), example = EXAMPLES[keys[keys.length - 1]];
+    const made = element("input", { value: open ? "" : value, "data-place": place, "data-open": open, "aria-label": attributes.label ?? place, spellcheck: "false", onchange: () => change(keys, made.value), ...attributes,
+      placeholder: open ? `still to fill in, such as ${example}` : attributes.placeholder });
     return made;
   };
 
-  let costs = {};
+  let costs = { effects: {}, text: "" };
   const stem = path.split("/").pop().replace(/\.toml$/, ""), last = session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && [stem, first.form?.name].includes(fit.path.slice(10)));
   const reasons = Object.fromEntries(((last && await get("fit", { path: last.path }).catch(() => null))?.effects ?? []).map((reason) => [reason.effect, reason.sentence]));
-  function effects(seen) {
-    return seen.effects.map((effect) => {
+  const folded = (name, words, ...inside) => element("details", { class: "folded", open: form.querySelector(`[data-folded=${name}]`)?.open, "data-folded": name }, element("summary", {}, words), inside);
+  function effects(seen, on) {
+    return seen.effects.filter((effect) => effect.on === on).map((effect) => {
       const box = element("input", { type: "checkbox", checked: effect.on, onchange: () => {
         let on = seen.effects.filter((one) => one.on && one.name !== effect.name).map((one) => one.name);
         if (box.checked) on = [...on.filter((name) => !effect.role || seen.effects.find((one) => one.name === name).role !== effect.role), ...effect.needs.filter((name) => !on.includes(name)), effect.name];
         change(["effects"], on);
       } });
-      const said = `costs ${effect.states} state${effect.states === 1 ? "" : "s"}, ${effect.searched} searched parameter${effect.searched === 1 ? "" : "s"}`;
-      const paid = effect.name in costs ? `, ${plain(costs[effect.name], 2)} ms of a simulated cycle` : "";
+      const many = (number, word) => number ? `${number} ${word}${number === 1 ? "" : "s"}` : "";
+      const paid = [many(effect.states, "state"), many(effect.searched, "searched parameter"), effect.name in costs.effects ? `${plain(costs.effects[effect.name], 2)} ms of a simulated cycle` : ""].filter(Boolean).join(", ");
+      const said = paid ? `costs ${paid}` : "costs nothing to speak of";
       return element("div", { class: "effect", "data-effect": effect.name }, element("label", {}, box, " ", element("strong", {}, effect.name.replaceAll("_", " ")), ": ", effect.says),
-        element("small", {}, said + paid, effect.parameters.length ? ` (${effect.parameters.join(", ")})` : "", effect.role ? `; one ${effect.role} at most` : "", effect.needs.length ? `; needs ${effect.needs.join(", ")}` : ""),
+        element("small", {}, said, effect.parameters.length ? ` (${effect.parameters.join(", ")})` : "", effect.role ? `; one ${effect.role} at most` : "", effect.needs.length ? `; needs ${effect.needs.join(", ")}` : ""),
         effect.matters ? element("small", {}, `Here: ${effect.matters}.`) : null, effect.on && reasons[effect.name] ? element("small", {}, `The last fit: ${reasons[effect.name]}.`) : null);
     });
+  }
+
+  function rigField(field) {
+    const label = element("label", {}, field.label, field.unit === "no unit" ? "" : ` (${field.unit})`), made = input(["rig", field.key], field.value, { placeholder: field.needed ? `such as ${EXAMPLES[field.key] ?? ""}` : "", label: field.label });
+    const box = !field.guess ? null : element("input", { type: "checkbox", checked: field.searched !== "", "data-guess": field.key, onchange: () => {
+      const bounds = around(made.value);
+      if (box.checked && !bounds) { box.checked = false; made.focus(); say(`type the ${field.label} you guess first, with its unit`); return; }
+      change(["parameters", field.key], box.checked ? bounds : null);
+    } });
+    return element("div", { class: "field" }, label, made, element("small", {}, field.help),
+      box ? element("small", {}, element("label", {}, box, field.searched ? ` a guess: the fit searches it, ${field.searched.replace(/[{}"]/g, "").trim()}` : ` only a guess: let the fit search it, up to ${GUESS} times smaller and larger`)) : null);
   }
 
   function parameters(seen) {
@@ -46,10 +70,11 @@ export async function sceneView(host, asked, session) {
   }
 
   function logs(seen) {
-    return element("div", { class: "wide" }, element("table", {}, element("thead", {}, element("tr", {}, LOG_COLUMNS.map(([, name]) => element("th", {}, name)))),
-      element("tbody", {}, seen.logs.map((log, number) => element("tr", {}, LOG_COLUMNS.map(([key]) => element("td", {},
-        input(["logs", String(number + 1), key], log[key], { size: Math.min(Math.max(log[key].length, 6), 22), label: `${key} of log ${number + 1}` }))),
-        element("td", {}, link("see", "log", { path: log.path, number: String(number) }), " ", button("drop", () => change(["logs", String(number + 1)], null))))))));
+    const known = Object.fromEntries(session.folder.logs.map((log) => [log.path, log]));
+    const field = (log, number, key) => [input(["logs", String(number + 1), key], log[key], { size: missing(log[key]) ? 22 : Math.min(Math.max(log[key].length, 6), 22), label: `${key} of log ${number + 1}` }),
+      key === "drive_speed" && known[log.path]?.slope ? element("small", { class: "under" }, `sticks rise by ${quantity(known[log.path].slope, "N/s", 3)}: stiffness times drive speed`) : null];
+    return table([...LOG_COLUMNS.map(([, name]) => name), ""], seen.logs.map((log, number) => [...LOG_COLUMNS.map(([key]) => element("span", {}, field(log, number, key))),
+      element("span", {}, link("see", "log", { path: log.path, number: String(number) }), " ", button("drop", () => change(["logs", String(number + 1)], null)))]), { class: "cards" });
   }
 
   function show(seen, fromText = false) {
@@ -58,19 +83,22 @@ export async function sceneView(host, asked, session) {
     error.textContent = seen.error;
     state.dataset.saved = seen.saved ? "yes" : "no";
     refill(state, button("save", async () => { show(await post("save", { path })); say(""); }, { class: "main", disabled: seen.saved }),
-      element("span", { class: "quiet" }, seen.saved ? "saved" : "draft, kept; the file is as it was"), seen.error ? "" : link("try values", "try"), seen.error ? "" : link("fit", "fit"));
+      element("span", { class: "quiet" }, seen.saved ? "saved" : "changed; kept here, and saved when you fit"), seen.error ? "" : element("span", {}, "Complete. Next: ", link("look at the logs", "log"), ", ", link("try values", "try"), " or ", link("fit", "fit"), "."));
     text.setAttribute("aria-invalid", String(Boolean(seen.error)));
     if (seen.form) {
       const { rig, time_limit: limit } = seen.form;
       refill(form, 
-        element("h3", {}, "Rig"),
-        rig.map((field) => element("div", { class: "field" }, element("label", {}, `${field.label} (${field.unit})`), input(["rig", field.key], field.value, { placeholder: `such as "… ${field.unit}"`, label: field.label }), element("small", {}, field.help))),
-        element("div", { class: "field" }, element("label", {}, "time for a fit"), input(["fit", "time_limit"], limit, { placeholder: "60 s" })),
-        element("h3", {}, "Effects ", button("measure what each costs", async () => { costs = await post("costs", { scene: path }); show(seen); })), seen.form.auto ? element("p", {}, "The scene leaves the choice to the fit (effects = \"auto\"). ", button("choose them here", () => change(["effects"], ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]))) : effects(seen.form),
-        element("h3", {}, "Parameters"), parameters(seen.form), element("h3", {}, "Logs"), logs(seen.form));
+        element("h3", {}, "Rig"), rig.filter((field) => field.needed).map(rigField), element("h3", {}, "Logs"), logs(seen.form),
+        folded("optional", "More of the rig, and time", rig.filter((field) => !field.needed).map(rigField),
+          element("div", { class: "field" }, element("label", {}, "time for a fit"), input(["fit", "time_limit"], limit, { placeholder: "60 s" }))),
+        element("h3", {}, "Effects: what the model is made of ", button("measure what each costs", async () => { costs = await post("costs", { scene: path }); show(seen); })),
+        costs.text ? element("p", { class: "quiet" }, costs.text) : null,
+        seen.form.auto ? element("p", {}, "The scene leaves the choice to the fit (effects = \"auto\"). ", button("choose them here", () => change(["effects"], ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"])))
+          : [effects(seen.form, true), folded("effects", `${seen.form.effects.filter((one) => !one.on).length} more effects`, effects(seen.form, false))],
+        folded("parameters", "Parameters: where the search starts, bounds, what is held", parameters(seen.form)));
     }
     for (const field of form.querySelectorAll("[data-place]")) {
-      const wrong = Boolean(seen.place) && (field.dataset.place === seen.place || field.dataset.place.startsWith(`${seen.place}.`) || seen.place.startsWith(`${field.dataset.place}.`));
+      const wrong = "open" in field.dataset || Boolean(seen.place) && (field.dataset.place === seen.place || field.dataset.place.startsWith(`${seen.place}.`) || seen.place.startsWith(`${field.dataset.place}.`));
       field.setAttribute("aria-invalid", String(wrong));
       if (field.dataset.place === focus) field.focus();
     }

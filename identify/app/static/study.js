@@ -1,7 +1,7 @@
 // Study: a batch from chosen logs, its fits as they finish, the comparison by a label, every point linked to its fit.
 import { address, button, choice, element, fileAddress, get, labelled, link, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
-import { chosen } from "./logs.js";
+import { meant } from "./logs.js";
 import { mark, picture, span } from "./plots.js";
 
 const SHAPES = ["circle", "square", "diamond", "cross"];
@@ -20,25 +20,26 @@ function forest(host, groups, name, label) {
       mark(context, x(p.value), y(i), style("--force"), SHAPES[kinds.indexOf(row.labels?.[label] ?? "") % SHAPES.length], 5);
       context.fillStyle = style("--ink"); context.font = "12px system-ui"; context.fillText(row.group, 70, y(i) - 6);
     }) });
-  made.canvas.style.cursor = "pointer";
-  made.canvas.title = "a click opens the fit";
-  made.canvas.addEventListener("click", (event) => { const row = rows[Math.round(made.y(event.offsetY))]; if (row?.fit) location.hash = address("fit", { path: row.fit }); });
+  host.style.cursor = "pointer";
+  host.title = "a click opens the fit";
+  host.onclick = (event) => { const row = rows[Math.round(made.y(event.offsetY))]; if (row?.fit) location.hash = address("fit", { path: row.fit }); };
 }
 
-function manifest(session, host) {
-  const logs = session.folder.logs.filter((log) => chosen.has(log.path)), labelName = element("input", { value: "material", size: 10, "aria-label": "name of the label" });
-  if (!logs.length) { put(host, element("p", {}, "No log is chosen: mark some in ", link("the table of logs", "logs"), ".")); return null; }
+function manifest(session, host, speeds) {
+  const paths = new Set(meant(session)), logs = session.folder.logs.filter((log) => paths.has(log.path)), labelName = element("input", { value: "material", size: 10, "aria-label": "name of the label" });
+  if (!logs.length) { put(host, element("p", {}, "There is no log in this folder yet: add some in ", link("the table of logs", "logs"), ".")); return null; }
   const cells = logs.map((log) => ({ path: log.path, group: element("input", { value: log.path.split("/").pop().replace(/\.[^.]*$/, "").replace(/\.txt$/, ""), size: 16, "aria-label": `group of ${log.path}` }),
-    speed: element("input", { value: log.speed && !log.speed.includes(",") ? log.speed : "", size: 12, "aria-label": `drive speed of ${log.path}` }), step: element("input", { size: 3, "aria-label": `step of ${log.path}` }), label: element("input", { size: 12, "aria-label": `label of ${log.path}` }) }));
-  put(host, element("p", {}, "One fit is made for each group; logs with the same group are fitted together. ", button("all in one group", () => cells.forEach((cell) => { cell.group.value = cells[0].group.value; }))),
-    table(["log", "group", "drive speed", "step", labelName], cells.map((cell) => [cell.path, cell.group, cell.speed, cell.step, cell.label])));
+    speed: element("input", { value: speeds[log.path] || (log.speed && !log.speed.includes(",") ? log.speed : ""), size: 12, "aria-label": `drive speed of ${log.path}` }), step: element("input", { size: 3, "aria-label": `step of ${log.path}` }), label: element("input", { size: 12, "aria-label": `label of ${log.path}` }) }));
+  put(host, element("p", {}, "One fit is made for each group; logs with the same group are fitted together. The logs are those marked in the table, all where none is. ", button("all in one group", () => cells.forEach((cell) => { cell.group.value = cells[0].group.value; }))),
+    table(["log", "group", "drive speed", "step", labelName], cells.map((cell) => [cell.path, cell.group, cell.speed, cell.step, cell.label]), { class: "cards" }));
   return () => cells.map((cell) => Object.fromEntries(Object.entries({ path: cell.path, group: cell.group.value, drive_speed: cell.speed.value, step: cell.step.value, [labelName.value]: cell.label.value }).filter(([key, value]) => key === "path" || key === "group" || value)));
 }
 
 export async function studyView(host, asked, session) {
   const make = element("div", {}), seen = element("div", { id: "study" }), out = element("input", { value: "study", size: 14, "aria-label": "folder of the study" });
   let stop = () => {}, path = asked.path ?? "";
-  const rows = manifest(session, make);
+  const scene = session.scene ? await get("scene", { path: session.scene }) : null;
+  const rows = manifest(session, make, Object.fromEntries((scene?.form?.logs ?? []).map((log) => [log.path, log.drive_speed.startsWith("TODO") ? "" : log.drive_speed])));
   if (rows) make.append(element("div", { class: "bar" }, button("fit all groups", async () => {
     await post("save", { path: session.scene });
     const written = await post("manifest", { path: `${out.value}.manifest.csv`, rows: rows() });
@@ -58,7 +59,7 @@ export async function studyView(host, asked, session) {
       shown = path;
       return;
     }
-    const found = await get("batch", { path }).catch(() => ({ groups: [], labels: [], report: "" })), key = JSON.stringify(found);
+    const found = await get("batch", { path }).catch(() => ({ groups: [], labels: [], report: "" })), key = JSON.stringify([found, busy]);
     if (key === shown) return;
     shown = key;
     const names = [...new Set(found.groups.flatMap((group) => Object.keys(group.parameters ?? {})))];
@@ -67,7 +68,7 @@ export async function studyView(host, asked, session) {
     const plot = element("div", { id: "forest" }), into = `${path}-by-${label || "group"}`;
     refill(seen, element("h2", {}, path), element("p", {}, `${found.groups.length} groups have ended${busy ? "; the batch is at work" : ""}`),
       table(["group", "status", ...names.map((name) => ({ number: name })), "says"], found.groups.map((group) => [group.fit ? link(group.group, "fit", { path: group.fit }) : group.group, (group.status ?? "").replaceAll("_", " "),
-        ...names.map((name) => ({ number: quantity(group.parameters?.[name]?.value, group.parameters?.[name]?.unit, 3) })), group.message]), { id: "groups" }),
+        ...names.map((name) => ({ number: quantity(group.parameters?.[name]?.value, group.parameters?.[name]?.unit, 3) })), group.message]), { id: "groups", class: "cards" }),
       names.length ? element("div", { class: "bar" }, labelled("forest plot of", choice(names, parameter, (to) => { parameter = to; forest(plot, found.groups, parameter, label); })),
         found.labels.length ? labelled("marks by", choice(found.labels, label, (to) => { label = to; shown = ""; fill(true); })) : "",
         label ? button(`compare by ${label}`, async () => {

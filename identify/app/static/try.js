@@ -21,16 +21,16 @@ export async function tryView(host, asked, session) {
   const force = element("div", { id: "force" }), phase = element("div", {}), speed = element("div", {}), strength = element("div", {}), told = element("p", { class: "hover", id: "told" });
 
   const draw = (made) => {
-    const { measured, simulated } = made, [blue, red] = [style("--force"), style("--model")];
+    const { measured, simulated } = made, blue = () => style("--force"), red = () => style("--model");
     const reach = [0, Math.max(measured.time[measured.time.length - 1], 1e-9)];
     picture(force, { height: 300, x: { label: `time after the arrest at ${plain(made.begin, 5)} s (s)`, range: reach }, y: { label: "friction force (N)", range: span([...measured.force, ...simulated.force]) },
-      draw: (context, x, y) => { line(context, measured.time, measured.force, x, y, blue); line(context, simulated.time, simulated.force, x, y, red, { dash: [7, 4] }); } });
+      draw: (context, x, y) => { line(context, measured.time, measured.force, x, y, blue(), { width: 1.5 }); line(context, simulated.time, simulated.force, x, y, red(), { width: 1.5, dash: [7, 4] }); } });
     const moving = simulated.speed.map((v) => v * 1e3);
-    picture(phase, { x: { label: "friction force (N)", range: span(simulated.force) }, y: { label: "sliding speed (mm/s)", range: span(moving) }, draw: (context, x, y) => line(context, simulated.force, moving, x, y, red) });
-    picture(speed, { x: { label: "sliding speed (mm/s)", range: span(moving) }, y: { label: "friction coefficient while sliding", range: span(simulated.coefficient) }, draw: (context, x, y) => line(context, moving, simulated.coefficient, x, y, red) });
+    picture(phase, { x: { label: "friction force (N)", range: span(simulated.force) }, y: { label: "sliding speed (mm/s)", range: span(moving) }, draw: (context, x, y) => line(context, simulated.force, moving, x, y, red()) });
+    picture(speed, { x: { label: "sliding speed (mm/s)", range: span(moving) }, y: { label: "friction coefficient while sliding", range: span(simulated.coefficient) }, draw: (context, x, y) => line(context, moving, simulated.coefficient, x, y, red()) });
     picture(strength, { x: { label: "rest before the slip (s)", range: span(made.strength.map(([rest]) => rest)) }, y: { label: "coefficient at the onset", range: span(made.strength.map(([, mu]) => mu)) },
-      draw: (context, x, y) => made.strength.forEach(([rest, mu]) => mark(context, x(rest), y(mu), red, "diamond")) });
-    told.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured. Measured: solid; simulated: dashed.`;
+      draw: (context, x, y) => made.strength.forEach(([rest, mu]) => mark(context, x(rest), y(mu), red(), "diamond")) });
+    told.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured. Measured: solid; simulated: dashed.${made.uneven ? " The cycles of this log differ: no one set of values follows them all, so judge by slope, mean drop and mean period." : ""}`;
     host.dataset.tried = String(Number(host.dataset.tried ?? 0) + 1);
   };
   const simulate = newestWins(async () => {
@@ -42,17 +42,18 @@ export async function tryView(host, asked, session) {
   function slider(p) {
     const held = own?.parameters[p.name], tight = held?.interval && held.interval[0] !== null && held.interval[1] !== null;
     const middle = held?.value ?? p.value, log = p.logarithmic && middle > 0;
-    let [low, high] = log ? [middle / REACH, middle * REACH] : [middle - Math.max(Math.abs(middle), 0.05), middle + Math.max(Math.abs(middle), 0.05)];
-    const bounds = () => { low = Math.max(low, p.lowest); high = Math.min(high, p.highest); };
-    bounds();
+    let low, high;
+    const bounds = (from, to) => { [low, high] = [Math.max(from, p.lowest), Math.min(to, p.highest)]; };
+    const around = (at) => log ? bounds(at / REACH, at * REACH) : bounds(at - Math.max(Math.abs(at), 0.05), at + Math.max(Math.abs(at), 0.05));
+    around(middle);
     values[p.name] = Number(asked[`p.${p.name}`] ?? middle);
     const place = (value) => STEPS * (log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low));
     const value = (at) => log ? low * (high / low) ** (at / STEPS) : low + (high - low) * at / STEPS;
     const output = element("output", {}, quantity(values[p.name], p.unit));
     const range = element("input", { type: "range", min: 0, max: STEPS, step: 1, value: String(place(values[p.name])), "aria-label": p.name, "data-parameter": p.name,
       oninput: () => { values[p.name] = value(Number(range.value)); output.textContent = quantity(values[p.name], p.unit); simulate(); note(); } });
-    const set = (to) => { values[p.name] = to; range.value = String(place(to)); output.textContent = quantity(to, p.unit); };
-    const narrow = (on) => { if (on && tight) { [low, high] = held.interval; } else { [low, high] = log ? [middle / REACH, middle * REACH] : [middle - Math.max(Math.abs(middle), 0.05), middle + Math.max(Math.abs(middle), 0.05)]; } bounds(); set(Math.min(Math.max(values[p.name], low), high)); };
+    const set = (to) => { if (to < low || to > high) around(to); values[p.name] = to; range.value = String(place(to)); output.textContent = quantity(to, p.unit); };
+    const narrow = (on) => { if (on && tight) bounds(...held.interval); else around(middle); set(Math.min(Math.max(values[p.name], low), high)); };
     sliders.set(p.name, { set, narrow });
     return element("div", { class: "slider" }, element("label", { title: p.meaning }, p.symbol || p.name), range, output);
   }
