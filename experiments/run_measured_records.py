@@ -28,7 +28,7 @@ from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 from identify.uneven.estimator import maximise
 from identify.uneven.events import Sticks, sticks_of
-from identify.uneven.likelihood import PARAMETERS
+from identify.uneven.slip_functions import PARAMETERS
 
 Array = NDArray[np.float64]
 

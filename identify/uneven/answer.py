@@ -22,7 +22,8 @@ from identify.uneven.creep import CreepTime, creep_interval
 from identify.uneven.drawn import Begin, Distribution, drawn_distributions
 from identify.uneven.estimator import Maximum, maximise
 from identify.uneven.events import Sticks, sticks_of
-from identify.uneven.likelihood import PARAMETERS, Cycles, log_likelihood
+from identify.uneven.likelihood import Cycles, Likelihood
+from identify.uneven.slip_functions import LAW, PARAMETERS, slip_functions
 from identify.uneven.transfer import APART, agreement, alone
 from identify.uneven.transfer import left_out as left_out_in_turn
 
@@ -79,7 +80,7 @@ class UnevenEstimator:
             why = wording.NO_MAXIMUM if maximum.in_time else wording.CUT_SHORT
             return Estimated(Status.SOLVER_FAILED, why, (), left_out=left_out)
         seen = [
-            Seen(number, task.logs[number], sticks, log_likelihood(sticks, nodes, maximum.theta[:, None]))
+            Seen(number, task.logs[number], sticks, Likelihood(sticks, nodes)(maximum.theta))
             for (number, sticks), nodes in zip(taken, maximum.nodes, strict=True)
         ]
         return told(seen, maximum, task, left_out)
@@ -237,7 +238,7 @@ def _creep_estimate(creep: CreepTime, rest: float) -> Estimate:
 
 def _drawn(seen: Seen, maximum: Maximum, seed: int) -> tuple[Distribution, Distribution, Distribution]:
     sticks = seen.sticks
-    begin = Begin(seen.cycles.level_after[:, 0], sticks.arrest, float(np.min(sticks.drop)), sticks.typical_rest)
+    begin = Begin(seen.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.typical_rest)
     return drawn_distributions(sticks.rig, begin, maximum.theta, maximum.covariance, seed)
 
 
@@ -249,8 +250,8 @@ def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[s
     at = np.linspace(shortest, longest, AT_RESTS)
 
     def logarithm(theta: Array) -> Array:
-        creep = np.exp(theta[2])
-        return np.asarray(theta[0] + np.log(-np.expm1(-at / creep)) - np.log(-np.expm1(-typical / creep)))
+        contact = np.column_stack([at, np.full(AT_RESTS, typical), np.zeros(AT_RESTS)])
+        return np.log(slip_functions(LAW).aged([np.tile(theta, (AT_RESTS, 1)), contact])[0][:, 0])
 
     middle, step = logarithm(maximum.theta), 1e-4
     slopes = np.array([(logarithm(maximum.theta + step * unit) - middle) / step for unit in np.eye(len(PARAMETERS))])
@@ -265,7 +266,7 @@ def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[s
 
 def _odd(seen: Seen) -> Array:
     """Numbers of the odd slips of a log (from 1)."""
-    return np.asarray(seen.sticks.number[seen.cycles.odd[:, 0] > ODD_FROM])
+    return np.asarray(seen.sticks.number[seen.cycles.odd > ODD_FROM])
 
 
 def _cycle_table(seen: Seen) -> dict[str, Any]:
@@ -278,7 +279,7 @@ def _cycle_table(seen: Seen) -> dict[str, Any]:
         "rest_s": sticks.rest.tolist(),
         "onset": sticks.line.tolist(),
         "drop": sticks.drop.tolist(),
-        "strength": np.exp(cycles.log_strength[:, 0]).tolist(),
-        "level": cycles.level[:, 0].tolist(),
-        "odd": cycles.odd[:, 0].tolist(),
+        "strength": np.exp(cycles.log_strength).tolist(),
+        "level": cycles.level.tolist(),
+        "odd": cycles.odd.tolist(),
     }

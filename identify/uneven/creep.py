@@ -12,7 +12,7 @@ from identify.base.budget import time_is_up
 from identify.base.quantiles import NORMAL
 from identify.uneven.estimator import Maximum, Objective
 from identify.uneven.events import Sticks
-from identify.uneven.likelihood import PARAMETERS
+from identify.uneven.slip_functions import PARAMETERS
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.uneven.events import Rig
-from identify.uneven.likelihood import ODD, ODD_WANDER, ROUGHNESS_LENGTH, onset_motion, weakened
+from identify.uneven.likelihood import ODD_WANDER
+from identify.uneven.slip_functions import LAW, MET, ODD, ROUGHNESS_LENGTH, slip_functions
 
 Array = NDArray[np.float64]
 
@@ -97,9 +98,10 @@ class _Chains:
 
     def __init__(self, rig: Rig, begin: Begin, theta: Array, random: np.random.Generator) -> None:
         self.rig, self.begin, self.random = rig, begin, random
-        strength, self.weakening, self.creep, self.mass, self.wander, self.scatter, self.rough = np.exp(theta)
-        self.full = strength / -np.expm1(-begin.typical_rest / self.creep)
         size = theta.shape[1]
+        self.theta, self.functions = np.ascontiguousarray(theta.T), slip_functions(LAW)
+        _, _, _, self.mass, self.wander, self.scatter, self.rough = np.exp(theta)
+        self.over_load = np.tile(rig.over_load(0.0), (size, 1))
         picked = random.integers(begin.level.size, size=size)
         self.level, self.force, self.left = begin.level[picked], begin.force[picked], np.zeros(size)
 
@@ -107,15 +109,14 @@ class _Chains:
         """Peak, drop, period and whether it counts, each (chains, cycles - settling)."""
         rows, waited = [], np.zeros(self.level.size)
         for _ in range(CYCLES):
-            rest, strength, regained = self._stick()
+            rest, strength, usual = self._stick()
             onset = self.force
-            took, slid = self._slip(strength, regained)
+            took = self._slip(rest, strength, usual)
             drop = onset + self.rig.rate * took - self.force
             seen = drop > 0.5 * self.begin.smallest
             period = waited + rest + took
             rows.append((onset, drop, period, seen))
             waited = np.where(seen, 0.0, period)
-            self.left = np.maximum(strength - self.weakening * strength / regained * slid, 0.0)
         peak, drop, period, seen = (np.array(column)[SETTLING:].T for column in zip(*rows, strict=True))
         return peak, drop, period, seen.astype(bool)
 
@@ -123,44 +124,57 @@ class _Chains:
         """Rest [s] until the spring reaches level and strength, the strength met, and the usual one after that rest."""
         factor = np.exp(self.scatter * self.random.standard_normal(self.level.size))
         low = np.zeros(self.level.size)
-        high = (self.level + factor * np.maximum(self.full, self.left) - self.force) / self.rig.rate + 1e-9
+        full = self._usual(low)[:, 1]
+        high = (self.level + factor * np.maximum(full, self.left) - self.force) / self.rig.rate + 1e-9
         high = np.maximum(high, 1e-9)
         for _ in range(40):
             middle = 0.5 * (low + high)
-            usual = self.full - (self.full - self.left) * np.exp(-middle / self.creep)
-            short = self.force + self.rig.rate * middle < self.level + factor * usual
+            short = self.force + self.rig.rate * middle < self.level + factor * self._usual(middle)[:, 0]
             low, high = np.where(short, middle, low), np.where(short, high, middle)
-        usual = np.maximum(self.full - (self.full - self.left) * np.exp(-high / self.creep), 1e-9)
+        usual = np.maximum(self._usual(high)[:, 0], 1e-9)
         self.force = self.force + self.rig.rate * high
         return high, factor * usual, usual
 
-    def _slip(self, strength: Array, regained: Array) -> tuple[Array, Array]:
-        """How long every mass slides [s], and how far [m]; force and level are what they are after it."""
-        rig, size = self.rig, self.level.size
-        t, v = onset_motion(np.full(1, SEEN), rig, self.weakening, self.mass)
-        t, v, u = t[0], v[0], np.full(size, SEEN)
-        base = np.sqrt(self.mass / rig.stiffness)
-        h, x, b = STEP * base, np.zeros(size), np.zeros(size)
+    def _usual(self, rest: Array) -> Array:
+        """Strength after a rest [s] without scatter, and after a long one (n, 2)."""
+        contact = np.column_stack([rest, np.full(rest.size, self.begin.typical_rest), self.left])
+        return self.functions.aged([self.theta, contact])[0]
+
+    def _slip(self, rest: Array, strength: Array, usual: Array) -> Array:
+        """How long every mass slides [s]; force, level and strength left are what they are after it."""
+        rig, f, size = self.rig, self.functions, self.level.size
         odd = np.where(self.random.random(size) < ODD, ODD_WANDER, 1.0)
-        moving, end = np.ones(size, bool), np.zeros(size)
+        same = np.ones(size)
+        stick = np.column_stack([SEEN * same, self.force, rest, self.begin.typical_rest * same, same])
+        met = f.met([self.theta, self.over_load, stick])[0]
+        met[:, len(MET) + f.own.index("gamma")] += (usual - met[:, MET.index("regained")]) / met[:, MET.index("full")]
+        met[:, MET.index("onset")], met[:, MET.index("regained")] = self.force, usual
+        place = np.column_stack([np.log(strength), odd**2, SEEN * same])
+        begun = f.begin([self.theta, met, self.over_load, place])[0]
+        x, kept = begun[:, : len(f.states)].copy(), begun[:, f.state_size :].copy()
+        speed, worn, change, fine = (f.states.index(n) for n in ("sliding_speed", "gamma", "level_change", "fine"))
+        t, start = met[:, MET.index("earlier")].copy(), x[:, 0] - rig.drive_speed * met[:, MET.index("earlier")] + SEEN
+        h = STEP * np.sqrt(self.mass / rig.stiffness)
+        moving = np.ones(size, bool)
         for _ in range(int(LONGEST * np.pi / STEP)):
-            speed = np.maximum(v, 0.1 * rig.drive_speed)
-            q = np.minimum(speed * h / ROUGHNESS_LENGTH, 50.0)
-            draws = self.random.standard_normal((2, size))
-            x = np.exp(-q) * x + self.rough * np.sqrt(-np.expm1(-2.0 * q)) * draws[0]
-            b = b + odd * self.wander * np.sqrt(speed * h) * draws[1]
-            friction = self.level + b + x + strength * weakened(self.weakening / regained * (u + 0.5 * h * v))[0]
-            pull = self.force + rig.rate * (t + 0.5 * h) - rig.stiffness * (u + 0.5 * h * v) - rig.damping * v
-            faster = v + h * (pull - friction) / self.mass
-            stops = moving & (faster <= 0.0)
-            share = np.where(stops, v / np.maximum(v - faster, 1e-30), 1.0)
-            u = np.where(moving, u + share * h * 0.5 * (v + np.maximum(faster, 0.0)), u)
-            t = np.where(moving, t + share * h, t)
-            end = np.where(stops, self.level + b, end)
-            moving &= ~stops
-            v = np.where(moving, faster, 0.0)
+            rows = np.flatnonzero(moving)
+            now, dt = x[rows], h[rows]
+            pace = np.maximum(now[:, speed], 0.1 * rig.drive_speed)
+            q = np.minimum(pace * dt / ROUGHNESS_LENGTH, 50.0)
+            draws = self.random.standard_normal((2, rows.size))
+            now[:, fine] = np.exp(-q) * now[:, fine] + self.rough[rows] * np.sqrt(-np.expm1(-2.0 * q)) * draws[0]
+            now[:, change] += odd[rows] * self.wander[rows] * np.sqrt(pace * dt) * draws[1]
+            given = [kept[rows], self.over_load[rows]]
+            middle = now + 0.5 * dt[:, None] * f.motion([now, *given])[0]
+            after = now + dt[:, None] * f.motion([middle, *given])[0]
+            stops = after[:, speed] <= 0.0
+            share = np.where(stops, now[:, speed] / np.maximum(now[:, speed] - after[:, speed], 1e-30), 1.0)
+            x[rows] = now + share[:, None] * (after - now)
+            t[rows] += share * dt
+            moving[rows[stops]] = False
             if not moving.any():
                 break
-        self.level = np.where(moving, self.level + b, end)
-        self.force = self.force + rig.rate * t - rig.stiffness * u
-        return t, u
+        self.level = self.level + x[:, change]
+        self.force = self.force + rig.stiffness * (x[:, 0] - start)
+        self.left = strength * np.maximum(x[:, worn], 0.0) * met[:, MET.index("full")] / usual
+        return t

@@ -11,19 +11,18 @@ from scipy.optimize import minimize
 
 from identify.base.budget import now, seconds_left
 from identify.uneven.events import Sticks
-from identify.uneven.likelihood import Cycles, Nodes, log_likelihood
+from identify.uneven.likelihood import Likelihood, Nodes
+from identify.uneven.slip_functions import LAW
 
 Array = NDArray[np.float64]
 
-STEP = 1e-5  # of a logarithm: for gradients; log likelihoods are good to 1e-8
-WIDER = (2e-3, 0.05)  # least and greatest step for second derivatives
-SHARE = 0.2  # of a deviation: that step
+WIDER = (1e-4, 0.01)  # least and greatest step between gradients for second derivatives
+SHARE = 0.02  # of a deviation: that step
 ROUNDS = 4  # times that the nodes are narrowed to where the strengths lie
 SETTLED = 0.05  # deviations by which parameters move in the last round
 LEAST_SD = 0.03  # of the logarithm of a strength: nodes do not lie closer together
 WEAK = 3.0  # sd of the prior about the start: it stops what the record does not tell, and nothing else
 SEARCH_SHARE = 0.7  # of the time that is left: the rest is for the covariance
-TOGETHER = 8  # sets of parameters in one pass: more would leave the processor's cache
 
 
 @dataclass(frozen=True)
@@ -49,39 +48,41 @@ class Maximum:
 class Objective:
     """Log likelihood of records with parameters in common, with a weak prior; counts its passes."""
 
-    def __init__(self, records: Sequence[Sticks], start: Array, nodes: tuple[Nodes, ...] = ()) -> None:
-        self.records, self.start, self.passes = tuple(records), start, 0
-        self.nodes = nodes or tuple(Nodes.wide(sticks) for sticks in records)
+    def __init__(
+        self,
+        records: Sequence[Sticks],
+        start: Array,
+        nodes: Sequence[Nodes] | None = None,
+        law: tuple[str, ...] = LAW,
+    ) -> None:
+        self.records, self.start, self.law, self.passes = tuple(records), start, law, 0
         self.tightness = np.eye(start.size) / WEAK**2
+        self.place([Nodes.wide(sticks) for sticks in records] if nodes is None else nodes)
 
-    def cycles(self, theta: Array) -> list[Cycles]:
-        """What the likelihood finds of every record at theta (7, p)."""
-        self.passes += 1
-        return [log_likelihood(s, n, theta) for s, n in zip(self.records, self.nodes, strict=True)]
-
-    def per_cycle(self, theta: Array) -> Array:
-        """Log likelihood of every cycle (c, p) at theta (7, p)."""
-        parts = [theta[:, i : i + TOGETHER] for i in range(0, theta.shape[1], TOGETHER)]
-        return np.hstack([np.vstack([c.log_likelihood for c in self.cycles(part)]) for part in parts])
+    def place(self, nodes: Sequence[Nodes]) -> None:
+        """Compute on these nodes from now on."""
+        self.nodes = tuple(nodes)
+        self.each = [Likelihood(s, n, self.law) for s, n in zip(self.records, self.nodes, strict=True)]
 
     def prior(self, theta: Array) -> tuple[float, Array]:
-        """Logarithm of the weak prior, and its gradient (7,)."""
+        """Logarithm of the weak prior, and its gradient (p,)."""
         off = (theta - self.start) / WEAK
         return -0.5 * float(off @ off), -off / WEAK
 
     def slope(self, theta: Array) -> tuple[float, Array, Array]:
-        """Value, gradient, and scores (c, 7)."""
-        each = self.per_cycle(theta[:, None] + STEP * np.hstack([np.zeros((theta.size, 1)), np.eye(theta.size)]))
-        scores = (each[:, 1:] - each[:, :1]) / STEP
+        """Value, gradient (p,), and scores (c, p)."""
+        self.passes += 1
+        found = [likelihood.with_scores(theta) for likelihood in self.each]
+        scores = np.vstack([own for _, own in found])
         value, prior = self.prior(theta)
-        return float(each[:, 0].sum()) + value, scores.sum(axis=0) + prior, scores
+        value += sum(float(cycles.log_likelihood.sum()) for cycles, _ in found)
+        return value, scores.sum(axis=0) + prior, scores
 
     def narrow(self, theta: Array) -> None:
         """Nodes to where the strengths lie at theta."""
-        found = self.cycles(theta[:, None])
-        self.nodes = tuple(
-            Nodes.about(c.log_strength[:, 0], np.maximum(c.log_strength_sd[:, 0], LEAST_SD)) for c in found
-        )
+        self.passes += 1
+        found = [likelihood(theta) for likelihood in self.each]
+        self.place([Nodes.about(c.log_strength, np.maximum(c.log_strength_sd, LEAST_SD)) for c in found])
 
 
 def start_from_features(records: Sequence[Sticks]) -> Array:
@@ -144,31 +145,20 @@ def _stop_at(until: float) -> None:
 
 
 def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float]:
-    """Covariance, scores (c, 7) and log likelihood. Per parameter the larger deviation counts: of the Hessian, and of
+    """Covariance, scores (c, p) and log likelihood. Per parameter the larger deviation counts: of the Hessian, and of
     the sandwich with neighbouring cycles' scores correlated (Newey and West 1987)."""
-    n = theta.size
-    _, _, rough = objective.slope(theta)
-    sd = 1.0 / np.sqrt(np.diag(rough.T @ rough) + WEAK**-2)
-    step = np.clip(SHARE * sd, *WIDER)
-    one = np.diag(step)
-    pairs = [(i, j) for i in range(n) for j in range(i)]
-    shifts = [np.zeros(n), *one, *(-one), *(one[i] + one[j] for i, j in pairs), *(-one[i] - one[j] for i, j in pairs)]
-    each = objective.per_cycle(theta[:, None] + np.array(shifts).T)
-    total = each.sum(axis=0)
-    up, down = total[1 : n + 1], total[n + 1 : 2 * n + 1]
-    hessian = np.diag((up + down - 2.0 * total[0]) / step**2)
-    both, neither = np.split(total[2 * n + 1 :], 2)
-    for (i, j), plus, minus in zip(pairs, both, neither, strict=True):
-        mixed = (plus + minus + 2.0 * total[0] - up[i] - up[j] - down[i] - down[j]) / (2.0 * step[i] * step[j])
-        hessian[i, j] = hessian[j, i] = mixed
-    information = -hessian + objective.tightness
-    values, vectors = np.linalg.eigh(information / np.outer(sd**-1, sd**-1))
+    value, gradient, scores = objective.slope(theta)
+    sd = 1.0 / np.sqrt(np.diag(scores.T @ scores) + WEAK**-2)
+    steps = np.clip(SHARE * sd, *WIDER)
+    moved = [objective.slope(theta + step)[1] for step in np.diag(steps)]
+    information = -(np.array(moved) - gradient) / steps[:, None]
+    information = 0.5 * (information + information.T)
+    values, vectors = np.linalg.eigh(information * np.outer(sd, sd))
     inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-3)) @ vectors.T * np.outer(sd, sd)
-    scores = (each[:, 1 : n + 1] - each[:, n + 1 : 2 * n + 1]) / (2.0 * step)
     middle = _long_run(scores - scores.mean(axis=0)) + objective.tightness
     sandwich = inverse @ middle @ inverse
     scale = np.maximum(1.0, np.sqrt(np.diag(sandwich) / np.diag(inverse)))
-    return inverse * np.outer(scale, scale), scores, float(total[0])
+    return inverse * np.outer(scale, scale), scores, value - objective.prior(theta)[0]
 
 
 def _long_run(scores: Array) -> Array:

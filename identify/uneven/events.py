@@ -38,6 +38,11 @@ class Rig:
         """Speed at which the spring is loaded, as the sticks show it [m/s]."""
         return self.rate / self.stiffness
 
+    def over_load(self, noise: float) -> tuple[float, float, float, float]:
+        """As functions of a slip take it: stiffness [1/m], h [1/m], drive speed [m/s], and the sd of a sample [1]."""
+        hysteresis = self.damping * float(np.sqrt(self.stiffness / self.mass))
+        return self.stiffness, hysteresis, self.drive_speed, noise
+
 
 @dataclass(frozen=True)
 class Sticks:

@@ -14,7 +14,7 @@ from identify.uneven import wording
 from identify.uneven.drawn import Begin, drawn_distributions
 from identify.uneven.estimator import Maximum, maximise
 from identify.uneven.events import Sticks
-from identify.uneven.likelihood import PARAMETERS
+from identify.uneven.slip_functions import PARAMETERS
 
 Array = NDArray[np.float64]
 

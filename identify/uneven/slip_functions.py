@@ -1,0 +1,406 @@
+"""The composed model in a slip of an uneven track, as functions of CasADi with their exact derivatives.
+
+The law of weakening, ageing at rest, rig and load cell are those of the effects; `Track` adds what differs from stick
+to stick. Forces are over the load: the normal force is 1, and stiffness, damping and mass are divided by it. Every
+function has a reverse one, which takes derivatives by its results back to those by its arguments, so that the
+gradient of a likelihood costs about three likelihoods, however many parameters a law has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+
+from identify.base.compiled import Compiled, Mapped, compiled
+from identify.effects import ALL
+from identify.effects.quantities import Effect, Expression, Parameter, Situation, State, Terms
+from identify.model.composition import Composition
+from identify.model.model import assemble
+
+# Logarithms of these are searched, in this order; after them those of a law's own parameters.
+PARAMETERS = ("strength", "weakening_rate", "t_cr", "mass", "level_wander", "strength_scatter", "level_roughness")
+RIG = ("stiffness", "damping", "drive_speed", "noise")  # over the load: [1/m], h [1/m], [m/s], sd of a sample [1]
+LAW = ("inertia", "hysteresis_damping", "contact_ageing")
+ROUGHNESS_LENGTH = 6e-6  # [m] 3 to 8 um fit measured records about equally
+ROUNDED = 0.05  # of a saturated contact: over which the end of the weakening is rounded, for smooth derivatives
+START_SPEED = (0.5, 0.3)  # sd of the speed at the first sample: of itself, and of the drive speed
+HUBER = 4.0  # sd beyond which an innovation counts by its size, not its square
+LEAST_HAZARD = 0.02  # of kappa / A: a spot is met, however fast the contact strengthens
+ODD = 0.05  # share of odd slips
+FIRST_SLID, ONSET_STEPS = 1e-6, 32  # of the sliding at the first sample: where the onset is followed from; steps to it
+MET = ("onset", "earlier", "speed", "regained", "rate", "full")  # and the law's states at the first sample, and slopes
+CYCLE = ("log_strength", "log_strength_sd", "level", "odd")  # found of a cycle, after it was seen
+NOISES = ("level_path", "level_bridge", "fine_end", "fine_mean")
+
+
+class Track(Effect):
+    """What differs along the track: this stick's factor of strength, the level's change since the onset, and the fine
+    roughness. Contacts do not age while they slide: with ageing, the creep time is learnt from how slips begin."""
+
+    name = "track"
+    says = "what differs from stick to stick"
+    source = "docs/validation.md, Real surfaces"
+    parameters = (Parameter("stick_factor", "", -10.0, 10.0, 0.0, "", "logarithm of a stick's strength", "linear"),)
+    states = (State("level_change", "", 0.0), State("fine", "", 0.0))
+
+    def terms(self, s: Situation) -> Terms:
+        """Level and strength; a clock that runs against time, so that nothing ages."""
+        return Terms(excess=s.x.level_change + s.x.fine, strength=s.p.stick_factor, clock=-s.time)
+
+
+@dataclass(frozen=True, eq=False)
+class SlipFunctions:
+    """Of one law, for many lanes at once; names: what is searched, in the order of theta (logarithms, SI).
+
+    met: (theta, rig, stick (5,): slid [m], line [1], rest [s], typical rest [s], 1 where the rest is known) -> MET;
+    begin: (theta, rig, met, place (3,): log strength, variance factor of the wander, slid) -> state of the filter and
+    what a lane keeps; step: (state, kept, rig, sample (2,): time step [s], force [1]) -> state; arrest: (state, kept,
+    rig, end (2,): height above the next line [1], that line [1]) -> log likelihood, level's change, its variance.
+    aged: (theta, contact (3,): rest [s], typical rest [s], strength left before [1]) -> usual strength after the rest,
+    and after a long one; motion: (state of the model, kept, rig) -> its rate [1/s].
+    *_back: (arguments, derivatives by the result) -> derivatives by all arguments that depend on theta.
+    """
+
+    names: tuple[str, ...]
+    met: Mapped
+    met_back: Mapped
+    begin: Mapped
+    begin_back: Mapped
+    step: Mapped
+    step_back: Mapped
+    arrest: Mapped
+    arrest_back: Mapped
+    aged: Mapped
+    motion: Mapped
+    states: tuple[str, ...]  # of the model
+    own: tuple[str, ...]  # those of the law
+    state_size: int  # of the filter
+
+
+def _both(name: str, given: Sequence[ca.SX], result: ca.SX, back_to: int) -> tuple[Mapped, Mapped]:
+    """A function, and its reverse by the first so many arguments."""
+    seed = ca.SX.sym("seed", result.numel())
+    turned = ca.jtimes(result, ca.vertcat(*given[:back_to]), seed, True)
+    parts = ca.vertsplit(turned, [0, *_ends(given[:back_to])])
+    options = {"cse": True}
+    return (
+        Mapped(ca.Function(name, given, [ca.densify(result)], options)),
+        Mapped(ca.Function(f"{name}_back", [*given, seed], [ca.densify(p) for p in parts], options)),
+    )
+
+
+def _ends(given: Sequence[ca.SX]) -> list[int]:
+    out, total = [], 0
+    for symbol in given:
+        total += symbol.numel()
+        out.append(total)
+    return out
+
+
+class _Slip:
+    """The composed model with a track, and the symbols its functions are made of."""
+
+    def __init__(self, law: tuple[str, ...]) -> None:
+        effects = tuple(effect for effect in ALL if effect.name in law)
+        self.m = Composition((*effects, Track()))
+        self.plain = assemble(law)
+        m, names = self.m, self.m.names
+        self.own = [n for n in names if n not in ("elongation", "sliding_speed", *(s.name for s in Track.states))]
+        searched = {"mu_s", "mu_k0", "D", "t_cr", "stiffness", "mass", "damping", "stick_factor"}
+        self.extra = [p.name for p in m.parameters if p.name not in searched and p.kind == "friction"]
+        self.names = (*PARAMETERS, *self.extra)
+        self.theta, self.rig = ca.SX.sym("theta", len(self.names)), ca.SX.sym("rig", len(RIG))
+        self.value = dict(zip(self.names, ca.vertsplit(ca.exp(self.theta)), strict=True))
+        self.k, self.h, self.drive, self.noise = ca.vertsplit(self.rig)
+        self.slip = ca.Function("slip", [m.x, m.p, m.u], [m.motion(held=False)])
+        self.shown = ca.Function("shown", [m.x, m.p, m.u], [m.shown(m.x, m.rig(m.x, m.speed(m.x))[0])])
+        self.pull = ca.Function("pull", [m.x, m.p, m.u], [m.rig(m.x, 0.0)[0]])
+        # What a lane keeps through its slip.
+        self.kept_names = ("stick_factor", "level", "full", "D", "mass", "wandering", "rough", *self.extra)
+        self.kept = ca.SX.sym("kept", len(self.kept_names))
+
+    def keeps(self) -> dict[str, ca.SX]:
+        return dict(zip(self.kept_names, ca.vertsplit(self.kept), strict=True))
+
+    def inputs(self) -> ca.SX:
+        """Inputs of the model: drive speed, load, direction, time."""
+        return ca.vertcat(self.drive, 1.0, 1.0, 0.0)
+
+    def parameters(self, kept: Mapping[str, Expression]) -> ca.SX:
+        """Parameters of the model of one stick."""
+        values = {q.name: ca.SX(q.default) for q in self.m.parameters} | {
+            name: kept[name] for name in ("stick_factor", "D", "mass", *self.extra)
+        }
+        values |= {"mu_k0": kept["level"], "mu_s": kept["level"] + kept["full"]}
+        values |= {"stiffness": self.k, "damping": self.h, "t_cr": ca.SX(1.0)}  # nothing ages in a slip
+        return ca.vertcat(*(values[q.name] for q in self.m.parameters))
+
+    def rate(self, x: ca.SX, p: ca.SX) -> ca.SX:
+        """dx/dt in a slip; a worn contact stays worn, rounded."""
+        x, i = ca.SX(x), self.m.clamped
+        if i is not None:
+            x[i] = _rounded(x[i])
+        return self.slip(x, p, self.inputs())
+
+    def state(self, **values: Expression) -> ca.SX:
+        return ca.vertcat(*(values.get(name, 0.0) for name in self.m.names))
+
+    def at(self, x: ca.SX, name: str) -> ca.SX:
+        return x[self.m.names.index(name)]
+
+    def full_strength(self, typical: ca.SX) -> ca.SX:
+        """Strength after a long rest, from that after the typical one."""
+        return self.value["strength"] / self.regained(1.0, 0.0, typical)
+
+    def regained(self, full: Expression, left: Expression, rest: ca.SX) -> ca.SX:
+        """Strength after a rest [s]: by the ageing of the effects."""
+        x = ca.SX.zeros(len(self.plain.states))
+        place = [s.name for s in self.plain.states].index("gamma")
+        x[place] = left
+        p = ca.vertcat(*(self.value["t_cr"] if q.name == "t_cr" else ca.SX(q.default) for q in self.plain.parameters))
+        return full * self.plain.rest(x, p, self.inputs(), rest)[place]
+
+    def onset(self, slid: ca.SX, kept: Mapping[str, Expression], worn: Mapping[str, Expression]) -> ca.SX:
+        """Time from rest [s], speed [m/s] and the law's states after so much sliding [m]; over the logarithm of the
+        sliding, from where the pull alone has moved the mass."""
+        p, rate = self.parameters(kept), self.k * self.drive
+        balance = kept["level"] + kept["full"] * ca.exp(kept["stick_factor"]) * _rounded(worn["gamma"])
+        start = (balance - self.pull(self.state(**worn), p, self.inputs())) / self.k
+        first = FIRST_SLID * slid
+        time = (6.0 * kept["mass"] * first / rate) ** (1.0 / 3.0)
+        y = ca.vertcat(time, 0.5 * rate * time**2 / kept["mass"], *(worn[name] for name in self.own))
+
+        def slope(log_slid: Expression, y: ca.SX) -> ca.SX:
+            u = first * ca.exp(log_slid)
+            own = {name: y[2 + i] for i, name in enumerate(self.own)}
+            x = self.state(elongation=start + self.drive * y[0] - u, sliding_speed=y[1], **own)
+            dx = self.rate(x, p)
+            changes = [self.at(dx, name) for name in ("sliding_speed", *self.own)]
+            return u / y[1] * ca.vertcat(1.0, *changes)
+
+        h = -float(ca.log(FIRST_SLID)) / ONSET_STEPS
+        for i in range(ONSET_STEPS):
+            a = slope(i * h, y)
+            b = slope((i + 0.5) * h, y + 0.5 * h * a)
+            c = slope((i + 0.5) * h, y + 0.5 * h * b)
+            y = y + h / 6.0 * (a + 2.0 * b + 2.0 * c + slope((i + 1) * h, y + h * c))
+        return ca.vertcat(y, slope(ONSET_STEPS * h, y)[2:] / slid)
+
+    def aged(self) -> Mapped:
+        """Strength after a rest."""
+        contact = ca.SX.sym("contact", 3)
+        rest, typical, left = ca.vertsplit(contact)
+        full = self.full_strength(typical)
+        result = ca.vertcat(self.regained(full, left / full, rest), full)
+        return Mapped(ca.Function("aged", [self.theta, contact], [ca.densify(result)]))
+
+    def motion(self) -> Mapped:
+        """The model in a slip."""
+        result = self.rate(self.m.x, self.parameters(self.keeps()))
+        return Mapped(ca.Function("motion", [self.m.x, self.kept, self.rig], [ca.densify(result)]))
+
+    def met(self) -> tuple[Mapped, Mapped]:
+        """The onset of every stick."""
+        stick = ca.SX.sym("stick", 5)
+        slid, line, rest, typical, known = ca.vertsplit(stick)
+        full, time = self.full_strength(typical), ca.SX.sym("time")
+        worn = {s.name: ca.SX(s.start) for s in self.m.states if s.name in self.own}
+        first = self.regained(1.0, 0.0, rest)
+        kept = {**self.value, "stick_factor": 0.0, "level": 0.0, "full": full, "D": full / self.value["weakening_rate"]}
+        y = self.onset(slid, kept, {**worn, "gamma": first})
+        strength = self.regained(full, 0.0, time)
+        rested = ca.fmax(rest - y[0], 1e-3 * typical)
+        strength, growth = (
+            ca.substitute(value, time, rested) for value in (strength, known * ca.jacobian(strength, time))
+        )
+        n = len(self.own)
+        own = y[2 : 2 + n]
+        own[self.own.index("gamma")] += strength / full - first
+        onset = line - self.k * self.drive * y[0]
+        result = ca.vertcat(onset, y[0], y[1], strength, growth, full, own, y[2 + n :])
+        return _both("met", [self.theta, self.rig, stick], result, 1)
+
+    def begin(self) -> tuple[Mapped, Mapped]:
+        """State of the filter at the first sample, and what a lane keeps."""
+        n = len(self.own)
+        met, place = ca.SX.sym("met", len(MET) + 2 * n), ca.SX.sym("place", 3)
+        onset, earlier, speed, strength, _, full = ca.vertsplit(met[: len(MET)])
+        eta, odd, slid = ca.vertsplit(place)
+        kept = {
+            **self.value,
+            "stick_factor": eta - ca.log(full * _rounded(strength / full)),
+            "level": onset - ca.exp(eta),
+            "full": full,
+            "D": full / self.value["weakening_rate"],
+            "wandering": odd * self.value["level_wander"] ** 2,
+            "rough": self.value["level_roughness"] ** 2,
+        }
+        own = dict(zip(self.own, ca.vertsplit(met[len(MET) : len(MET) + n]), strict=True))
+        slopes = dict(zip(self.own, ca.vertsplit(met[len(MET) + n :]), strict=True))
+        p = self.parameters(kept)
+        start = (onset - self.pull(self.state(**own), p, self.inputs())) / self.k
+        x = self.state(elongation=start + self.drive * earlier - slid, sliding_speed=speed, **own)
+        along = self.state(elongation=-1.0, **slopes)
+        spread = self.state(
+            sliding_speed=(START_SPEED[0] * speed + START_SPEED[1] * self.drive) ** 2,
+            level_change=kept["wandering"] * slid,
+            fine=-kept["rough"] * ca.expm1(-2.0 * slid / ROUGHNESS_LENGTH),
+        )
+        covariance = along @ along.T * (self.noise / self.k) ** 2 + ca.diag(spread)
+        result = ca.vertcat(x, _upper(covariance), 0.0, *(kept[name] for name in self.kept_names))
+        return _both("begin", [self.theta, met, self.rig, place], result, 2)
+
+    def step(self) -> tuple[Mapped, Mapped]:
+        """From one sample to the next, by the midpoint rule; fine roughness enters by its mean over the step, exact
+        for a given speed; then the sample is seen."""
+        n, sample = len(self.m.names), ca.SX.sym("sample", 2)
+        h, force = ca.vertsplit(sample)
+        x, covariance, total, state = _filter_state(n)
+        kept, noises = self.keeps(), ca.SX.sym("noises", len(NOISES))
+        p, v, b, fine = self.parameters(kept), *(self.at(x, q) for q in ("sliding_speed", "level_change", "fine"))
+        speed = 0.5 * (v + ca.sqrt(v * v + self.drive**2))
+        share = speed * h / ROUGHNESS_LENGTH + 1e-6
+        gone = -ca.expm1(-share)
+        i, j = (self.m.names.index(q) for q in ("level_change", "fine"))
+        mean = ca.SX(x)
+        mean[i], mean[j] = b + 0.5 * noises[0] + noises[1], gone / share * fine + noises[3]
+        middle = mean + 0.5 * h * self.rate(mean, p)
+        after = x + h * self.rate(middle, p)
+        after[i], after[j] = b + noises[0], (1.0 - gone) * fine + noises[2]
+        grown, rough = kept["wandering"] * speed * h, kept["rough"]
+        spread = ca.diag(ca.vertcat(grown, grown / 12.0, rough * gone * (2.0 - gone), 0.0))
+        spread[3, 3] = rough * (2.0 * share - 2.0 * gone - gone * gone) / (share * share)
+        spread[2, 3] = spread[3, 2] = rough * gone * gone / share
+        forward, noisy, after = (
+            ca.substitute(q, noises, ca.SX.zeros(len(NOISES)))
+            for q in (ca.jacobian(after, x), ca.jacobian(after, noises), after)
+        )
+        covariance = _symmetric(_upper(forward @ covariance @ forward.T + noisy @ spread @ noisy.T), n)
+        shown = self.shown(after, p, self.inputs())
+        seen = ca.substitute(ca.jacobian(self.shown(x, p, self.inputs()), x), x, after)
+        result = _seen(after, covariance, total, force - shown, seen, self.noise**2)
+        return _both("step", [state, self.kept, self.rig, sample], result, 2)
+
+    def arrest(self) -> tuple[Mapped, Mapped]:
+        """The end of a slip: how far the last sample lies above the next stick line tells the speed there, by the
+        deceleration; and a slip ends the sooner the stronger that is."""
+        n, end = len(self.m.names), ca.SX.sym("end", 2)
+        above, line = ca.vertsplit(end)
+        x, covariance, total, state = _filter_state(n)
+        kept = self.keeps()
+        damping = self.pull(ca.SX.zeros(n), self.parameters(kept), self.inputs()) / self.drive
+        # Where the deceleration is not positive there is no arrest: rounded off far below what any slip shows.
+        least = 0.1 * above / kept["mass"]
+        raw = (kept["level"] + self.at(x, "level_change") + self.at(x, "fine") - line) / kept["mass"]
+        slowing = 0.5 * (raw + ca.sqrt(raw * raw + least * least))
+        root = ca.sqrt(damping**2 + 2.0 * self.k * above / slowing)
+        excess = self.at(x, "sliding_speed") - slowing / self.k * (damping + root)
+        result = _seen(
+            x, covariance, total + ca.log(slowing), -excess, ca.jacobian(excess, x), (self.noise / root) ** 2
+        )
+        i = self.m.names.index("level_change")
+        place = n + [(a, b) for a in range(n) for b in range(a, n)].index((i, i))
+        return _both("arrest", [state, self.kept, self.rig, end], ca.vertcat(result[-1], result[i], result[place]), 2)
+
+    def chain(self, nodes: int) -> tuple[Compiled, Compiled]:
+        """A cycle after the one before: the level that this left, the stick's time, and its slip.
+
+        (level before (2,): mean and variance; met, without the law's states; slips (6 n,): log likelihood, change and
+        variance of the level, usual slips first; theta; log strengths of the nodes; their weight; rig; least variance)
+        -> log likelihood of the cycle, level after (2,), CYCLE.
+        """
+        before, eta, weight = ca.SX.sym("before", 2), ca.SX.sym("eta", nodes), ca.SX.sym("weight")
+        met, slips, least = ca.SX.sym("met", len(MET)), ca.SX.sym("slips", 6 * nodes), ca.SX.sym("least")
+        onset, _, _, regained, growth, _ = ca.vertsplit(met)
+        scatter, strength = self.value["strength_scatter"], ca.exp(eta)
+        level, z = onset - strength, (eta - ca.log(regained)) / scatter
+        # The rate at which spots of that strength are met while the contact strengthens: long sticks are strong spots.
+        usual = self.k * self.drive / strength
+        hazard = usual - growth / regained
+        hazard = 0.5 * (hazard + ca.sqrt(hazard**2 + (LEAST_HAZARD * usual) ** 2))
+        joint = ca.log(hazard) - 0.5 * z**2 - ca.log(scatter) + eta + ca.log(weight)
+        joint += -0.5 * (level - before[0]) ** 2 / before[1] - 0.5 * ca.log(before[1])
+        found, change, variance = (ca.reshape(part, nodes, 2) for part in ca.vertsplit(slips, 2 * nodes))
+        both = ca.horzcat(joint + found[:, 0] + ca.log(1.0 - ODD), joint + found[:, 1] + ca.log(ODD))
+        top = ca.mmax(both)
+        share = ca.exp(both - top)
+        whole = ca.sum1(ca.sum2(share))
+        share = share / whole
+        after = ca.repmat(level, 1, 2) + change
+        mean = ca.sum1(ca.sum2(share * after))
+        spread = ca.sum1(ca.sum2(share * ((after - mean) ** 2 + variance)))
+        spread = ca.fmax(spread, least * self.value["level_wander"] ** 2)
+        at = ca.sum2(share)
+        middle = at.T @ eta
+        cycle = (middle, ca.sqrt(at.T @ (eta - middle) ** 2), at.T @ level, ca.sum1(share[:, 1]))
+        result = ca.vertcat(ca.log(whole) + top, mean, spread)
+        given = [before, met, slips, self.theta, eta, weight, self.rig, least]
+        seed = ca.SX.sym("seed", 3)
+        back = ca.jtimes(result, ca.vertcat(*given[:4]), seed, True)
+        return (
+            compiled(ca.Function("chain", given, [ca.densify(ca.vertcat(result, *cycle))])),
+            compiled(ca.Function("chain_back", [*given, seed], [ca.densify(back)])),
+        )
+
+
+def _rounded(share: ca.SX) -> ca.SX:
+    """A share of strength that is left, never below zero."""
+    return 0.5 * (share + ca.sqrt(share**2 + ROUNDED**2))
+
+
+def _upper(matrix: ca.SX) -> ca.SX:
+    """The upper triangle, row by row."""
+    return ca.vertcat(*(matrix[i, j] for i in range(matrix.shape[0]) for j in range(i, matrix.shape[0])))
+
+
+def _symmetric(upper: ca.SX, n: int) -> ca.SX:
+    """The matrix of an upper triangle."""
+    out, place = ca.SX(n, n), 0
+    for i in range(n):
+        for j in range(i, n):
+            out[i, j] = out[j, i] = upper[place]
+            place += 1
+    return out
+
+
+def _filter_state(n: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Mean, covariance and log likelihood so far, and all of them as one vector."""
+    state = ca.SX.sym("state", n + n * (n + 1) // 2 + 1)
+    return state[:n], _symmetric(state[n:-1], n), state[-1], state
+
+
+def _seen(x: ca.SX, covariance: ca.SX, total: ca.SX, off: ca.SX, by_x: ca.SX, noise: ca.SX) -> ca.SX:
+    """The filter's state after an observation that is off by so much; large innovations count less (Huber)."""
+    gains = covariance @ by_x.T
+    variance = by_x @ gains + noise
+    size = ca.sqrt(off * off / variance)
+    far = ca.fmax(size / HUBER, 1.0)
+    total = total - 0.5 * ca.log(variance) - 0.5 * (size / far) ** 2 - HUBER * (size - size / far)
+    return ca.vertcat(x + gains * (off / (far * variance)), _upper(covariance - gains @ gains.T / variance), total)
+
+
+@lru_cache(maxsize=16)
+def slip_functions(law: tuple[str, ...]) -> SlipFunctions:
+    """The functions of one law, effects by name."""
+    slip = _Slip(law)
+    n = len(slip.m.names)
+    return SlipFunctions(
+        slip.names,
+        *slip.met(),
+        *slip.begin(),
+        *slip.step(),
+        *slip.arrest(),
+        slip.aged(),
+        slip.motion(),
+        tuple(slip.m.names),
+        tuple(slip.own),
+        n + n * (n + 1) // 2 + 1,
+    )
+
+
+def chain_functions(law: tuple[str, ...], nodes: int) -> tuple[Compiled, Compiled]:
+    """From cycle to cycle, for so many nodes of a stick's strength, and back; they hold buffers, so one per thread."""
+    return _Slip(law).chain(nodes)
