@@ -100,7 +100,7 @@ def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out:
     }
     if maxima and agreement(maxima) < APART:
         return Estimated(Status.MODEL_MISFIT, _apart(seen, maxima), (), left_out=left_out, more=seen_so)
-    withheld = _withheld(maximum, records)
+    withheld = why_withheld(maximum, records)
     tells_creep = not withheld and in_time(wording.CREEP)
     creep = creep_interval(records, maximum) if tells_creep else CreepTime(None, None)
     untold = withheld or ("" if in_time(wording.CREEP) else wording.CUT_SHORT)
@@ -153,12 +153,15 @@ def _found_mass(estimates: Sequence[Estimate]) -> tuple[float, float, float] | N
     return mass.value, mass.lower, mass.upper
 
 
-def _withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
+def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
     """Why strength and weakening length are not told; "" where they are."""
     values = dict(zip(PARAMETERS, np.exp(maximum.theta), strict=True))
     stiffest = max(sticks.rig.stiffness for sticks in records)
     if values["weakening_rate"] < stiffest:
         return wording.SLOWER_THAN_SPRING
+    length = values["strength"] / values["weakening_rate"]
+    if length < min(sticks.noise / sticks.rig.stiffness for sticks in records):
+        return wording.lost_at_once(length)
     if values["strength_scatter"] > LARGEST_SCATTER:
         return wording.scatters_too_much(values["strength_scatter"])
     return ""

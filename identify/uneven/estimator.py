@@ -16,8 +16,8 @@ from identify.uneven.slip_functions import LAW
 
 Array = NDArray[np.float64]
 
-WIDER = (1e-4, 0.01)  # least and greatest step between gradients for second derivatives
-SHARE = 0.02  # of a deviation: that step
+WIDER = (1e-3, 0.1)  # least and greatest step to either side, between gradients, for second derivatives
+SHARE = 0.2  # of a deviation: that step; far closer gradients show the steps in which an onset is followed
 ROUNDS = 4  # times that the nodes are narrowed to where the strengths lie
 SETTLED = 0.05  # deviations by which parameters move in the last round
 LEAST_SD = 0.03  # of the logarithm of a strength: nodes do not lie closer together
@@ -146,16 +146,19 @@ def _stop_at(until: float) -> None:
 
 def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float]:
     """Covariance, scores (c, p) and log likelihood. Per parameter the larger deviation counts: of the Hessian, and of
-    the sandwich with neighbouring cycles' scores correlated (Newey and West 1987)."""
-    value, gradient, scores = objective.slope(theta)
+    the sandwich with neighbouring cycles' scores correlated (Newey and West 1987), for few cycles after MacKinnon and
+    White (1985)."""
+    value, _, scores = objective.slope(theta)
     sd = 1.0 / np.sqrt(np.diag(scores.T @ scores) + WEAK**-2)
     steps = np.clip(SHARE * sd, *WIDER)
-    moved = [objective.slope(theta + step)[1] for step in np.diag(steps)]
-    information = -(np.array(moved) - gradient) / steps[:, None]
+    above, below = (np.array([objective.slope(theta + side * step)[1] for step in np.diag(steps)]) for side in (1, -1))
+    information = (below - above) / (2.0 * steps[:, None])
     information = 0.5 * (information + information.T)
     values, vectors = np.linalg.eigh(information * np.outer(sd, sd))
     inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-3)) @ vectors.T * np.outer(sd, sd)
-    middle = _long_run(scores - scores.mean(axis=0)) + objective.tightness
+    cycles = scores.shape[0]
+    known = cycles / max(cycles - theta.size, 1)  # scores at the maximum scatter less than those at the truth
+    middle = known * _long_run(scores - scores.mean(axis=0)) + objective.tightness
     sandwich = inverse @ middle @ inverse
     scale = np.maximum(1.0, np.sqrt(np.diag(sandwich) / np.diag(inverse)))
     return inverse * np.outer(scale, scale), scores, value - objective.prior(theta)[0]

@@ -72,6 +72,14 @@ def scatters_too_much(scatter: float) -> str:
     )
 
 
+def lost_at_once(length: float) -> str:
+    """Why the strength is withheld where the noise of a sample hides the sliding that takes it all; length [m]."""
+    return (
+        f"the strength seems lost within {three_figures(1e9 * length)} nm of sliding, less than the noise of a sample "
+        "hides: strength and weakening length cannot be told; a slower drive, or less noise, would tell"
+    )
+
+
 def creep_bounded(lower: float | None, upper: float | None, rest: float) -> str:
     """A bound on one side."""
     rests = f"sticks of about {three_figures(rest)} s"

@@ -1,19 +1,54 @@
 """Measured records: friction that differs from cycle to cycle is noticed, said, and described cycle by cycle."""
 
+import numpy as np
 import pytest
 
-from experiments.run_measured_records import RECORDS, main
+from experiments.run_measured_records import RECORDS, halves, main, sticks_in
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
+from identify.uneven.answer import why_withheld
+from identify.uneven.estimator import maximise
+from identify.uneven.slip_functions import PARAMETERS
+
+measured = pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not beside this checkout")
 
 
-@pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not beside this checkout")
+@measured
 def test_a_measured_record_ends_with_numbers_and_the_reason(capsys):
     statuses = main(fast=True)
     said = capsys.readouterr().out
     assert set(statuses.values()) == {"converged"}
     assert "by the uneven estimator" in said and "differs from cycle to cycle" in said
+
+
+@measured
+@pytest.mark.parametrize(("name", "strength", "mass"), [("k168_v42", 0.020, 0.52), ("k1002_v42", 0.050, 0.80)])
+def test_the_estimate_is_near_that_of_another_implementation(name, strength, mass):
+    """Of the same likelihood, in another language; mass as a share of the nominal 30.7 g, deviations below 0.15."""
+    sticks = sticks_in(name, RECORDS)
+    maximum = maximise([sticks])
+    sd = np.sqrt(np.diag(maximum.covariance))
+    places = [PARAMETERS.index(q) for q in ("strength", "mass")]
+    found = np.exp(maximum.theta[places])
+    assert maximum.converged and sd[places].max() < 0.15
+    assert found == pytest.approx([strength, mass / 9.81], rel=0.25)
+
+
+@measured
+def test_halves_of_a_measured_record_agree():
+    assert halves(sticks_in("k1002_v42", RECORDS))[1] > 0.05
+
+
+@measured
+def test_a_record_that_hides_the_weakening_still_tells_the_mass():
+    """Ringing of the same rig: 17 to 22.4 g (experiments/run_rig_study.py)."""
+    sticks = sticks_in("k1002_v4300", RECORDS).part(np.arange(48))
+    maximum = maximise([sticks])
+    place, load = PARAMETERS.index("mass"), 0.0307 * 9.81
+    mass, sd = load * np.exp(maximum.theta[place]), np.sqrt(maximum.covariance[place, place])
+    assert 0.017 < mass * np.exp(-1.96 * sd) < mass * np.exp(1.96 * sd) < 0.0224
+    assert "cannot be told" in why_withheld(maximum, [sticks])
 
 
 def test_cycles_that_are_alike_show_no_scatter():

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from experiments.run_measured_records import RECORDS
-from experiments.run_measured_records import scene_of as measured_scene
 from experiments.run_uneven_study import prepared, scene_of, truth_of
 from experiments.uneven_records import STIFF, simulated
 from identify import fit
 from identify.base.errors import FitError
-from identify.logs.scene_records import with_records
 from identify.report import write_report
 from identify.report.stored_result import plain
 from identify.studies.fits import FitEntry, values
@@ -151,19 +148,6 @@ def test_a_short_record_is_refused_with_a_sentence(tracks):
     )
     result = fit(scene_of(STIFF), [short], estimator=UnevenEstimator()).result
     assert result["status"] == "no_cycles" and "at least 12" in result["message"]
-
-
-@pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not beside this checkout")
-@pytest.mark.parametrize(("name", "strength", "mass"), [("k168_v42", 0.020, 0.016), ("k1002_v42", 0.050, 0.0246)])
-def test_a_measured_record_gives_numbers(name, strength, mass):
-    """Near what another implementation of the same likelihood found."""
-    scene, records = with_records(measured_scene((name,), RECORDS), None)
-    result = fit(scene, records, estimator=UnevenEstimator()).result
-    told = result["parameters"]
-    assert result["status"] == "converged"
-    assert told["strength"]["value"] == pytest.approx(strength, rel=0.25)
-    assert told["mass"]["value"] == pytest.approx(mass, rel=0.25)
-    assert told["t_cr"]["verdict"] == "bounded" and told["t_cr"]["interval"][0] is None
 
 
 def test_a_plain_fit_that_fails_on_cycles_that_differ_is_followed_by_the_uneven_one(tracks, tmp_path):
