@@ -177,11 +177,15 @@ def _course(dice: _Dice, force: float, duration: float) -> tuple[tuple[float, ..
     return tuple(np.unique(times).tolist()), tuple(values[: np.unique(times).size].tolist())
 
 
+def effects_of(seed: int) -> tuple[str, ...]:
+    """The effects of a seed's scene: ten seeds in a row share them, so that what is built for them is used again."""
+    return _effects(_Dice(seed // 10))
+
+
 def draw(seed: int) -> Draw:
     """The scene of a seed: at least one onset where the drive reaches it, then some cycles or some sliding."""
     dice = _Dice(seed)
-    # Ten seeds in a row share their effects: what is compiled for a composition is used again.
-    effects = _effects(_Dice(seed // 10))
+    effects = effects_of(seed)
     model = assemble(effects)
     names = set(model.parameter_names)
     values = _main_values(dice, model)

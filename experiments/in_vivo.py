@@ -70,13 +70,14 @@ class Twin:
 
     def scene(self, *, all_known: bool = False) -> Scene:
         """What a careful user would write: measured load, skin and drift among the effects, the rig to 10 %, the skin
-        to 30 % and the time in which it moistens to 40 %; all_known: everything but friction is told as it is."""
+        to 30 % and the time in which it moistens to 40 %; all_known: all but the coefficients of
+        friction is told as it is."""
         rig = {name: {"value": value, "tolerance": TOLERANCE} for name, value in STATED.items()}
         logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, speed in enumerate(self.speeds, 1)]
         parameters = {name: {"prior": {"mean": mean, "sd": sd * mean}} for name, (mean, sd) in BELIEVED.items()}
         document = {"effects": list(EFFECTS), "rig": rig, "parameters": parameters, "logs": logs}
         if all_known:
-            names = (*BELIEVED, "occlusion_level")
+            names = (*BELIEVED, "occlusion_level", "a", "D", "t_cr")
             document["rig"] = {name: self.truth[name] for name in STATED}
             document["parameters"] = {name: {"fixed": self.truth[name]} for name in names}
         return Scene.from_document(document, Path())

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments.in_parts import append, kind_and_cases, started
 from experiments.machine import describe
-from experiments.study_problem import NOISE, RIG, USUAL
+from experiments.study_problem import NOISE, RIG, USUAL, coefficients_only
 from identify import Scene
 from identify.base.outcome import Status
 from identify.base.quantiles import NORMAL
@@ -48,8 +48,8 @@ CHOICES = Choices(load_error=LOAD_ERROR)
 EFFECTS = [*MAIN, "varying_normal_force"]
 
 
-def scene(number: int) -> tuple[Scene, dict[str, float]]:
-    """A random scene of the usual ranges, and its values."""
+def scene(number: int, known: bool = False) -> tuple[Scene, dict[str, float]]:
+    """A random scene of the usual ranges, and its values; known: only the coefficients are searched."""
     random = np.random.default_rng([SEED, number])
     while True:
         mu_s, step = random.uniform(*USUAL.mu_s), random.uniform(*USUAL.step)
@@ -64,7 +64,8 @@ def scene(number: int) -> tuple[Scene, dict[str, float]]:
         "rig": {**rig, "drive_speed": 1e-3, "normal_force": 1.0, "noise": NOISE},
         "parameters": {name: {"start": value} for name, value in truth.items()},
     }
-    return Scene.from_document(document), truth | rig
+    made = Scene.from_document(document)
+    return coefficients_only(made, truth) if known else made, truth | rig
 
 
 def recorded(values: dict[str, float], log: PlannedLog, random: np.random.Generator) -> tuple[Record, Any]:
@@ -91,9 +92,9 @@ def fitted(made: Scene, values: dict[str, float], logs: Sequence[PlannedLog], nu
     return find(Scene.from_document(document), records, clock=Clock(), progress=lambda _s, _x: None)[1]
 
 
-def sets(number: int) -> dict[str, Any]:
+def sets(number: int, known: bool = False) -> dict[str, Any]:
     """The recommended set of one scene: promised and fitted standard errors, and random sets of the same duration."""
-    made, values = scene(number)
+    made, values = scene(number, known)
     began = time.process_time()
     planned = plan(made, (), CHOICES)
     seconds = time.process_time() - began
@@ -149,9 +150,9 @@ def _random_worst(tried: Rehearsals, logs: Sequence[PlannedLog], number: int) ->
     return float(np.exp(np.mean(np.log(np.minimum(worst, 1e3)))))
 
 
-def verdicts(number: int) -> dict[str, Any]:
+def verdicts(number: int, known: bool = False) -> dict[str, Any]:
     """A single poor log: the verdicts that the plan expects of its fit, and those of the fit."""
-    made, values = scene(number)
+    made, values = scene(number, known)
     random = np.random.default_rng([SEED, 3, number])
     planned = plan(made, (), replace(CHOICES, budget=61.0, speeds=(1e-3,)))
     k, tried = planned.knowledge, Rehearsals(planned.knowledge)
@@ -177,11 +178,11 @@ def verdicts(number: int) -> dict[str, Any]:
 STUDIES = {"sets": sets, "verdicts": verdicts}
 
 
-def study(name: str, first: int, last: int, file: Path | None = None) -> list[dict[str, Any]]:
+def study(name: str, first: int, last: int, file: Path | None = None, known: bool = False) -> list[dict[str, Any]]:
     """Cases first to last, each printed, and appended to a file if one is given."""
     out = []
     for number in range(first, last + 1):
-        out.append(STUDIES[name](number))
+        out.append(STUDIES[name](number, known))
         print(out[-1], flush=True)
         append(file, out[-1])
     return out
@@ -213,9 +214,9 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
 
 
 def main(fast: bool = False) -> list[dict[str, Any]]:
-    """The whole study; fast: one single log."""
+    """The whole study; fast: one single log, of which only the coefficients are searched."""
     counts = {"verdicts": 1} if fast else {"sets": CASES, "verdicts": CASES}
-    lines = [line for name, count in counts.items() for line in study(name, 1, count)]
+    lines = [line for name, count in counts.items() for line in study(name, 1, count, known=fast)]
     table(lines)
     return lines
 

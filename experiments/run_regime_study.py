@@ -123,7 +123,7 @@ def table(lines: list[Line]) -> str:
 
 def main(fast: bool = False, first: int = FIRST, last: int = LAST) -> list[Line]:
     """Print the table, and a line for every record that is not told rightly."""
-    seeds = range(1, 3) if fast else range(first, last + 1)
+    seeds = range(1, 2) if fast else range(first, last + 1)
     lines = [line(kind, seed) for seed in seeds for kind in KINDS]
     print(table(lines))
     for made in lines:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ NORMAL_FORCE = 1.0
 NOISE = 5e-3
 # Drive speed [m/s], duration [s], sampling rate [Hz].
 SPEEDS = ((1e-4 / 60, 800.0, 20.0), (1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
+KNOWN = ("a", "D", "t_cr")  # where only the coefficients are searched
 FIFTH = (2e-2, 1.0, 4000.0)  # a faster log: where the others leave `a` open, this is about the one a fit asks for
 
 
@@ -138,4 +139,11 @@ def scene_of(case: Case, start: dict[str, float] | None = None, further: Sequenc
     return Scene.from_document(document, Path())
 
 
-__all__ = ["DEMO", "RIG", "Case", "random_case", "scene_of", "simulated_case", "wrong_start"]
+def coefficients_only(scene: Scene, truth: Mapping[str, float]) -> Scene:
+    """The scene in which all is known of friction but its coefficients: what the fast form of a study fits."""
+    as_told = {"start": None, "prior_mean": None, "prior_sd": None, "stated": True}
+    known = {name: replace(scene.parameters[name], fixed=truth[name], **as_told) for name in KNOWN}
+    return replace(scene, parameters={**scene.parameters, **known})
+
+
+__all__ = ["DEMO", "RIG", "Case", "coefficients_only", "random_case", "scene_of", "simulated_case", "wrong_start"]

@@ -4,8 +4,11 @@ Those marked slow are whole fits of hard cases, some 10 to 50 s each: they run w
 """
 
 import os
+import sys
 
 os.environ.setdefault("STICKSLIP_COMPILE", "0")
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: its threads wait for each other beside xdist
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
 from collections.abc import Iterator
@@ -14,6 +17,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from identify import identification
 from identify.base import budget, native
 from identify.estimation import starts
 from identify.estimation.strategies import Strategy, tracing
@@ -21,6 +25,12 @@ from identify.estimation.strategies import Strategy, tracing
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="also the tests that take 10 to 50 s each")
+
+
+def pytest_configure() -> None:
+    """Test files, and what tests start, are compiled once, also where the shell asks to keep no bytecode."""
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -51,6 +61,12 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
     native.wait()
     for function in known:
         function.cache_clear()
+
+
+@pytest.fixture
+def no_further_logs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fits do not look for the log that would tell more, which takes longer than a quick fit: tests/bench asks that."""
+    monkeypatch.setattr(identification, "next_logs", lambda _found: None)
 
 
 @pytest.fixture

@@ -11,11 +11,31 @@ FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 IN_VIVO, WRONG_RIG = FOLDER / "run_in_vivo_study.py", FOLDER / "run_wrong_rig.py"
 WINDOWS = FOLDER / "run_window_study.py"  # run by tests/prediction/test_windows.py
 MEASURED = FOLDER / "run_measured_records.py"  # by tests/uneven/test_measured_records.py
-SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED})
+RECOVERY = FOLDER / "run_recovery_study.py"  # by tests/estimation/test_fit.py
+FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
+NEXT_LOG = FOLDER / "run_next_log_study.py"
+# Of speeds and prices: what they time is tested where it stands, and a fit at every level is no quick one.
+TIMED = [FOLDER / f"run_{name}.py" for name in ("accuracy_price", "batch_faults", "fit_speed")]
+SCRIPTS = sorted(
+    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, *TIMED}
+)
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+@pytest.mark.usefixtures("no_further_logs")
+@pytest.mark.parametrize(
+    "script",
+    [*SCRIPTS, *(pytest.param(script, marks=pytest.mark.slow) for script in TIMED)],
+    ids=lambda path: path.stem,
+)
 def test_experiment_runs(script, capsys):
+    runs(script, capsys)
+
+
+def test_the_study_of_next_logs_runs(capsys):
+    runs(NEXT_LOG, capsys)
+
+
+def runs(script, capsys):
     runpy.run_path(str(script))["main"](fast=True)
     assert capsys.readouterr().out.strip(), "an experiment prints what it found"
 

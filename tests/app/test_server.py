@@ -192,7 +192,7 @@ def test_a_cancelled_fit_is_idle_within_two_seconds(client, serving, root):
     assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == []
 
 
-@pytest.mark.parametrize(("kills", "latest"), [(10, 1.5), pytest.param(50, 8.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("kills", "latest"), [(6, 1.5), pytest.param(50, 8.0, marks=pytest.mark.slow)])
 def test_fits_killed_at_random_instants_leave_nothing_half_written(client, serving, root, kills, latest):
     rng = random.Random(51)
     for _ in range(kills):

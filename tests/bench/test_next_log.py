@@ -8,7 +8,7 @@ import pytest
 
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, scene_of, simulated_case
-from identify import Scene, fit
+from identify import Scene, fit, identification
 from identify.bench import next_log as choosing
 from identify.bench import next_log as words
 from identify.bench.designs import SAFE, driven
@@ -172,9 +172,16 @@ def test_speeds_of_a_programme_count_for_as_long_as_they_were_driven():
     assert driven(replace(data, programme=programme)) == [(1e-3, 1.5), (5e-3, 6.0)]
 
 
-def test_reasons_and_the_result_name_the_log(unseen):
+@pytest.fixture(scope="module")
+def advice(unseen):
+    return next_logs(unseen)
+
+
+def test_reasons_and_the_result_name_the_log(unseen, advice, monkeypatch):
+    """The fit itself and its advice are those of the fixtures: made twice, they are the same."""
     free, pair, log = UNSEEN
-    advice = next_logs(unseen)
+    monkeypatch.setattr(identification, "plain_or_uneven", lambda *_: (unseen.attempt.prepared, unseen))
+    monkeypatch.setattr(identification, "next_logs", lambda found: advice if found.attempt is unseen.attempt else None)
     reason = estimate(words.advised(unseen, advice), "a").reason
     assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of 2.2 s at 1 mm/s")
     assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 6 %" in reason

@@ -35,7 +35,7 @@ def test_every_way_to_state_the_damping_is_told():
     assert stated and set(stated) <= set(USUAL_TOLERANCES)
 
 
-def test_the_python_page_runs(tmp_path, monkeypatch):
+def test_the_python_page_runs(tmp_path, monkeypatch, no_further_logs):
     """Its block, line by line on two simulated logs, and every line shows something."""
     text = (DOCS / "python.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

@@ -60,10 +60,10 @@ def test_broken_variants(tmp_path, name, mutation):
         assert not outcome.startswith("WRONG"), (seed, outcome)
 
 
-def test_two_thousand_broken_and_drawn_logs_hold_no_defect(capsys):
-    outcomes = run_reader_fuzz.main(count=1500, first=10**6, draws=600)
+def test_seven_hundred_broken_and_drawn_logs_hold_no_defect(capsys):
+    outcomes = run_reader_fuzz.main(count=500, first=10**6, draws=200)
     assert outcomes["WRONG"] == 0, capsys.readouterr().out
-    assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 150
+    assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 50
 
 
 def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):

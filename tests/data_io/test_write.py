@@ -65,7 +65,7 @@ def assert_same(record, other):
 
 @pytest.mark.parametrize(("write", "name"), WRITERS)
 @settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )
 @given(record=records())
 def test_round_trip(tmp_path, write, name, record):

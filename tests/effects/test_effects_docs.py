@@ -130,7 +130,7 @@ def test_the_example_is_one_file_and_one_line(tmp_path):
 
 def _run(folder: Path, arguments: list[str]) -> str:
     """A Python of its own in that folder, so that nothing of ours is imported: what it prints."""
-    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONPYCACHEPREFIX": str(folder / "bytecode")}
     done = subprocess.run(
         [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, env=environment, timeout=300
     )

@@ -145,7 +145,7 @@ def _cut(record, begin, end):
     return Record(np.arange(count) * step, record.normal_force[keep], record.friction_force[keep])
 
 
-def test_a_deleted_slip_is_noticed(case, one_try):
+def test_a_deleted_slip_is_noticed(case, one_try, no_further_logs):
     """One that is flattened: tests/diagnosis/test_diagnosis.py."""
     truth = oracle.simulate(DEMO | RIG, SPEEDS[2][0], 1.0, 2.5)
     begin, end = truth.onsets[5] - 0.02, truth.arrests[5] + 0.02

@@ -16,6 +16,9 @@ from identify.model.model import assemble
 from identify.simulation.simulate import run
 from tests.support.batch_case import SCENE, write_case
 
+HELD = "[parameters]\n" + "".join(
+    f"{name} = {{ fixed = {DEMO[name]} }}\n" for name in ("a", "D", "t_cr")
+)  # quick to fit
 LOGS = (("fast.csv", 1e-3, 2.0), ("slow.csv", 5e-4, 3.0))  # name, drive speed [m/s], duration [s]
 
 
@@ -31,7 +34,7 @@ def batched(tmp_path_factory):
     (home / "bad.csv").write_bytes(bytes(range(256)) * 9)
     flat = "".join(f"{i / 100},1,{0.1 + 0.001 * i}\n" for i in range(300))
     (home / "flat.csv").write_text("T,Fz,Fx\ns,N,N\n" + flat)
-    (home / "scene.toml").write_text(SCENE)
+    (home / "scene.toml").write_text(SCENE + HELD)
     (home / "m.csv").write_text(
         "path,group,drive_speed,material\nfast.csv,good,1 mm/s,=skin\nslow.csv,good,0.5 mm/s,=skin\n"
         "bad.csv,bad,1 mm/s,skin\nflat.csv,flat,1 mm/s,skin\n"
